@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from clothsim.garments.dress.dress import dress
     from clothsim.garments.dress.dressed import Dress
     from clothsim.garments.fit.fit import Fit, fit
-    from clothsim.gradients.design import design
-    from clothsim.gradients.recover import recover
+    from clothsim.gradients.design import Design, design
+    from clothsim.gradients.losses import Loss
+    from clothsim.gradients.recover import Recovery, recover
     from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
     from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
     from clothsim.keys.typed_effects import (
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
         StrainLimit,
     )
     from clothsim.mesh.checks import Finding
+    from clothsim.patterns.pattern import Pattern
     from clothsim.run.check import check
     from clothsim.run.results import Run, open_run
     from clothsim.run.resume import resume

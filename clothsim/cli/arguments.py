@@ -151,3 +151,12 @@ def as_length(name: str, text: str) -> float:
         return float(f"{as_positive_number(name, number) * LENGTHS.get(unit, 1.0):.12g}")
     except InputError as error:
         raise InputError(f"{name} {text!r} is no positive length.", f"Write it as {name} 1mm.") from error
+
+
+def as_frame(text: str) -> int:
+    """The number of a frame; -1 for "last"."""
+    if text == "last":
+        return -1
+    if not re.fullmatch(r"-?\d{1,9}", text):
+        raise InputError(f"--frame is {text!r}.", "Give the number of a frame, or last.")
+    return int(text)

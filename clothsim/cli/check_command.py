@@ -2,21 +2,20 @@
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 import clothsim
-from clothsim import engine, files
+from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
+from clothsim.base.quantity_text import length
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import as_count, as_positive_number
-from clothsim.cli.pattern_command import PATTERNS, examined_pattern
-from clothsim.cli.penetration_command import examined_penetration
+from clothsim.cli.arguments import as_count, as_positive_number, as_range
 from clothsim.cli.report import Report
+
+if TYPE_CHECKING:
+    from clothsim import Pattern
 
 _DESCRIPTION = """\
 Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a body. Exit code 1: something is wrong.
@@ -26,8 +25,12 @@ Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a 
   clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
 """
 
-MOST_TIMES = 600
-"""Most times at which the motion of a body model is looked at."""
+PATTERNS = (".dxf", ".json")
+SPACING = 0.02
+"""Size of the mesh that a pattern is tried with [m]."""
+
+WORN = 0.1
+"""A garment farther from the body than this fraction of its size is not worn."""
 
 _TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left."
 
@@ -84,14 +87,11 @@ def _check(arguments: argparse.Namespace) -> Report:
 
 def _examined(arguments: argparse.Namespace) -> "engine.Examination":
     """The examination of the target; InputError for options that do not go together."""
-    target = arguments.target
-    engine.refuse_ending_of_installed(target)
-    if not target.exists():
-        target = engine.installed_scene(target) or target
+    target = engine.example_file(arguments.target)
     if not target.exists():
         raise InputError(f"There is no {target}.", _TARGETS)
     if target.suffix.lower() in PATTERNS and arguments.on is None:
-        return examined_pattern(arguments)
+        return _examined_pattern(arguments)
     if arguments.seams is not None:
         raise InputError(f"{target} is no DXF drawing.", "--seams is for those only.")
     is_mesh = not target.is_dir() and target.suffix != ".toml"
@@ -105,12 +105,11 @@ def _examined(arguments: argparse.Namespace) -> "engine.Examination":
     if arguments.on is not None:
         if arguments.body or arguments.group or arguments.component or not is_mesh:
             raise InputError("--on is for a mesh file, without --body, --group and --component.", "Try --part LO:HI.")
-        return examined_penetration(arguments)
+        return _examined_penetration(arguments)
     if arguments.motion and target.suffix != ".toml":
         raise InputError(f"{target} is no scene.", "--motion is for scenes with a body model.")
     if not is_mesh:
-        found = engine.examined(target)
-        return _with_motion(found, target) if arguments.motion and not found.of("error") else found
+        return engine.examined(target, motion=arguments.motion)
     part: dict[str, Any] = {"group": arguments.group}
     if arguments.scale is not None:
         part["scale"] = as_positive_number("--scale", arguments.scale)
@@ -126,55 +125,89 @@ def _counts(errors: int, warnings: int) -> str:
     return f"{' and '.join(parts)}."
 
 
-def _with_motion(found: "engine.Examination", path: Path) -> "engine.Examination":
-    """With the times at which parts of a body model meet, or a joint turns too far in a step."""
-    entries = list(_of_motion(clothsim.load_scene(path)))
-    notes = tuple(entry for entry in entries if isinstance(entry, str))
-    more = (entry for entry in entries if not isinstance(entry, str))
-    findings = sorted([*found.findings, *more], key=lambda finding: finding.severity)
-    return replace(found, notes=(*found.notes, *notes), findings=tuple(findings))
+def _examined_pattern(arguments: argparse.Namespace) -> "engine.Examination":
+    """The panels, edges and seams of a pattern, drawn with -o; an error where it cannot be meshed."""
+    others = ("body", "scale", "group", "component", "body_group", "body_scale", "part", "weld", "motion")
+    wrong = [f"--{name.replace('_', '-')}" for name in others if getattr(arguments, name)]
+    if wrong:
+        raise InputError(f"{arguments.target} is a sewing pattern: {wrong[0]} is not for those.", "--seams and -o are.")
+    notes: list[str] = []
+    findings: list[clothsim.Finding] = []
+    try:
+        pattern = _read_pattern(arguments)
+        notes += _pattern_lines(pattern)
+        if arguments.output is not None:
+            drawn = render.draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)
+            notes.append(f"drawn: {drawn}")
+        _refuse_unmeshed(pattern)
+    except InputError as error:
+        findings.append(clothsim.Finding("error", "pattern", error.sentence, error.remedy))
+    return engine.Examination(f"{arguments.target}, as a sewing pattern", tuple(notes), tuple(findings))
 
 
-def _of_motion(scene: "clothsim.Scene") -> "Iterator[clothsim.Finding | str]":
-    """Findings and notes on the motion of the body model of a scene. InputError without one."""
-    made, name = on_demand.character_of_scene(scene)
-    if made.timeline is None:
-        yield f"{name} has no motion"
-        return
-    dt = scene.solver_settings.dt
-    contact: Any = engine.build(scene).energies.get("body_contact")
-    end = min(scene.run_settings.duration, made.timeline.duration)
-    steps = np.arange(0.0, end + dt / 2, dt)
-    times = steps[:: -(-len(steps) // MOST_TIMES)]
-    unit = float(np.cbrt(abs(np.linalg.det(made.linear))))
-    gap = 0.0 if contact is None else contact.offset + 2 * contact.d_hat
-    carried, none = scene.contact_settings.pinch == "carry", np.zeros(0, np.int64)
-    meetings = list(files.meetings(made.character, made.pose, times.tolist(), gap / unit))
-    for met in meetings:
-        place = ", ".join(f"{c:.3g}" for c in made.linear @ met.place + made.shift)
-        when = f"from {met.start:.3g} to {met.end:.3g} s, at {met.times} of {len(times)} times"
-        inside = met.nearest < 0
-        what = "intersect" if inside else f"are nearer than {1e3 * gap:.3g} mm"
-        size = f"{'depth' if inside else 'distance'} {1e3 * unit * abs(met.nearest):.3g} mm"
-        yield clothsim.Finding(
-            "error" if inside and not carried else "warning",
-            "motion",
-            f"{name}: {' and '.join(met.parts)} {what} {when}; {size} at {met.at:.3g} s, ({place}) m",
-            'contact.pinch = "carry" carries cloth through; motion.keep_apart = true turns the limbs outwards',
-            none,
+def _read_pattern(arguments: argparse.Namespace) -> "Pattern":
+    """The pattern; a drawing without its sewing file too."""
+    if arguments.target.suffix.lower() == ".dxf":
+        return files.read_dxf_pattern(arguments.target, arguments.seams, sewn=False)
+
+    return files.read_pattern(arguments.target, seams=arguments.seams)
+
+
+def _pattern_lines(pattern: "Pattern") -> Iterator[str]:
+    """Panels with the lengths of their edges, seams with those of both sides, and notes."""
+    for name, panel in pattern.panels.items():
+        width, height = panel.extent
+        lengths = ", ".join(f"{edge}: {100 * panel.edge_length(edge):.1f}" for edge in range(len(panel.edges)))
+        yield f"{name}: {100 * width:.1f} x {100 * height:.1f} cm; edges [cm] {lengths}"
+    for number, stitch in enumerate(pattern.stitches):
+        first, second = (100 * pattern.panels[side.panel].edge_length(side.edge) for side in stitch.sides)
+        yield f"seam {number}: {stitch.first} to {stitch.second}, {first:.1f} and {second:.1f} cm"
+    yield from pattern.notes
+
+
+def _refuse_unmeshed(pattern: "Pattern") -> None:
+    """InputError for a panel that crosses itself, and for seams that give the garment one side."""
+    mesh = patterns.mesh_pattern(pattern, SPACING)
+    patterns.sewn_vertices(mesh, mesh.seams)
+
+
+def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination":
+    """The examination of a garment on a body: an error where a vertex is inside or triangles intersect."""
+
+    def number(option: str, text: str | None) -> float | None:
+        return None if text is None else as_positive_number(option, text)
+
+    if not arguments.on.exists():
+        raise InputError(f"There is no {arguments.on}.", "Name the file of a body.")
+    if arguments.output is not None and arguments.output.is_dir():
+        raise InputError(f"{arguments.output} is a directory.", "Name a picture in it with -o.")
+    if arguments.output is not None and not arguments.output.resolve().parent.is_dir():
+        raise InputError(
+            f"There is no directory {arguments.output.parent}.", "Make it first, or choose another with -o."
         )
-    if not meetings:
-        yield f"no parts of {name} come nearer than {1e3 * gap:.3g} mm, at {len(times)} times to {end:.3g} s"
-    turn = files.fastest_turn(made.character, made.pose, steps.tolist())
-    line = f"{turn.joint} turns by up to {turn.degrees:.3g} degrees in a step of {dt:g} s, at {turn.at:.3g} s"
-    if not turn.steps:
-        yield line
-        return
-    yield clothsim.Finding(
-        "warning",
-        "motion",
-        f"{name}: {line}; by more than {files.MOST_DEGREES:g} in {turn.steps} steps",
-        "Contact follows a body along straight paths in a step: set solver.dt below "
-        f"{dt * files.MOST_DEGREES / turn.degrees:.2g}",
-        none,
+    report = on_demand.read_penetration_report(
+        arguments.target,
+        arguments.on,
+        scale=number("--scale", arguments.scale),
+        body_scale=number("--body-scale", arguments.body_scale),
+        body_group=arguments.body_group,
+        part=None if arguments.part is None else as_range("--part", arguments.part),
+        weld=number("--weld", arguments.weld) or 0.0,
     )
+    entries = list(on_demand.entries(report))
+    notes = [*report.notes, *(entry for entry in entries if isinstance(entry, str))]
+    findings = [entry for entry in entries if not isinstance(entry, str)]
+    if arguments.output is not None:
+        try:
+            notes.append(f"{arguments.output}: {on_demand.draw_penetrations(report, arguments.output)}")
+        except OSError as error:
+            raise InputError(
+                f"{arguments.output} cannot be written ({error.strerror}).", "Choose another with -o."
+            ) from error
+    where = "" if report.counts.position is None else f", worst {report.counts.where}"
+    verdict = f"Not clean: {report.counts}{where}."
+    if report.counts.clean:
+        nearest = float(report.closest.signed_distance.min())
+        far = f"Nothing intersects, but the garment is {length(nearest)} away from the body: give their units, --scale."
+        verdict = "" if nearest <= WORN * report.body.size else far
+    return engine.Examination(f"{arguments.target} on {arguments.on}", tuple(notes), tuple(findings), verdict)

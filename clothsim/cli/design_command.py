@@ -2,10 +2,9 @@
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 import clothsim
 from clothsim import engine, gradients
@@ -16,7 +15,8 @@ from clothsim.cli.loss_arguments import meshed, scene_or_run, words
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
-    from clothsim.gradients import Design, DesignRun, Loss, ShapedScene
+    from clothsim import Loss, Scene
+    from clothsim.patterns import PatternMesh
 
 DESIGN_NAME = "design.json"
 
@@ -68,7 +68,7 @@ def _design(arguments: argparse.Namespace) -> Report:
     if arguments.output is not None:
         engine.refuse_earlier_run(arguments.output, arguments.overwrite)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
-    aims = _aims(arguments, gradients.shaped_scene(scene, pattern))
+    aims = _aims(arguments, scene, pattern)
     messages(arguments, f"of {arguments.scene}")
     found = clothsim.design(
         scene,
@@ -78,7 +78,7 @@ def _design(arguments: argparse.Namespace) -> Report:
         area,
         arguments.symmetric,
         runs,
-        None if arguments.quiet else lambda run: _shown(run, list(aims)),
+        None if arguments.quiet else lambda run: _shown(run.failure, run.aims, list(aims)),
     )
     content, completed = summary(found, list(aims)), True
     if arguments.output is not None:
@@ -89,26 +89,22 @@ def _design(arguments: argparse.Namespace) -> Report:
     return Report(content, "\n".join(lines(found, list(aims), arguments.output)), code, verdict=True)
 
 
-def _aims(arguments: argparse.Namespace, shaped: "ShapedScene") -> "dict[str, Loss]":
+def _aims(arguments: argparse.Namespace, scene: "Scene", pattern: "PatternMesh | None") -> "dict[str, Loss]":
     """The aims by the names of their options. InputError where there is none."""
-    aims: dict[str, Loss] = {}
-    tolerance = as_positive_number("--tolerance", arguments.tolerance)
+    given: dict[str, Any] = {}
     if arguments.hem is not None:
         names, height = _pair("--hem", arguments.hem, "front.0+back.0=0.55")
-        rows = np.unique(np.concatenate([_edge_rows(shaped, name) for name in names.split("+")]))
-        aims["hem"] = gradients.HemAt(rows, _number("--hem", height), tolerance)
+        given["hem"] = [_edge(name) for name in names.split("+")], _number("--hem", height)
     if arguments.girth is not None:
         height, length = _pair("--girth", arguments.girth, "0.6=1.1")
-        value = as_positive_number("--girth", length)
-        aims["girth"] = gradients.Measured(gradients.Girth(_number("--girth", height)), value, tolerance)
-    if arguments.silhouette is not None:
-        area = as_positive_number("--silhouette", arguments.silhouette)
-        aims["silhouette"] = gradients.Measured(gradients.Silhouette(), area, 0.01 * area)
-    if arguments.stretch is not None:
-        aims["stretch"] = gradients.StretchBelow(as_positive_number("--stretch", arguments.stretch))
-    if not aims:
+        given["girth"] = _number("--girth", height), as_positive_number("--girth", length)
+    for name in ("silhouette", "stretch"):
+        if getattr(arguments, name) is not None:
+            given[name] = as_positive_number(f"--{name}", getattr(arguments, name))
+    if not given:
         raise InputError("There is nothing to design for.", "Give --hem, --girth, --silhouette or --stretch.")
-    return aims
+    tolerance = as_positive_number("--tolerance", arguments.tolerance)
+    return gradients.aims(scene, pattern, **given, tolerance=tolerance)
 
 
 def _pair(option: str, text: str, example: str) -> tuple[str, str]:
@@ -125,15 +121,15 @@ def _number(option: str, text: str) -> float:
         raise InputError(f"{option}: {text!r} is no height.", "Give it in metres.") from error
 
 
-def _edge_rows(shaped: "ShapedScene", name: str) -> Any:
+def _edge(name: str) -> tuple[str, int]:
     panel, _, number = name.strip().rpartition(".")
     if not panel or not number.isdigit():
         raise InputError(f"--hem names {name!r}.", "Write PANEL.EDGE, as front.0; edges count from 0.")
-    return shaped.edge_rows(panel, int(number))
+    return panel, int(number)
 
 
-def _shown(run: "DesignRun", names: list[str]) -> None:
-    state = run.failure or ", ".join(f"{name} {_off(aim)}" for name, aim in zip(names, run.aims, strict=True))
+def _shown(failure: str, aims: Sequence[float], names: Sequence[str]) -> None:
+    state = failure or ", ".join(f"{name} {_off(aim)}" for name, aim in zip(names, aims, strict=True))
     print(f"  {state}", file=sys.stderr, flush=True)
 
 
@@ -142,7 +138,7 @@ def _off(aim: float) -> str:
     return "met" if aim <= 1.0 else f"{aim**0.5:.3g} tolerances off"
 
 
-def summary(found: "Design", names: list[str]) -> dict[str, Any]:
+def summary(found: "clothsim.Design", names: list[str]) -> dict[str, Any]:
     """Return the content of design.json."""
     best = found.best
     return {
@@ -157,7 +153,7 @@ def summary(found: "Design", names: list[str]) -> dict[str, Any]:
     }
 
 
-def lines(found: "Design", names: list[str], directory: Path | None) -> list[str]:
+def lines(found: "clothsim.Design", names: list[str], directory: Path | None) -> list[str]:
     """Return the result in lines for the user."""
     best = found.best
     out = [f"  {path:40} {value:.6g}" for path, value in best.values.items()]

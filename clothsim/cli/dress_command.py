@@ -108,15 +108,14 @@ def as_factors(given: list[str]) -> dict[str, float]:
 
 def _body(path: Path | None) -> Path | None:
     """A body file, or the installed scene of that name."""
-    return path if path is None or path.exists() else engine.installed_scene(path) or path
+    return None if path is None else engine.example_file(path)
 
 
 def _dress(arguments: argparse.Namespace) -> Report:
     directory = arguments.output or Path(arguments.pattern.stem)
 
     message = messages(arguments, arguments.pattern)
-    pattern = arguments.pattern
-    pattern = pattern if pattern.exists() else engine.installed_pattern(pattern) or pattern
+    pattern = engine.example_file(arguments.pattern, "_specification.json")
     body = _body(arguments.on)
     with progress.shown(arguments.quiet) as listener:
         done = clothsim.dress(
@@ -163,9 +162,8 @@ def _verdict(done: "Dress") -> list[str]:
 
 def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
     """Draw pictures and movie; a line for each that could not be drawn."""
-    film, trouble = done.directory / (engine.MOVIE_NAME if render.has_ffmpeg() else engine.GIF_NAME), []
-    if movie and film.name == engine.GIF_NAME:
-        trouble.append(f"{film.name}, not {engine.MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
+    film, missing = render.movie_file(done.directory)
+    trouble = [missing] if movie and missing else []
     for wanted, name, draw in (
         (pictures, "picture", lambda: on_demand.draw_dress(done)),
         (movie, film.name, lambda: on_demand.draw_sewing(done, film)),

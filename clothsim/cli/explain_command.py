@@ -45,7 +45,7 @@ def _explain(arguments: argparse.Namespace) -> Report:
         budget = as_seconds("--budget", "60s" if arguments.budget is None else arguments.budget)
         if arguments.budget is not None and not arguments.absent:
             raise InputError("--budget is for --absent.", "Add --absent, or leave it out.")
-        scene = clothsim.load_scene(engine.scene_file(arguments.target))
+        scene = clothsim.load_scene(arguments.target)
         receipt = engine.explain(scene, steps, budget if arguments.absent else None)
     return Report(dict(sorted(receipt.effects.items())), table(receipt))
 
@@ -71,7 +71,7 @@ def table(receipt: "engine.Receipt") -> str:
     left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
     if left:
         width = max(len(name) for name in left)
-        reasons = {name: f"{engine.summary_of_effect(name)}: {effect['reason']}" for name, effect in left.items()}
+        reasons = {name: f"{effect['summary']}: {effect['reason']}" for name, effect in left.items()}
         lines += ["", "Off:", *(f"  {name:<{width}}  {reason}" for name, reason in reasons.items())]
     return "\n".join([*lines, *_added(receipt)])
 
@@ -85,7 +85,7 @@ def _added(receipt: "engine.Receipt") -> list[str]:
     lines = []
     if measured:
         rows = [
-            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", engine.summary_of_effect(name)]
+            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", receipt.effects[name]["summary"]]
             for name, each in measured.items()
         ]
         rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])

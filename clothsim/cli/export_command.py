@@ -1,15 +1,12 @@
 """`clothsim export`: the frames of a run for other programs."""
 
 import argparse
-import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import clothsim
-from clothsim import engine, files
-from clothsim.base.errors import InputError
-from clothsim.cli.arguments import as_positive_number
+from clothsim.cli.arguments import as_frame, as_positive_number
 from clothsim.cli.report import Report
 
 _DESCRIPTION = """\
@@ -40,12 +37,9 @@ def add_to(commands: Any) -> None:
 
 
 def _export(arguments: argparse.Namespace) -> Report:
-    files.format_of(arguments.output)  # before anything is read
-    run = clothsim.open_run(arguments.directory)
-    done = engine.export(
-        run,
+    done = clothsim.open_run(arguments.directory).export(
         arguments.output,
-        frame=None if arguments.frame is None else frame_number(arguments.frame),
+        frame=None if arguments.frame is None else as_frame(arguments.frame),
         fps=None if arguments.fps is None else as_positive_number("--fps", arguments.fps),
         scale=as_positive_number("--scale", arguments.scale),
         up=arguments.up,
@@ -59,12 +53,3 @@ def _export(arguments: argparse.Namespace) -> Report:
     line = f"{written}: {frames}, 1 unit = {done.unit:g} m, {done.up} up, {size / 1e6:.2g} MB"
     document = {**asdict(done), "files": [str(file) for file in done.files]}
     return Report(document, "\n".join([line, *done.notes]))
-
-
-def frame_number(text: str) -> int:
-    """The number of a frame; -1 for "last"."""
-    if text == "last":
-        return -1
-    if not re.fullmatch(r"-?\d{1,9}", text):
-        raise InputError(f"--frame is {text!r}.", "Give the number of a frame, or last.")
-    return int(text)

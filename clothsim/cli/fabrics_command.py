@@ -1,16 +1,14 @@
 """`clothsim fabrics`: the named fabrics, all values of one with their sources, and a card of their drapes."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text_table import text_table
 from clothsim.cli.report import Report
-
-if TYPE_CHECKING:
-    from clothsim.engine import NamedFabric
 
 _DESCRIPTION = """\
 List the named fabrics, show all values of one, or draw a drape of each.
@@ -56,14 +54,15 @@ def _fabrics(arguments: argparse.Namespace) -> Report:
     if name is not None:
         engine.fabric_named("NAME", name)
     if file is not None:
-        return _swatches([name] if name is not None else list(engine.TABLE), file)
-    chosen = list(engine.TABLE.values()) if name is None else [engine.TABLE[name]]
-    document = {each.fabric.name: _document(each) for each in chosen}
-    return Report(document, table(chosen) if name is None else sheet(chosen[0]))
+        return _swatches([name] if name is not None else list(engine.FABRICS), file)
+    names = list(engine.FABRICS) if name is None else [name]
+    document = {each: _document(each) for each in names}
+    return Report(document, table(names) if name is None else sheet(name))
 
 
-def _document(named: "NamedFabric") -> dict[str, Any]:
+def _document(name: str) -> dict[str, Any]:
     """Values of a fabric in SI units, null where no source gives one, and their sources."""
+    named = engine.FABRICS[name]
     values = {key: getattr(named.fabric, key) for key in _VALUES}
     return {"made_of": named.made_of, "values": values, "sources": dict(named.sources)}
 
@@ -77,7 +76,7 @@ def _swatches(names: list[str], file: Path) -> Report:
     return Report({"file": str(file), "note": note}, f"{file}. {note}")
 
 
-def table(fabrics: Any) -> str:
+def table(names: Sequence[str]) -> str:
     """The fabrics in lines: weight, thickness, stiffness along warp and weft and in shear, bending, source."""
     header = (
         "fabric",
@@ -92,7 +91,7 @@ def table(fabrics: Any) -> str:
         "estimated",
     )
     rows = []
-    for named in fabrics:
+    for named in (engine.FABRICS[name] for name in names):
         fabric = named.fabric
         numbers = (
             f"{1e3 * fabric.density:.0f}",
@@ -109,9 +108,9 @@ def table(fabrics: Any) -> str:
     return f"{lines}\n\nThe extensions along warp and weft act with [effects.strain_limit]."
 
 
-def sheet(named: "NamedFabric") -> str:
+def sheet(name: str) -> str:
     """All values of a fabric, a line each, with the source of each."""
-    rows = []
+    named, rows = engine.FABRICS[name], []
     for key, (unit, factor) in _VALUES.items():
         value = getattr(named.fabric, key)
         if value is not None:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import ClothsimError
+from clothsim.base.quantity_text import length
 from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import as_positive_number, as_range
 from clothsim.cli.report import Report, messages
-from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit
@@ -60,7 +60,7 @@ def add_to(commands: Any) -> None:
 def _fit(arguments: argparse.Namespace) -> Report:
     def named(file: Path | None) -> Path | None:
         """The file, or the installed scene of that name."""
-        return file if file is None or file.exists() else engine.installed_scene(file) or file
+        return None if file is None else engine.example_file(file)
 
     directory = arguments.output or Path(arguments.garment.stem)
 

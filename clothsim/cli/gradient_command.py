@@ -1,14 +1,14 @@
 """`clothsim gradient`: derivatives of a loss of a run."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 import clothsim
 from clothsim import engine, gradients
 from clothsim.base.errors import InputError
+from clothsim.cli import on_demand
 from clothsim.cli.loss_arguments import LOSSES, loss_of, words
 from clothsim.cli.report import Report, messages
 
@@ -43,14 +43,14 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     names = words("--wrt", arguments.wrt)
     if arguments.output is not None and arguments.output.suffix != ".npz":
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
-    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
+    scene = clothsim.load_scene(arguments.scene)
     for assignment in arguments.set:
         scene = engine.override(scene, assignment)
     messages(arguments, arguments.scene)
     loss = loss_of(arguments.loss, engine.build(scene).world)
     trace = gradients.traced(scene)
     gradient = trace.gradient(loss)
-    derivatives = {name: gradient[gradients.full_path(name)] for name in names}
+    derivatives = {name: gradient[name] for name in names}
     if arguments.output is not None:
         _save(arguments.output, derivatives)
     document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient)}
@@ -66,15 +66,15 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
     lines = [note for note in gradient.run.session.notes if "held at" in note]
     lines.append(f"  {'loss':28} {gradient.value:.8g}, over {len(gradient.run.steps)} steps")
     for name, value in derivatives.items():
-        if np.size(value) <= 3:
-            text = ", ".join(f"{each:.6g}" for each in np.ravel(value))
+        if value.size <= 3:
+            text = ", ".join(f"{each:.6g}" for each in value.ravel())
         else:
-            row = int(np.linalg.norm(value, axis=1).argmax())
+            row = int(on_demand.norm(value, axis=1).argmax())
             largest = ", ".join(f"{each:.4g}" for each in value[row])
-            text = f"{len(value)} rows, the sum {np.linalg.norm(value.sum(axis=0)):.4g}, largest [{largest}] in {row}"
+            text = f"{len(value)} rows, the sum {on_demand.norm(value.sum(axis=0)):.4g}, largest [{largest}] in {row}"
         lines.append(f"  d/d {name:24} {text}")
     lines.append(f"  {'unfinished solves':28} {errors['newton_error']:.2g} of the loss")
-    if np.isfinite(errors["time_error"]):
+    if math.isfinite(errors["time_error"]):
         lines.append(f"  {'time steps':28} {errors['time_error']:.2g} of the loss")
     lines.append(f"  {'d/d log(contact stiffness)':28} {errors['kappa_share']:.2g}")
     return lines
@@ -82,6 +82,6 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
 
 def _save(file: Path, derivatives: "dict[str, Floats]") -> None:
     try:
-        np.savez(file, **derivatives)  # type: ignore[arg-type]
+        on_demand.savez(file, **derivatives)  # type: ignore[arg-type]
     except OSError as error:
         raise InputError(f"{file} cannot be written ({error.strerror}).", "Choose another with -o.") from error

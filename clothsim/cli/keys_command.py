@@ -1,7 +1,6 @@
 """`clothsim keys`: the keys of a scene file."""
 
 import argparse
-import json
 from typing import Any
 
 from clothsim import engine
@@ -34,10 +33,10 @@ def _keys(arguments: argparse.Namespace) -> Report | int:
     if arguments.section and (arguments.json_schema or arguments.markdown):
         raise InputError("--json-schema and --markdown are of all sections.", "Leave the section out.")
     if arguments.json_schema:
-        print(json.dumps(engine.json_schema(), indent=2))
+        print(engine.reference_text("json"))
         return 0
     if arguments.markdown:
-        print(engine.markdown(), end="")
+        print(engine.reference_text("markdown"), end="")
         return 0
     text = overview() if arguments.section is None else keys_of_section(arguments.section)
     return Report(engine.reference(arguments.section), text)

@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from clothsim import engine
 from clothsim.cli import on_demand
 from clothsim.cli.report import Report
 
@@ -32,7 +31,7 @@ def add_to(commands: Any) -> None:
 
 def _learn(arguments: argparse.Namespace) -> Report:
     made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, arguments.components)
-    engine.write_model(arguments.output, made.model)
+    made.model.write(arguments.output)
     names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
     return Report(
         {"model": str(arguments.output), **{name: getattr(made, name) for name in names}},

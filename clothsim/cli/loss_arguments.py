@@ -1,5 +1,6 @@
 """Losses on the command line: a name, and its value behind "="."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,9 +10,8 @@ from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_length
 
 if TYPE_CHECKING:
-    from clothsim import Scene
+    from clothsim import Loss, Scene
     from clothsim.engine import World
-    from clothsim.gradients import Loss
     from clothsim.patterns import PatternMesh
 
 LOSSES = {
@@ -23,26 +23,26 @@ LOSSES = {
 }
 """Losses by the form in which they are given."""
 
+_VALUES: dict[str, Callable[[str], float | Path] | None] = {
+    "height": None,
+    "hem": None,
+    "silhouette": None,
+    "girth": float,
+    "target": Path,
+}
+"""What stands behind the "=" of each."""
+
 
 def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
     """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
     name, _, value = (part.strip() for part in text.partition("="))
-    if name == "height" and not value:
-        return gradients.Height()
-    if name == "hem" and not value:
-        return gradients.hem_of(world)
-    if name == "silhouette" and not value:
-        return gradients.Silhouette()
-    if name == "girth" and value:
-        try:
-            return gradients.Girth(float(value))
-        except ValueError as error:
-            raise InputError(
-                f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres."
-            ) from error
-    if name == "target" and value:
-        return gradients.target_loss(Path(value), world)
-    raise InputError(f"{option} {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
+    if name not in _VALUES or bool(value) != (_VALUES[name] is not None):
+        raise InputError(f"{option} {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
+    kind = _VALUES[name]
+    try:
+        return gradients.named_loss(name, world, None if kind is None else kind(value))
+    except ValueError as error:
+        raise InputError(f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres.") from error
 
 
 def words(option: str, text: str) -> list[str]:
@@ -61,6 +61,6 @@ def meshed(file: Path, size: str) -> "PatternMesh":
 def scene_or_run(path: Path) -> "Scene":
     """Return the scene of a file, of an installed name, or of the run in a directory."""
     if not path.is_dir():
-        return clothsim.load_scene(engine.scene_file(path))
+        return clothsim.load_scene(path)
 
     return engine.scene_from_text(files.read_checkpoint(path / files.CHECKPOINT_NAME).scene_text, path)

@@ -5,11 +5,14 @@ from typing import TYPE_CHECKING
 from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from numpy import savez
+    from numpy.linalg import norm
+
     from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
     from clothsim.garments.dress.pictures import draw_dress, draw_sewing
     from clothsim.garments.fit.before_after import draw_fit
-    from clothsim.garments.penetration_report import deepest_vertices, draw_penetrations, read_penetration_report
-    from clothsim.garments.unpose import character_of_scene, read_canonical, unposed, write_canonical
+    from clothsim.garments.penetration_report import draw_penetrations, entries, read_penetration_report
+    from clothsim.garments.unpose import read_canonical, unposed, write_canonical
     from clothsim.study.answer import answer, settings_text
     from clothsim.study.farm.claims import worker_of
     from clothsim.study.farm.contact_sheet import contact_page, contact_sheet

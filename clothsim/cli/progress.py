@@ -10,8 +10,8 @@ from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar, cast
 
+from clothsim.base.quantity_text import length
 from clothsim.cli.events import stream
-from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.engine import Progress
@@ -160,3 +160,13 @@ def clock(seconds: float) -> str:
     if minutes < 60:
         return f"{minutes}:{rest:02d} min"
     return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} h"
+
+
+def frame_counter(quiet: bool) -> Callable[[int, int], None]:
+    """A callback that prints the number of the frame that is drawn; nothing where `quiet` or without a terminal."""
+
+    def progress(done: int, total: int) -> None:
+        if not quiet and sys.stderr.isatty():
+            print(f"\rframe {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
+
+    return progress

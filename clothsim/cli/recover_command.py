@@ -1,11 +1,11 @@
 """`clothsim recover`: numbers of a scene from a drape."""
 
 import argparse
+import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 import clothsim
 from clothsim import engine, gradients
@@ -14,9 +14,6 @@ from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
 from clothsim.cli.report import Report, messages
-
-if TYPE_CHECKING:
-    from clothsim.gradients import Evaluation, Recovery
 
 RECOVERY_NAME = "recovery.json"
 
@@ -69,9 +66,18 @@ def _recover(arguments: argparse.Namespace) -> Report:
     if arguments.output is not None:
         engine.refuse_earlier_run(arguments.output, arguments.overwrite)
     messages(arguments, f"{', '.join(free)} of {arguments.scene}")
-    loss = gradients.target_loss(arguments.target, engine.build(scene).world, scale)
+    loss = gradients.named_loss("target", engine.build(scene).world, arguments.target, scale)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
-    found = clothsim.recover(scene, loss, free, starts, None if arguments.quiet else _shown, pattern=pattern)
+    found = clothsim.recover(
+        scene,
+        loss,
+        free,
+        starts,
+        None
+        if arguments.quiet
+        else lambda start, each: _shown(start, each.values, each.failure or f"loss {each.loss:.4g}"),
+        pattern=pattern,
+    )
     content = summary(found, type(loss).__name__)
     code = 0 if found.best.intersecting_pairs == 0 else 1
     if arguments.output is not None:
@@ -80,22 +86,21 @@ def _recover(arguments: argparse.Namespace) -> Report:
     return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
 
 
-def _run(found: "Recovery", arguments: argparse.Namespace) -> int:
+def _run(found: "clothsim.Recovery", arguments: argparse.Namespace) -> int:
     run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
     return 0 if run.status == "completed" else 1
 
 
-def _shown(start: int, each: "Evaluation") -> None:
-    numbers = ", ".join(f"{path} {value:.4g}" for path, value in each.values.items())
-    state = each.failure or f"loss {each.loss:.4g}"
+def _shown(start: int, values: Mapping[str, float], state: str) -> None:
+    numbers = ", ".join(f"{path} {value:.4g}" for path, value in values.items())
     print(f"start {start}: {numbers}: {state}", file=sys.stderr, flush=True)
 
 
-def summary(found: "Recovery", loss: str) -> dict[str, Any]:
+def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:
     """Return the content of recovery.json; errors that are infinite or not known are null."""
 
     def finite(error: float) -> float | None:
-        return error if np.isfinite(error) else None
+        return error if math.isfinite(error) else None
 
     return {
         "values": dict(found.values),
@@ -113,7 +118,7 @@ def summary(found: "Recovery", loss: str) -> dict[str, Any]:
     }
 
 
-def lines(found: "Recovery", directory: Path | None) -> list[str]:
+def lines(found: "clothsim.Recovery", directory: Path | None) -> list[str]:
     """Return the result in lines for the user."""
     out = [f"  {path:32} {value:.6g} {_error(found.errors[path])}" for path, value in found.values.items()]
     out += [f"  {each.first} / {each.second}: {each.value:.6g} {_error(each.error)}" for each in found.ratios]
@@ -129,6 +134,6 @@ def lines(found: "Recovery", directory: Path | None) -> list[str]:
 
 
 def _error(error: float) -> str:
-    if np.isnan(error):
+    if math.isnan(error):
         return "(no standard error: the loss is no sum of squares)"
-    return f"+- {100 * error:.2g} %" if np.isfinite(error) else "(not determined by the target)"
+    return f"+- {100 * error:.2g} %" if math.isfinite(error) else "(not determined by the target)"

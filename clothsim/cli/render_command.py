@@ -2,8 +2,6 @@
 
 import argparse
 import re
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +9,7 @@ import clothsim
 from clothsim import engine, render
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_direction, as_limits, as_positive_number, as_printed_size
+from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
@@ -62,10 +61,9 @@ def _render(arguments: argparse.Namespace) -> Report:
         "style": arguments.style,
         "smooth": not arguments.true_mesh,
         "view": as_direction("--view", arguments.view, render.VIEWS),
-        "up": engine.upright(run.directory) if arguments.up is None else as_direction("--up", arguments.up),
+        "up": run.up if arguments.up is None else as_direction("--up", arguments.up),
+        "field": arguments.field,
     }
-    if arguments.field is not None:
-        settings |= engine.field_settings(run, arguments.field)
     if arguments.range is not None:
         settings["limits"] = as_limits("--range", arguments.range)
     dots_per_inch = 0.0
@@ -87,7 +85,7 @@ def _drawn(
         raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .gif with -o.")
     if ending == ".png":
         frame = _frame(run, arguments.frame or "last")
-        return engine.draw_frame(run.trajectory, target, frame=frame, dots_per_inch=dots_per_inch, **settings)
+        return engine.draw_run(run, target, frame, dots_per_inch=dots_per_inch, **settings)
     if ending not in (".mp4", ".gif"):
         raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4 or .gif.")
     if arguments.frame is not None:
@@ -95,17 +93,7 @@ def _drawn(
     if arguments.frames_per_second is not None:
         settings["frames_per_second"] = as_positive_number("--frames-per-second", arguments.frames_per_second)
     counter = frame_counter(arguments.quiet)
-    return engine.draw_movie(run.trajectory, target, progress=counter, follow=arguments.follow, **settings)
-
-
-def frame_counter(quiet: bool) -> Callable[[int, int], None]:
-    """A callback that prints the number of the frame that is drawn; nothing where `quiet` or without a terminal."""
-
-    def progress(done: int, total: int) -> None:
-        if not quiet and sys.stderr.isatty():
-            print(f"\rframe {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
-
-    return progress
+    return engine.draw_run(run, target, progress=counter, follow=arguments.follow, **settings)
 
 
 def _frame(run: "Run", text: str) -> int:

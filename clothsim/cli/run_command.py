@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import clothsim
-from clothsim import engine, render
-from clothsim.base.errors import ClothsimError, InputError
+from clothsim import engine
+from clothsim.base.errors import InputError
 from clothsim.cli import progress, run_report
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
-from clothsim.cli.render_command import frame_counter
+from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import Report, messages
 from clothsim.cli.view_command import page_of
 
@@ -69,7 +69,7 @@ def add_to(commands: Any) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     if arguments.scene.suffix == ".zip":
         raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
-    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
+    scene = clothsim.load_scene(arguments.scene)
     if arguments.preset is not None:
         scene = _with_preset(scene, arguments)
     for assignment in arguments.set:
@@ -84,7 +84,7 @@ def _run(arguments: argparse.Namespace) -> int:
     directory = arguments.output or Path(arguments.scene.stem)
     _dumped_step(arguments)
     engine.refuse_earlier_run(directory, arguments.overwrite)
-    compiler = engine.start_precompiling()
+    let_finish = engine.start_precompiling()
     with page_of(directory) if arguments.view else nullcontext():
         code = _execute(
             arguments,
@@ -98,8 +98,8 @@ def _run(arguments: argparse.Namespace) -> int:
                 **listeners,
             ),
         )
-    if compiler is not None and code != INTERRUPTED:
-        engine.let_finish(compiler)  # the rest of its kernels serves the next run
+    if code != INTERRUPTED:
+        let_finish()  # the rest of its kernels serves the next run
     return code
 
 
@@ -143,7 +143,14 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     try:
         with progress.shown(arguments.quiet) as listener:
             run = job(progress=listener, announce=announce, dump_iterates=step)
-        trouble = _pictures(arguments, run, sessions[-1])
+        trouble = engine.draw_pictures(
+            run,
+            sessions[-1].built.world,
+            picture=not arguments.no_picture,
+            movie=arguments.movie,
+            message=lambda line: None if arguments.quiet else print(line, file=sys.stderr, flush=True),
+            progress=frame_counter(arguments.quiet),
+        )
     except KeyboardInterrupt:
         print(run_report.stopped(directory), file=sys.stderr)
         return INTERRUPTED
@@ -151,36 +158,3 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         trouble.append(f"No {engine.iterates_name(step)}: the run took {run.summary['steps']} steps.")
     code = 0 if run.status == "completed" else 1
     return Report(run.summary, run_report.verdict(run, trouble), code, verdict=True).show(arguments)
-
-
-def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> list[str]:
-    """Draw picture, movie and the place of a failure.
-
-    Returns a line for each that could not be drawn, which does not change the status of the run.
-    """
-    for name in (engine.PICTURE_NAME, engine.MOVIE_NAME, engine.GIF_NAME, engine.FAILURE_NAME):
-        (run.directory / name).unlink(missing_ok=True)
-    directory, up, trouble = run.directory, engine.upright(run.directory), []
-    jobs: list[tuple[str, Callable[[], Any]]] = []
-    if not arguments.no_picture:
-        jobs.append(
-            (engine.PICTURE_NAME, lambda: engine.draw_frame(run.trajectory, directory / engine.PICTURE_NAME, up=up))
-        )
-        failure, world = run.summary.get("failure") or {}, session.built.world
-        if failure.get("position") is not None:
-            target = directory / engine.FAILURE_NAME
-            jobs.append((engine.FAILURE_NAME, lambda: engine.draw_failure(directory, failure, world, target, up)))
-    if arguments.movie:
-        counter = frame_counter(arguments.quiet)
-        film = engine.MOVIE_NAME if render.has_ffmpeg() else engine.GIF_NAME
-        if film == engine.GIF_NAME:
-            trouble.append(f"{film}, not {engine.MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
-        jobs.append((film, lambda: engine.draw_movie(run.trajectory, directory / film, counter, up=up)))
-    for name, job in jobs:
-        if not arguments.quiet:
-            print(f"drawing {name}", file=sys.stderr, flush=True)
-        try:
-            job()
-        except (ClothsimError, OSError, ImportError) as error:
-            trouble.append(f"No {name}: {error}")
-    return trouble

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clothsim import files
+from clothsim.base.quantity_text import length, many
 from clothsim.cli import on_demand
 from clothsim.cli.progress import clock
-from clothsim.engine import certificate_rows, length, many
+from clothsim.engine import certificate_rows
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -56,6 +57,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
     newton = f"to {integrator.settings.tolerance:g} m/s"
     if integrator.settings.error_fraction and "inertia" in built.energies:
         newton = f"to {integrator.settings.error_fraction:g} of the time error"
+        newton += ", forces balanced" if integrator.settings.converge else " of the motion"
     rows = [
         ("output", f"{directory}{os.sep}"),
         ("mesh", sizes),

@@ -83,9 +83,9 @@ def compile_kernels(scenes: Sequence[str], duration: float) -> None:
     for name in scenes:
         with TemporaryDirectory() as folder:
             try:
-                scene = engine.replace(clothsim.load_scene(engine.scene_file(Path(name))), "run.duration", duration)
+                scene = engine.replace(clothsim.load_scene(name), "run.duration", duration)
                 run = clothsim.simulate(scene, folder, overwrite=True)
-                engine.draw_frame(run.trajectory, Path(folder) / "picture.png")
+                run.plot(path=Path(folder) / "picture.png")
                 print(f"{name}: {run.status}", flush=True)
             except ClothsimError as error:  # of a scene that runs longer only: what it compiled is compiled
                 print(f"{name}: {error}", file=sys.stderr, flush=True)
@@ -119,7 +119,7 @@ def _shipped(scenes: Sequence[str], duration: float, folder: Path | None) -> str
     if not 0.0 < duration < math.inf:
         raise InputError(f"--duration is {duration}.", "Give a time above 0 [s], such as 0.3.")
     for name in scenes:
-        engine.scene_file(Path(name))  # refuses what is no scene before anything is compiled
+        clothsim.load_scene(name)  # refuses what is no scene before anything is compiled
     if folder is None:
         return f"{ship(scenes, duration)} kernels"
     count, wheel = build_wheel(scenes, duration, folder)

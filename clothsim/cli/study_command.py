@@ -59,7 +59,7 @@ def _study(arguments: argparse.Namespace) -> Report:
     if knobs == []:
         raise InputError("--knobs names nothing.", "Give some, such as --knobs dt,cells.")
     workers = None if arguments.workers is None else as_count("--workers", arguments.workers)
-    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
+    scene = clothsim.load_scene(arguments.scene)
     for assignment in arguments.set:
         scene = engine.override(scene, assignment)
     goal = None if arguments.goal is None else _goal(arguments.goal, scene)

@@ -5,13 +5,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import clothsim
 from clothsim import engine, files
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.export_command import frame_number
+from clothsim.cli.arguments import as_frame
 from clothsim.cli.report import Report
 
 _UNPOSE = """\
@@ -55,7 +53,7 @@ def _unpose(arguments: argparse.Namespace) -> Report:
     scene = engine.scene_from_text(files.read_checkpoint(directory / files.CHECKPOINT_NAME).scene_text, directory)
     made = on_demand.unposed(clothsim.open_run(directory), scene, arguments.field)
     on_demand.write_canonical(arguments.output, made)
-    near = float(np.mean(made.residuals <= 1e-3))
+    near = float((made.residuals <= 1e-3).mean())
     figures = {
         "file": str(arguments.output),
         "frames": len(made.times),
@@ -74,9 +72,9 @@ def _repose(arguments: argparse.Namespace) -> Report:
     _ends_in(arguments.output, ".obj")
     made = on_demand.read_canonical(arguments.file)
     rows = made.rows_of(arguments.cloth)
-    placed, _ = on_demand.character_of_scene(clothsim.load_scene(arguments.scene))
+    placed, _ = engine.character_of_scene(clothsim.load_scene(arguments.scene))
     time = _seconds(arguments.time)
-    points = made.posed(frame_number(arguments.frame), placed, time)[rows]
+    points = made.posed(as_frame(arguments.frame), placed, time)[rows]
     inside = (made.triangles >= rows.start).all(axis=1) & (made.triangles < rows.stop).all(axis=1)
     files.write_obj(arguments.output, points, made.triangles[inside] - rows.start)
     body = placed.character.vertices(placed.pose(time)) @ placed.linear.T + placed.shift

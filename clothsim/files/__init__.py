@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from clothsim.files.characters.motion_check import MOST_DEGREES, fastest_turn, meetings
-    from clothsim.files.exchange.formats import format_of
     from clothsim.files.meshes.mesh_file import read_mesh
     from clothsim.files.meshes.mesh_part import MeshFile
     from clothsim.files.meshes.mhclo import read_clothes

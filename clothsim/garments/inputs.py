@@ -10,18 +10,7 @@ import numpy as np
 from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.engine import (
-    body_of,
-    build,
-    check_body,
-    check_cloth,
-    cloth_of,
-    cloth_shape,
-    components,
-    examine,
-    refuse,
-    worn_shape,
-)
+from clothsim.engine import body_mesh, build, cloth_mesh, components, refuse_unwearable, worn_shape
 from clothsim.files import MeshFile, read_clothes, read_mesh
 from clothsim.garments.fit.original_file import original_of, original_of_scene
 from clothsim.garments.fit.pieces import UNDIVIDED, divided
@@ -104,14 +93,13 @@ def _read_scene_body(file: Path) -> BodyMesh:
     scene = load_scene(file)
     if not scene.bodies:
         raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
-    body, notes = body_of(scene.bodies[0], "body", scene.directory)
+    body, notes = body_mesh(scene)
     return BodyMesh(body.name, body.positions, body.triangles, 1.0, notes)
 
 
 def as_body_mesh(body: Any) -> BodyMesh:
     """The body of a `clothsim.Body` or a mesh object, in metres. InputError for faults that no body may have."""
-    given = body if isinstance(body, Body) else Body(body)
-    made, notes = body_of(check_body("body", given.as_table()), "body", Path())
+    made, notes = body_mesh(body if isinstance(body, Body) else Body(body))
     return BodyMesh(made.name, made.positions, made.triangles, 1.0, notes)
 
 
@@ -121,9 +109,8 @@ def garment_of(cloth: Any, weld: float) -> Garment:
     weld: borders closer than that are sewn [m], in place of that of the cloth. InputError for a mesh that is no cloth.
     """
     given = cloth if isinstance(cloth, Cloth) else Cloth(cloth)
-    table = check_cloth("cloth", given.as_table() | ({"weld": weld} if weld else {}))
-    made, notes = cloth_of(cloth_shape(table, "cloth", Path()), table, "cloth")
-    sewn_already = bool(table.weld or table.sewn)
+    made, notes = cloth_mesh(given, weld)
+    sewn_already = bool(weld or given.weld or given.sewn)
     return Garment(made.name, made.positions, made.triangles, notes, sewn=sewn_already)
 
 
@@ -166,9 +153,8 @@ def read_garment(
     division = divided(shape.positions, shape.triangles) if every else UNDIVIDED
     if division.followers:
         shape = replace(shape, positions=shape.positions[division.vertices], triangles=division.triangles)
-    report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
-    refuse(report)
-    remarks = (*shape.notes, *division.notes, *(finding.sentence for finding in report.warnings))
+    warnings = refuse_unwearable(file.name, shape.positions, shape.triangles, sewn=bool(weld))
+    remarks = (*shape.notes, *division.notes, *warnings)
     notes = tuple(f"{file.name}: {note}" for note in remarks)
     return Garment(file.name, shape.positions, shape.triangles, notes, bool(weld), original, division)
 

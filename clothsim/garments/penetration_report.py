@@ -1,12 +1,16 @@
 """Penetration report of a garment on a body, from files, and its picture from the front and from behind."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from clothsim import Finding
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.quantity_text import length
+from clothsim.engine import intersection_points
 from clothsim.garments.inputs import BodyMesh, read_body_mesh, read_garment
 from clothsim.garments.penetration import Counts, penetrations
 from clothsim.garments.stages import Garment
@@ -89,6 +93,35 @@ def deepest_vertices(report: PenetrationReport, count: int = 5) -> list[tuple[in
     """The deepest vertices, at most `count`: number, depth [m], place (3,) [m]."""
     distance, x = report.closest.signed_distance, report.garment.positions
     return [(int(v), -float(distance[v]), x[v]) for v in report.inside[:count]]
+
+
+def entries(report: PenetrationReport) -> Iterator[Finding | str]:
+    """Findings and notes on each kind of penetration."""
+    counts, n = report.counts, len(report.garment.positions)
+    if counts.penetrating_vertices:
+        percent = 100 * counts.penetrating_vertices / n
+        sentence = f"{counts.penetrating_vertices:,} of {n:,} vertices ({percent:.1f} %) are inside the body"
+        yield Finding("error", "penetration", sentence, "", report.inside)
+        for vertex, depth, position in deepest_vertices(report):
+            yield f"vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(position)}"
+    else:
+        nearest = float(report.closest.signed_distance.min())
+        yield f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away"
+    x, own = report.garment.positions, report.garment.triangles
+    for who, pairs, other in (
+        ("the garment and the body", report.body_pairs, report.body.triangles + n),
+        ("the garment and itself", report.self_pairs, own),
+    ):
+        if len(pairs):
+            position = intersection_points(np.concatenate([x, report.body.positions]), own, other, pairs[:1])[0]
+            sentence = f"{who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(position)}"
+            yield Finding("error", "intersection", sentence, "", pairs)
+        else:
+            yield f"{who} do not intersect"
+
+
+def _at(position: Floats) -> str:
+    return f"({', '.join(f'{value:.3g}' for value in position)}) m"
 
 
 def draw_penetrations(report: PenetrationReport, file: Path) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from clothsim import Gravity, Run, Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
-from clothsim.engine import Announcement, Listener
+from clothsim.garments.stages import Announcement, Listener
 
 GRAVITY = -Gravity.acceleration[2]
 """Acceleration of drapes [m/s2]."""

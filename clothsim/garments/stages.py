@@ -6,10 +6,16 @@ from time import perf_counter
 from typing import Any, Generic, Protocol, TypeVar
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import Progress, Session
 from clothsim.garments.fit.original_file import NO_ORIGINAL, Original
 from clothsim.garments.fit.pieces import UNDIVIDED, Division
 from clothsim.garments.penetration import NO_ROWS, Counts, counted
 from transfer.signed_distance import BodySurface
+
+Listener = Callable[[Progress], None]
+"""Called after each step."""
+Announcement = Callable[[Session], None]
+"""Called once before the first step of a scene."""
 
 
 @dataclass(frozen=True)

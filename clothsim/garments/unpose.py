@@ -14,7 +14,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.base.safe_files.npz_archive import read_arrays
-from clothsim.engine import PlacedCharacter, placed_character
+from clothsim.engine import PlacedCharacter, character_of_scene
 from transfer.canonical import PosedBody, unposed_in_field
 from transfer.diffuse import kernel_average
 from transfer.errors import TransferError
@@ -141,18 +141,6 @@ def unposed(run: "Run", scene: Scene, field: bool = False) -> CanonicalGarments:
         rows,
         field,
     )
-
-
-def character_of_scene(scene: Scene) -> tuple[PlacedCharacter, str]:
-    """The only body model of a scene and its name. InputError where it has none or several."""
-    models: list[Any] = [(k, keys) for k, keys in enumerate(scene.bodies) if "model" in keys]
-    if len(models) != 1:
-        raise InputError(
-            f"The scene has {len(models)} body models.", 'It takes one: [[body]] model = "mannequin", for instance.'
-        )
-    k, keys = models[0]
-    where = "body" if len(scene.bodies) == 1 else f"body[{k}]"
-    return placed_character(keys, where, scene.directory), keys.name or where
 
 
 def skinning(made: PlacedCharacter, time: float, reference: Floats) -> PosedBody:

@@ -8,7 +8,10 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.gradients.losses import Loss
+from clothsim.gradients.losses import Girth, Loss, Silhouette
+from clothsim.gradients.scene_of_pattern import shaped_scene
+from clothsim.patterns.pattern_mesh import PatternMesh
+from clothsim.scene.scene import Scene
 
 
 @runtime_checkable
@@ -18,6 +21,52 @@ class SeesMaterial(Protocol):
     def cut_to(self, material: Floats) -> Loss:
         """Return the aim for a cloth with these corners of its triangles at rest, (m, 3, 2) [m]."""
         ...
+
+
+def aims(
+    scene: Scene,
+    pattern: PatternMesh | None = None,
+    *,
+    hem: tuple[Sequence[tuple[str, int]], float] | None = None,
+    girth: tuple[float, float] | None = None,
+    silhouette: float | None = None,
+    stretch: float | None = None,
+    tolerance: float = 1e-3,
+) -> dict[str, Loss]:
+    """Return the aims of `clothsim.design` that are given, by name.
+
+    Parameters
+    ----------
+    scene, pattern
+        As of `clothsim.design`.
+    hem : (sequence of (panel, edge), height), optional
+        Edges of panels, and their height [m].
+    girth : (height, length), optional
+        Length of the cut at a height [m].
+    silhouette : float, optional
+        Area of the shadow on the ground [m2], to 1 %.
+    stretch : float, optional
+        Largest stretch.
+    tolerance : float
+        Of hem and girth [m].
+
+    Raises
+    ------
+    InputError
+        For a scene without a pattern, or an edge that it has not.
+    """
+    shaped, made = shaped_scene(scene, pattern), dict[str, Loss]()
+    if hem is not None:
+        edges, height = hem
+        made["hem"] = HemAt(np.unique(np.concatenate([shaped.edge_rows(*edge) for edge in edges])), height, tolerance)
+    if girth is not None:
+        height, length = girth
+        made["girth"] = Measured(Girth(height), length, tolerance)
+    if silhouette is not None:
+        made["silhouette"] = Measured(Silhouette(), silhouette, 0.01 * silhouette)
+    if stretch is not None:
+        made["stretch"] = StretchBelow(stretch)
+    return made
 
 
 @dataclass(frozen=True)

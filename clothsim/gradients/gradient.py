@@ -11,7 +11,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.gradients import estimate
 from clothsim.gradients.backward_pass import Adjoints
-from clothsim.gradients.parameters import scene_derivative
+from clothsim.gradients.parameters import full_path, scene_derivative
 from clothsim.gradients.rest_shape import rest_along, rest_derivative
 from clothsim.scene.paths import entry_of, parts_of
 
@@ -35,7 +35,7 @@ class Gradient(Mapping[str, Floats]):
     | `body.turn`, `body.NAME.turn` | a turn about the mean of its vertices [rad] | (3,) |
     | `body.vertices`, `body.NAME.vertices` | its vertices, moved alike all the time [m] | (b, 3) |
     | `cloth.rest` | the rest positions of the one cloth [m]; slow, `rest_along` takes a field of them | (n, 3) |
-    | a path of a number in the scene, as `cloth.density` | that number, in its unit | () or (k,) |
+    | a path of a number in the scene, as `cloth.density`; of a fabric also `density` | that number | () or (k,) |
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class Gradient(Mapping[str, Floats]):
         section, *keys = parts_of(name)
         if section == "body" and keys and keys[-1] in ("position", "turn", "vertices"):
             return self._of_body(name, keys)
-        return scene_derivative(self.run, adjoints, name)
+        return scene_derivative(self.run, adjoints, full_path(name))
 
     def rest_along(self, field: Floats, cloth: str = "") -> float:
         """Return the derivative along a displacement field of a cloth's rest shape, the start held.

@@ -9,6 +9,7 @@ from clothsim.gradients.backward_pass import Adjoints
 from clothsim.gradients.differentiable_session import held_energies
 from clothsim.gradients.scene_values import affected_effects, is_of_fabric, value_at, with_value
 from clothsim.gradients.variation import FOURTH_ORDER, SECOND_ORDER, Variant, Variation
+from clothsim.scene.assembly.meshes import FABRIC
 from clothsim.scene.assembly.scene_world import build
 
 if TYPE_CHECKING:
@@ -19,6 +20,11 @@ RELATIVE_STEP, OF_FABRIC = 1e-5, 3e-5
 linear or nearly so."""
 LEAST_STEP = 1e-6
 """Change of a number that is 0."""
+
+
+def full_path(name: str) -> str:
+    """Return the path of a number; a key of a fabric is meant of the cloth."""
+    return f"cloth.{name}" if name in FABRIC else name
 
 
 def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:

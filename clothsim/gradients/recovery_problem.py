@@ -13,13 +13,13 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.geometry.intersection.crossings import crossings
 from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Loss
+from clothsim.gradients.parameters import full_path
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.run import Trace, traced
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.gradients.scene_values import value_at, with_value
 from clothsim.mesh.world_surfaces import world_surfaces
 from clothsim.patterns.pattern_mesh import PatternMesh
-from clothsim.scene.assembly.meshes import FABRIC
 from clothsim.scene.scene import Scene
 
 RANGE, PATTERN_RANGE = 100.0, 2.0
@@ -150,11 +150,6 @@ def intersecting_pairs(trace: Trace) -> int:
     world = trace.session.built.world
     found = crossings(trace.steps[-1].end.positions, world_surfaces(world))
     return sum(len(each.pairs) for each in found)
-
-
-def full_path(name: str) -> str:
-    """Return the path of a number; a key of a fabric is meant of the cloth."""
-    return f"cloth.{name}" if name in FABRIC else name
 
 
 def problem_of(scene: Scene, loss: Loss, free: Sequence[str], pattern: PatternMesh | None = None) -> Problem:

@@ -1,4 +1,4 @@
-"""Losses from files: a drape to come to, or points measured on one."""
+"""Losses by name, and those of files: a drape to come to, or points measured on one."""
 
 from pathlib import Path
 
@@ -7,13 +7,45 @@ import numpy as np
 from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.gradients.losses import Distance, Loss, Scan
+from clothsim.gradients.hem import hem_of
+from clothsim.gradients.losses import Distance, Girth, Height, Loss, Scan, Silhouette
 from clothsim.mesh.world import World
 from clothsim.run.results import open_run
 
 POINTS = ".xyz"
 """Ending of a text file with a point a line, x y z or x y z and its normal."""
 NO_NORMALS = np.zeros((0, 3))
+
+
+def named_loss(name: str, world: World, value: float | Path | None = None, scale: float = 1.0) -> Loss:
+    """Return the loss of a name.
+
+    Parameters
+    ----------
+    name : {"height", "hem", "silhouette", "girth", "target"}
+        Mean height of the cloth, or of the side of its border that hangs lowest; area of its shadow on the ground;
+        length of its cut with a level plane; squared distance to a drape.
+    world : World
+        Of the scene.
+    value : float or Path, optional
+        Height of the girth [m]; file of the target, as of `target_loss`.
+    scale : float
+        Metres per unit of that file.
+
+    Raises
+    ------
+    InputError
+        For another name, and a target that cannot be read.
+    """
+    if name == "target" and isinstance(value, Path):
+        return target_loss(value, world, scale)
+    if name not in ("height", "hem", "silhouette", "girth", "target"):
+        raise InputError(f"There is no loss {name!r}.", "There are height, hem, silhouette, girth and target.")
+    if name == "girth" and isinstance(value, int | float):
+        return Girth(value)
+    if name == "hem":
+        return hem_of(world)
+    return Height() if name == "height" else Silhouette()
 
 
 def target_loss(path: Path, world: World, scale: float = 1.0) -> Loss:

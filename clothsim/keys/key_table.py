@@ -5,8 +5,9 @@ from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any, ClassVar, Self
 
+from clothsim.base.inputs import table
 from clothsim.keys.frozen import FrozenTable, Locked, content_of, frozen
-from clothsim.keys.keys import refuse_unknown, table
+from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.schema import keys_of
 from clothsim.keys.value_checks import check_value, refuse_missing
 

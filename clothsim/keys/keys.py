@@ -1,16 +1,14 @@
 """Names that a scene may use: an unknown one is answered with the nearest known one."""
 
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import nearest
 
 DEEPEST = 12
 """Largest depth of nested tables and lists."""
 
-LONGEST = 120
-"""Letters of a value in a message."""
 
 
 def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -38,11 +36,6 @@ def _hint(where: str, key: str, names: list[str]) -> str:
     return nearest(key, names, 0.75) or home_of(key) or nearest(key, names) or known
 
 
-def nearest(name: Any, known: Iterable[str], least: float = 0.5) -> str:
-    """A question for the nearest known name; empty where none is at least that similar, from 0 to 1."""
-    close = difflib.get_close_matches(str(name), list(known), n=1, cutoff=least)
-    return f"Did you mean {close[0]!r}?" if close else ""
-
 
 def refuse_deep(where: str, value: Any) -> None:
     """InputError for tables and lists nested deeper than DEEPEST: no key of a scene is."""
@@ -58,19 +51,3 @@ def _inner(value: Any) -> Iterable[Any]:
     if isinstance(value, Mapping):
         return value.values()
     return value if isinstance(value, list | tuple) else ()
-
-
-def table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:
-    """`value` as a table of keys; InputError otherwise."""
-    if not isinstance(value, Mapping):
-        hint = remedy or f"Write its keys under [{where}]."
-        raise InputError(f"{where} must be a table of keys, not {shown(value)}.", hint)
-    return value
-
-
-def shown(value: Any) -> str:
-    """A value in a message: on one line and short, of an array its shape."""
-    if getattr(value, "shape", ()):
-        return f"an array of shape {value.shape}"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"

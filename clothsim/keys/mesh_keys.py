@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import nearest, table
 from clothsim.keys.effect_tables import Motion
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable, composed
-from clothsim.keys.keys import nearest, refuse_unknown, table
+from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.keys.model_keys import ModelTable
 from clothsim.keys.placed_keys import PlacedKeys

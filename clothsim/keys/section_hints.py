@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from clothsim.base.inputs import nearest
 from clothsim.keys.generator_keys import GENERATOR_KEYS
-from clothsim.keys.keys import nearest
 from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart
 from clothsim.keys.rigid_keys import RigidTable
 from clothsim.keys.schema import keys_of

@@ -26,9 +26,14 @@ class Solver(KeyTable):
     dt: Annotated[float, Key("Length of a time step", "s", above=0)] = 0.01
     newton_error_fraction: Annotated[
         float,
-        Key("Newton's method stops where its error is predicted below this fraction of the time step's own", "1",
+        Key("Newton's method stops where its error is below this fraction of the time step's own", "1",
             above=0, most=1),
-    ] = 0.1  # fmt: skip
+    ] = 0.3  # fmt: skip
+    converge: Annotated[
+        bool,
+        Key("Each step is solved until forces balance and the fastest vertex, too, is within newton_error_fraction "
+            "(then 0.1 where none is given); else until the motion of each body is"),
+    ] = False  # fmt: skip
     tolerance: Annotated[
         float,
         Key("In place of newton_error_fraction: Newton's method stops where |dx|_inf / dt is below it", "m/s", above=0,

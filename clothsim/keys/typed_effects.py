@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import shown
 from clothsim.keys.effect_tables import SELECT, Crease, Gust, Motion, PatternSeams, PinGroup, Seam, Spring, Vortex
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import shown
 from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Vector
 
 AUTO = Literal["auto"]

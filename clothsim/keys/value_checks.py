@@ -7,7 +7,8 @@ from typing import Any, get_args, get_origin
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.keys.keys import nearest, refuse_unknown, shown, table
+from clothsim.base.inputs import nearest, shown, table
+from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.schema import FUNCTION, SceneKey, choices, keys_of, members, type_in_words
 
 MOST = 10**6

@@ -1,6 +1,6 @@
 """Mesh checks: all faults of a triangle mesh in one pass, each with its indices and a remedy."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -45,8 +45,8 @@ class Finding:
     severity: Severity
     kind: str
     sentence: str
-    remedy: str
-    indices: Ints
+    remedy: str = ""
+    indices: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)

@@ -117,6 +117,12 @@ class World:
         return unique_edges(self.triangles)
 
     @cached_property
+    def cell(self) -> float:
+        """Median length of the edges of the cloths as they are at rest [m]."""
+        E = self.rest_shapes  # columns are two edges of each triangle
+        return float(np.median(np.linalg.norm(E, axis=1)))
+
+    @cached_property
     def rest_shapes(self) -> Floats:
         """Dm = [e1 e2] of each triangle at rest, (m, 2, 2) [m]; its columns are the reference edges."""
         corners = np.concatenate([cloth.material_coordinates for cloth in self.cloths])

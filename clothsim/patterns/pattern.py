@@ -71,6 +71,13 @@ class Panel:
         about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
         return np.asarray(about_z @ about_y @ about_x, np.float64)
 
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Width and height of its outline [m]."""
+        points = np.concatenate([self.edge_points(edge, np.linspace(0, 1, 33)) for edge in range(len(self.edges))])
+        width, height = np.ptp(points, axis=0)
+        return float(width), float(height)
+
     def placed(self, points: Floats) -> Floats:
         """Points (k, 2) of the plane in space, (k, 3) [m]."""
         return np.asarray(points @ self.matrix[:, :2].T + self.translation, np.float64)

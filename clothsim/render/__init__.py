@@ -12,12 +12,11 @@ if TYPE_CHECKING:
     from clothsim.render.camera import VIEWS, Camera
     from clothsim.render.colour_scale import Quantity, Scale
     from clothsim.render.marks import draw_marks
-    from clothsim.render.movie import has_ffmpeg
     from clothsim.render.movie import movie as write_movie
+    from clothsim.render.movie import movie_file
     from clothsim.render.pattern_drawing import draw_pattern, laid_out, outline
-    from clothsim.render.picture import draw, picture_setup, rendered, scale_of
-    from clothsim.render.run_frames import frame_surfaces
+    from clothsim.render.picture import draw, picture_setup, rendered
     from clothsim.render.strokes import WIDTHS
-    from clothsim.render.surface_look import BODY_GREY, FABRICS, Surface, vertex_normals, vertex_values
+    from clothsim.render.surface_look import BODY_GREY, Surface, vertex_normals
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

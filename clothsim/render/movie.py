@@ -96,6 +96,17 @@ def _pictures(
         progress(number + 1, len(frames))
 
 
+MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
+
+
+def movie_file(directory: Path) -> tuple[Path, str]:
+    """The movie of a directory, and a sentence where it is a .gif for want of ffmpeg."""
+    if has_ffmpeg():
+        return directory / MOVIE_NAME, ""
+    missing = f"{GIF_NAME}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'"
+    return directory / GIF_NAME, missing
+
+
 def has_ffmpeg() -> bool:
     """True where imageio-ffmpeg is installed and brings, or finds, the program."""
     try:

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from clothsim.base.quantity_text import length, many
+
 _PAIRS = {
     "cloth_body": "cloth and body",
     "cloth_cloth": "cloth and cloth",
@@ -122,17 +124,3 @@ def _error(certificate: dict[str, Any]) -> str:
     if certificate["at_rest"] and not isinstance(temporal, str):
         steps += " on the way to equilibrium, which has none"
     return f"not known in all (--estimate); sum of the steps' own {steps}{request}, {parts}"
-
-
-def length(metres: float) -> str:
-    """A length in m, mm or um."""
-    if metres >= 1:
-        return f"{metres:.3g} m"
-    if metres >= 1e-3:
-        return f"{1e3 * metres:.3g} mm"
-    return f"{1e6 * metres:.3g} um"
-
-
-def many(count: int, what: str) -> str:
-    """A number of things, in the plural where it is not one."""
-    return f"{count:,} {what}{'' if count == 1 else 's'}"

@@ -1,7 +1,7 @@
 """Faults of a mesh, a scene or a run, all at once."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.files.characters.motion_check import MOST_DEGREES, fastest_turn, meetings
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
@@ -19,6 +20,7 @@ from clothsim.run.certificate.intersection_check import IntersectionCheck, inter
 from clothsim.run.certificate.intersection_history import intersection_warnings
 from clothsim.run.cost import expected_cost
 from clothsim.run.results import Run, open_run
+from clothsim.scene.assembly.model_body import character_of_scene
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cloth_arrays import Body, Cloth
 from clothsim.scene.mesh_objects import surface_of
@@ -27,6 +29,8 @@ from clothsim.scene.toml_file import load_scene
 from clothsim.solve.pinch.pinch_record import exempted
 
 NO_INDICES = np.zeros(0, np.int64)
+MOST_TIMES = 600
+"""Most times at which the motion of a body model is looked at."""
 
 ALLOWED = {"carried": "vertices carried through a pinch", "excluded": "excluded pairs"}
 """Kinds of intersections that a scene allows."""
@@ -103,13 +107,18 @@ def check(what: Any, role: Role | None = None) -> list[Finding]:
     return list(examined(what, role).findings)
 
 
-def examined(what: Any, role: Role | None = None, **part: Any) -> Examination:
-    """The findings of `check` with notes; part: scale, group and component of a mesh file."""
+def examined(what: Any, role: Role | None = None, motion: bool = False, **part: Any) -> Examination:
+    """The findings of `check` with notes.
+
+    motion: of a scene file also where the parts of a moving body model meet; part: scale, group and component of a mesh
+    file.
+    """
     if isinstance(what, str | Path):
         if Path(what).is_dir():
             return _of_run(Path(what))
         if Path(what).suffix.lower() == ".toml":
-            return _of_scene_file(Path(what))
+            found = _of_scene_file(Path(what))
+            return _with_motion(found, Path(what)) if motion and not found.of("error") else found
     if isinstance(what, Scene):
         return _of_scene(what, "scene")
     name, vertices, triangles, usual, messages = _mesh_of(what, part)
@@ -161,6 +170,59 @@ def _of_scene_file(path: Path) -> Examination:
     except InputError as error:
         return Examination(str(path), (), _refusals(error))
     return _of_scene(scene, str(path))
+
+
+def _with_motion(found: Examination, path: Path) -> Examination:
+    """With the times at which parts of a body model meet, or a joint turns too far in a step."""
+    entries = list(motion_findings(load_scene(path)))
+    notes = (entry for entry in entries if isinstance(entry, str))
+    more = (entry for entry in entries if not isinstance(entry, str))
+    return replace(found, notes=(*found.notes, *notes), findings=_sorted([*found.findings, *more]))
+
+
+def motion_findings(scene: Scene) -> Iterator[Finding | str]:
+    """Findings and notes on the motion of the body model of a scene. InputError without one."""
+    made, name = character_of_scene(scene)
+    if made.timeline is None:
+        yield f"{name} has no motion"
+        return
+    dt = scene.solver_settings.dt
+    contact: Any = build(scene).energies.get("body_contact")
+    end = min(scene.run_settings.duration, made.timeline.duration)
+    steps = np.arange(0.0, end + dt / 2, dt)
+    times = steps[:: -(-len(steps) // MOST_TIMES)]
+    unit = float(np.cbrt(abs(np.linalg.det(made.linear))))
+    gap = 0.0 if contact is None else contact.offset + 2 * contact.d_hat
+    carried = scene.contact_settings.pinch == "carry"
+    found = list(meetings(made.character, made.pose, times.tolist(), gap / unit))
+    for met in found:
+        place = ", ".join(f"{c:.3g}" for c in made.linear @ met.place + made.shift)
+        when = f"from {met.start:.3g} to {met.end:.3g} s, at {met.times} of {len(times)} times"
+        inside = met.nearest < 0
+        what = "intersect" if inside else f"are nearer than {1e3 * gap:.3g} mm"
+        size = f"{'depth' if inside else 'distance'} {1e3 * unit * abs(met.nearest):.3g} mm"
+        yield Finding(
+            "error" if inside and not carried else "warning",
+            "motion",
+            f"{name}: {' and '.join(met.parts)} {what} {when}; {size} at {met.at:.3g} s, ({place}) m",
+            'contact.pinch = "carry" carries cloth through; motion.keep_apart = true turns the limbs outwards',
+            NO_INDICES,
+        )
+    if not found:
+        yield f"no parts of {name} come nearer than {1e3 * gap:.3g} mm, at {len(times)} times to {end:.3g} s"
+    turn = fastest_turn(made.character, made.pose, steps.tolist())
+    line = f"{turn.joint} turns by up to {turn.degrees:.3g} degrees in a step of {dt:g} s, at {turn.at:.3g} s"
+    if not turn.steps:
+        yield line
+        return
+    yield Finding(
+        "warning",
+        "motion",
+        f"{name}: {line}; by more than {MOST_DEGREES:g} in {turn.steps} steps",
+        "Contact follows a body along straight paths in a step: set solver.dt below "
+        f"{dt * MOST_DEGREES / turn.degrees:.2g}",
+        NO_INDICES,
+    )
 
 
 def _of_scene(scene: Scene, subject: str) -> Examination:

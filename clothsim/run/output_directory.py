@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from clothsim.base.errors import InputError
+from clothsim.base.safe_files.directory import make_directory
 from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME
 from clothsim.files.runs.run_lock import locked
@@ -26,17 +27,6 @@ def new_output(directory: Path, overwrite: bool) -> Iterator[None]:
         for file in (directory / name for name in RUN_FILES):  # a checkpoint must not meet another run's trajectory
             _remove(file)
         yield
-
-
-def make_directory(directory: Path) -> None:
-    """Make a directory where there is none. InputError where it cannot be made or written."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise InputError(f"{directory} cannot be made a directory: {reason}.", "Choose another with -o.") from error
-    if not os.access(directory, os.W_OK | os.X_OK):
-        raise InputError(f"{directory} cannot be written.", "Choose another with -o.")
 
 
 @contextmanager

@@ -2,23 +2,83 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim.base.errors import InputError
+from clothsim.base.errors import ClothsimError, InputError
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
-from clothsim.run.field_pictures import Drawing
+from clothsim.run.field_pictures import Drawing, field_settings
 from clothsim.scene.scene import scene_from_text
 
-PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "movie.gif", "failure.png"
+if TYPE_CHECKING:
+    from clothsim.run.results import Run
+
+PICTURE_NAME, FAILURE_NAME = "picture.png", "failure.png"
 
 PICTURE_SETTINGS = ("size", "colour", "up", "view", "renderer", "smooth", "style", "limits")
 """Settings of a picture: keywords of `render.picture.draw` without its title, which is the time."""
 MOVIE_SETTINGS = ("frames_per_second", "samples", "follow")
 """Settings of a movie beside those of a picture."""
+
+
+def draw_run(
+    run: "Run",
+    target: Path,
+    frame: int = -1,
+    field: str | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    **settings: Any,
+) -> str:
+    """Write a picture of a frame (.png), or a movie of all (.mp4, .gif); returns the line that names the renderer.
+
+    field: what colours the cloths; progress: of a movie; settings: PICTURE_SETTINGS, MOVIE_SETTINGS, dots_per_inch; the
+    axis against gravity is that of the scene where none is given.
+    """
+    given = {"up": run.up, **settings, **({} if field is None else field_settings(run, field))}
+    if target.suffix.lower() == ".png":
+        return draw_frame(run.trajectory, target, frame, **given)
+    return draw_movie(run.trajectory, target, progress, **given)
+
+
+def draw_pictures(
+    run: "Run",
+    world: World,
+    *,
+    picture: bool,
+    movie: bool,
+    message: Callable[[str], None],
+    progress: Callable[[int, int], None],
+) -> list[str]:
+    """Leave the pictures of a run in its directory: the last frame, where it failed, and a movie.
+
+    world: of its scene; message: called with a line before each is drawn; progress: as of `draw_run`. Returns a line
+    for each that could not be drawn, which does not change the status of the run.
+    """
+    from clothsim.render.movie import GIF_NAME, MOVIE_NAME, movie_file
+
+    directory = run.directory
+    film, missing = movie_file(directory)
+    trouble = [missing] if movie and missing else []
+    for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
+        (directory / name).unlink(missing_ok=True)
+    failure = run.summary.get("failure") or {}
+    jobs: list[tuple[str, Callable[[], Any]]] = []
+    if picture:
+        jobs.append((PICTURE_NAME, lambda: draw_run(run, directory / PICTURE_NAME)))
+    if picture and failure.get("position") is not None:
+        jobs.append((FAILURE_NAME, lambda: draw_failure(directory, failure, world, directory / FAILURE_NAME, run.up)))
+    if movie:
+        jobs.append((film.name, lambda: draw_run(run, film, progress=progress)))
+    for name, job in jobs:
+        message(f"drawing {name}")
+        try:
+            job()
+        except (ClothsimError, OSError, ImportError) as error:
+            trouble.append(f"No {name}: {error}")
+    return trouble
 
 
 def draw_frame(

@@ -10,13 +10,15 @@ closes. A run that comes to its end first lets it finish, for the next one.
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from threading import Thread
 
 from clothsim.base.kernel_cache import can_store, is_cached
+from clothsim.base.parallel import available_cores
 from clothsim.physics.energies.membrane_kernels import fill
-from clothsim.solve.linear.threads import available_cores
 
 _GO_ON = b"."
 
@@ -24,14 +26,18 @@ CORES = 2
 """Fewer cores gain nothing."""
 
 
-def start_precompiling() -> "subprocess.Popen[bytes] | None":
-    """The process; None where the kernels are compiled, or where one core has to do it all."""
+def start_precompiling() -> Callable[[], None]:
+    """Start the process; returns what lets it outlive this one.
+
+    None is started where the kernels are compiled, or where one core has to do it all.
+    """
     if available_cores() < CORES or kernels_are_compiled():
-        return None
+        return lambda: None
     command = [sys.executable, "-P", "-m", "clothsim.run.remaining_kernels"]  # -P: not one of the cwd
     here = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")]))
     silent, environment = subprocess.DEVNULL, {**os.environ, "PYTHONPATH": here}
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent, env=environment)
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent, env=environment)
+    return partial(let_finish, process)
 
 
 def kernels_are_compiled() -> bool:

@@ -49,7 +49,7 @@ class Absent:
 class Receipt:
     """Counters of all effects.
 
-    effects: every name of the table, and what comes with rigid bodies, with on, reason and its counters; of a scene
+    effects: every name of the table, and what comes with rigid bodies: on, reason, summary and counters; of a scene
     also bytes, of the arrays that the effect alone holds, and where it was measured adding, the cost of an effect that
     is not named (`Added`).
     phases: seconds that belong to no effect; "step control" is the remainder. seconds: of all of them together, which
@@ -73,11 +73,6 @@ def explain(target: Scene | Path, steps: int = 5, budget: float | None = None) -
         return explain_run(target)
     receipt = explain_scene(target, steps)
     return receipt if budget is None else with_absent(receipt, absent_effects(target, steps, budget))
-
-
-def summary_of_effect(name: str) -> str:
-    """What an effect of the table does."""
-    return EFFECTS[name].summary
 
 
 def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
@@ -141,7 +136,8 @@ def _receipt(
         reason = _named(account) if on else off.get(name, "not named in the scene")
         reason = "comes with [[rigid]]" if name in implied else reason
         fraction = account["seconds"] / seconds if seconds else 0.0
-        effects[name] = {"on": on, "reason": reason, **account, "share": fraction}
+        summary = EFFECTS[name].summary if name in EFFECTS else ""
+        effects[name] = {"on": on, "reason": reason, **account, "share": fraction, "summary": summary}
     return Receipt(effects, dict(phases), seconds, source)
 
 

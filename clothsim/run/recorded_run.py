@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.errors import InputError
+from clothsim.base.interruption import InterruptFlag, interruption
 from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, write_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
@@ -20,7 +21,7 @@ from clothsim.run.certificate.certificate import Certificate, world_stretches
 from clothsim.run.certificate.intersection_check import IntersectionCheck, intersection_check_of
 from clothsim.run.fields import FIELDS, Configuration, at_start, field
 from clothsim.run.forces import step_forces
-from clothsim.run.interruption import InterruptFlag, interruptible, interruption
+from clothsim.run.interruption import interruptible
 from clothsim.run.iterate_log import IterateLog
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session

@@ -25,8 +25,7 @@ from clothsim.run.pictures import (
     MOVIE_SETTINGS,
     PICTURE_NAME,
     PICTURE_SETTINGS,
-    draw_frame,
-    draw_movie,
+    draw_run,
     frame_picture,
     upright,
 )
@@ -185,6 +184,11 @@ class Run(Sequence[Frame]):
         return dict((self.summary.get("certificate") or {}).get("intersections", {}))
 
     @property
+    def up(self) -> tuple[float, ...] | str:
+        """The direction against the gravity of the scene; "z" where the run's checkpoint gives none."""
+        return upright(self.directory)
+
+    @property
     def times(self) -> Floats:
         """The times of the frames, (k,) [s]."""
         return self.trajectory.times
@@ -302,10 +306,10 @@ class Run(Sequence[Frame]):
             The picture, (height, width, 3) uint8; with `path` that file.
         """
         refuse_unknown("Run.plot", settings, PICTURE_SETTINGS)
-        given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
         if path is None:
-            return frame_picture(self.trajectory, frame, **given)
-        draw_frame(self.trajectory, Path(path), frame, **given)
+            colours = {} if field is None else field_settings(self, field)
+            return frame_picture(self.trajectory, frame, **{"up": self.up, **settings, **colours})
+        draw_run(self, Path(path), frame, field, **settings)
         return Path(path)
 
     def movie(
@@ -337,8 +341,7 @@ class Run(Sequence[Frame]):
         refuse_unknown("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
         target.unlink(missing_ok=True)
-        given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
-        draw_movie(self.trajectory, target, progress, **given)
+        draw_run(self, target, field=field, progress=progress, **settings)
         return target if target.is_file() else target.with_suffix(".gif")
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":
@@ -360,9 +363,6 @@ class Run(Sequence[Frame]):
 
         refuse_unknown("Run.export", settings, SETTINGS)
         return export(self, path, **settings)
-
-    def _field_settings(self, field: str | None) -> dict[str, Any]:
-        return {} if field is None else field_settings(self, field)
 
 
 def open_run(path: str | Path) -> Run:

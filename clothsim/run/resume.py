@@ -4,9 +4,9 @@ from pathlib import Path
 from time import perf_counter
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import refuse_uncallable
 from clothsim.base.safe_files.record import FITTED_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.run.callbacks import refuse_uncallable
 from clothsim.run.certificate.certificate import certificate_from
 from clothsim.run.checked_step import warn_of
 from clothsim.run.output_directory import continued_output

@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.parallel import available_cores
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import Solver
 from clothsim.mesh.motion import RigidMotion
+from clothsim.physics.energies.gravity import Gravity
 from clothsim.physics.energies.hessians import ByElement
 from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
 from clothsim.scene.assembly.scene_world import Built
@@ -18,7 +20,6 @@ from clothsim.solve.linear.linear_solvers import slowness
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.pardiso_library import load_library
 from clothsim.solve.linear.sparsity import Pattern, make_pattern
-from clothsim.solve.linear.threads import available_cores
 from clothsim.solve.newton.convergence import LEAST_SPEED
 from clothsim.solve.newton.newton import NewtonSettings
 from clothsim.solve.newton.potential import Potential
@@ -34,6 +35,13 @@ atom in it."""
 
 FINER = 0.1
 """Newton's tolerance as a fraction of the requested error over the duration."""
+CONVERGED_FRACTION = 0.1
+"""newton_error_fraction of steps that are converged (`solver.converge`) where the scene gives none: the largest that
+held in six scenes with one solution (docs/notes/newton_stop.md)."""
+LEAST_FALL = 0.01
+"""Speed below which a Newton step ends a solve whatever the time error, over newton_error_fraction and the speed
+(g cell)^1/2 that a fall by half a cell gives: .001 m/s at cells of 11 mm and the default fraction."""
+STANDARD_GRAVITY = 9.81
 
 
 PRICE = "repeatable: the same bits at every number of threads; a factorisation takes 1.05 to 1.2 of its time."
@@ -57,7 +65,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
     system = _system(_pattern(built), settings, rigid_rows(built.world))
-    newton, finer = _newton_settings(scene)
+    newton, finer = _newton_settings(scene, built)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
@@ -181,7 +189,7 @@ def _refuse_error(built: Built) -> None:
     raise InputError(why, "Give solver.dt.")
 
 
-def _newton_settings(scene: Scene) -> tuple[NewtonSettings, str]:
+def _newton_settings(scene: Scene, built: Built) -> tuple[NewtonSettings, str]:
     """Settings of Newton's method and a note on them: finer than the default where a requested error needs it.
 
     The residual of Newton's method in the velocities would be taken for an error of the integrator.
@@ -189,11 +197,24 @@ def _newton_settings(scene: Scene) -> tuple[NewtonSettings, str]:
     settings = scene.solver_settings
     if not settings.balanced:
         return NewtonSettings(settings.tolerance, settings.max_iterations), ""
-    least, fraction, note = LEAST_SPEED * settings.newton_error_fraction, settings.newton_error_fraction, ""
+    fraction, note = settings.newton_error_fraction, ""
+    converge = settings.converge or bool(settings.error) or "inertia" not in built.energies
+    if converge:
+        fraction = fraction if "newton_error_fraction" in scene.solver else CONVERGED_FRACTION
+        least = LEAST_SPEED * fraction
+    else:
+        least = LEAST_FALL * fraction * float(np.sqrt(_gravity(built) * built.world.cell))
     finer = FINER * settings.error / scene.run_settings.duration
     if settings.error and finer < least:
         least, note = finer, f"tolerance = {finer:.2g} m/s, for the error asked for."
-    return NewtonSettings(least, settings.max_iterations, error_fraction=fraction), note
+    return NewtonSettings(least, settings.max_iterations, error_fraction=fraction, converge=converge), note
+
+
+def _gravity(built: Built) -> float:
+    """The acceleration by which speeds are called slow [m/s2]: that of the scene, or the earth's where it has none."""
+    gravity = built.energies.get("gravity")
+    size = float(np.linalg.norm(gravity.acceleration)) if isinstance(gravity, Gravity) else 0.0
+    return size or STANDARD_GRAVITY
 
 
 def _set_threads(threads: int) -> None:

@@ -92,7 +92,7 @@ def simulate(
     >>> bool(run[-1].positions["cloth"][0, 2] < -0.03)
     True
     """
-    from clothsim.run.callbacks import refuse_uncallable
+    from clothsim.base.inputs import refuse_uncallable
     from clothsim.run.output_directory import refuse_earlier_run
     from clothsim.scene.scene import Scene
 

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import shown
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import refuse_unknown, shown
+from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth
 from clothsim.keys.rigid_keys import check_rigid
 from clothsim.keys.schema import keys_of

@@ -1,15 +1,22 @@
 """Sections and keys of a scene by name: the nearest known one where there is none."""
 
+import json
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, Literal
 
 from clothsim.base.errors import InputError
-from clothsim.keys.keys import nearest
+from clothsim.base.inputs import nearest
 from clothsim.keys.section_hints import home_of
-from clothsim.scene.reference import COLUMNS, Section, row, sections
+from clothsim.scene.json_schema import json_schema
+from clothsim.scene.reference import COLUMNS, Section, markdown, row, sections
 
 SIMILAR = 0.75
 """Similarity, from 0 to 1, from which on a name is taken for another one misspelt."""
+
+
+def reference_text(form: Literal["markdown", "json"]) -> str:
+    """The reference of all sections: a page in Markdown, or a JSON schema for editors."""
+    return markdown() if form == "markdown" else json.dumps(json_schema(), indent=2)
 
 
 def reference(name: str | None = None) -> dict[str, Any]:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import shown, table
 from clothsim.keys.frozen import FrozenTable, frozen
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import refuse_deep, refuse_unknown, shown, table
+from clothsim.keys.keys import refuse_deep, refuse_unknown
 from clothsim.keys.mesh_arrays import TEXT, MeshArrays
 from clothsim.keys.mesh_keys import BodyTable, ClothTable, FramesTable, check_body, check_cloth
 from clothsim.keys.model_keys import ModelTable

@@ -4,8 +4,9 @@ import tomllib
 from pathlib import Path
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import nearest
 from clothsim.base.safe_files.regular_file import read_regular_file
-from clothsim.keys.keys import nearest
+from clothsim.scene.example_files import scene_file
 from clothsim.scene.scene import Scene, make_scene
 
 MOST_BYTES = 1 << 28
@@ -17,7 +18,8 @@ def load_scene(path: str | Path) -> Scene:
     Parameters
     ----------
     path : path
-        The file; relative file names in it start at its own folder.
+        The file, or where there is none the name of an example, as "sphere"; relative file names in it start at its own
+        folder.
 
     Returns
     -------
@@ -28,7 +30,7 @@ def load_scene(path: str | Path) -> Scene:
     InputError
         Where the file is missing, is no TOML (with the line), or has an unknown key or a bad value.
     """
-    file = Path(path)
+    file = scene_file(Path(path))
     try:
         text = read_regular_file(file, MOST_BYTES).decode("utf-8-sig")  # editors of Windows begin with a mark
         data = tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))

@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Scene
+from clothsim import Loss, Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.engine import Built, NotPositiveDefiniteError, World
-from clothsim.gradients import Loss, mean_adjoint
+from clothsim.engine import World
+from clothsim.gradients import StateAtRest
 from clothsim.render import Quantity, Surface, draw
 from clothsim.study.evaluation import Gatherer
 from clothsim.study.points import BASE, Bench, Point, point
-from clothsim.study.resample import at_points_of, barycentric
-from clothsim.study.state_at_rest import StateAtRest, powers, refuse_history, state_at_rest
+from clothsim.study.resample import at_points_of, barycentric, world_material
 
 # Goal-oriented error: the triangles that make the error of one number of a drape at rest.
 #
@@ -118,7 +117,7 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
     Raises
     ------
     InputError
-        For a scene that `state_at_rest` refuses, and for runs that end in different shapes.
+        For a scene that `StateAtRest.refuse_history` refuses, and for runs that end in different shapes.
 
     Examples
     --------
@@ -137,8 +136,8 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
     >>> round(found.effectivity, 2)
     1.0
     """
-    coarse, fine = state_at_rest(scene, positions), state_at_rest(finer, finer_positions)
-    sampled = at_points_of(coarse.material, fine.material, finer_positions)
+    coarse, fine = StateAtRest.of_scene(scene, positions), StateAtRest.of_scene(finer, finer_positions)
+    sampled = at_points_of(world_material(coarse.world), world_material(fine.world), finer_positions)
     loss, triangles = goal(coarse.world), coarse.world.triangles
     states = coarse.x, coarse.with_cloth(sampled)
     if not np.isfinite(coarse.potential.value(states[1])):
@@ -149,14 +148,13 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
     values, slopes = zip(*(loss.evaluate(each, triangles) for each in (positions, sampled)), strict=True)
     forces = np.zeros_like(coarse.x)
     forces[: len(positions)] = 0.5 * (slopes[0] + slopes[1])
-    try:
-        adjoint = mean_adjoint(coarse.potential, states, coarse.system, coarse.fixed, forces)
-    except NotPositiveDefiniteError as error:
+    adjoint = coarse.adjoint(states, forces)
+    if adjoint is None:
         raise InputError(
             "The two meshes end in different folds, or not at rest: no error by triangles.",
             "Take finer cells, or a smaller dt.",
-        ) from error
-    by_vertex = powers(coarse.potential, states[1], adjoint, len(positions)) - coarse.unfinished(adjoint)
+        )
+    by_vertex = coarse.powers(states[1], adjoint, len(positions)) - coarse.unfinished(adjoint)
     by_vertex -= _of_finer(coarse, fine, adjoint)
     return GoalError(values[0], values[1], by_vertex, positions, triangles, coarse.world.rest_areas)
 
@@ -166,7 +164,7 @@ def _of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) -> Floats
     world, out = coarse.world, np.zeros(coarse.world.n_cloth)
     interpolated, corners, weights = np.zeros_like(fine.x), list[Ints](), list[Floats]()
     first = 0
-    for points, cloth in zip(fine.material.rest, world.cloths, strict=True):
+    for points, cloth in zip(world_material(fine.world).rest, world.cloths, strict=True):
         nearest, own = barycentric(points, cloth.rest_positions, cloth.triangles)
         corners.append(cloth.triangles[nearest] + first)
         weights.append(own)
@@ -174,7 +172,7 @@ def _of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) -> Floats
     rows, shares = np.concatenate(corners), np.concatenate(weights)
     interpolated[: len(rows)] = np.einsum("ij,ijk->ik", shares, adjoint[rows])
     interpolated[fine.fixed] = 0.0
-    parts = powers(fine.potential, fine.x, interpolated, len(rows)) - fine.unfinished(interpolated)
+    parts = fine.powers(fine.x, interpolated, len(rows)) - fine.unfinished(interpolated)
     np.add.at(out, rows.ravel(), (shares * parts[:, None]).ravel())
     return out
 
@@ -198,9 +196,8 @@ class NamedGoal:
     loss: Goal
 
 
-def refuse_goal(built: Built, bench: Bench) -> None:
-    """InputError for a scene of which no goal can be attributed to triangles."""
-    refuse_history(built)
+def refuse_goal(bench: Bench) -> None:
+    """InputError for a study of which no goal can be attributed to triangles."""
     if "cells" not in bench.knobs:
         raise InputError("The error of a goal by triangles needs finer cells, and they are no knob of this study.")
 

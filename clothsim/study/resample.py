@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import World
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,11 @@ class Material:
 def material_of(rest: Sequence[Floats], triangles: Sequence[Ints]) -> Material:
     """A material of several cloths."""
     return Material(tuple(rest), tuple(triangles))
+
+
+def world_material(world: World) -> Material:
+    """The cloths of a world at rest."""
+    return material_of([each.rest_positions for each in world.cloths], [each.triangles for each in world.cloths])
 
 
 def barycentric(points: Floats, rest: Floats, triangles: Ints) -> tuple[Ints, Floats]:

@@ -1,40 +1,39 @@
 """Accuracy study of a scene: sweeps, reference, Pareto front, error contributions and reports."""
 
+import json
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from hashlib import sha256
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from clothsim import Scene, engine
+import clothsim
+from clothsim import Scene, engine, simulate
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
-from clothsim.engine import World, available_cores, build, fixed
+from clothsim.base.parallel import available_cores
+from clothsim.base.safe_files.directory import make_directory
+from clothsim.engine import World, build, fixed
+from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
+from clothsim.study.error_control.resolution import Resolution, resolvable
 from clothsim.study.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
+from clothsim.study.goal_report import NamedGoal, goal_report, refuse_goal
 from clothsim.study.headline import UNFINISHED, headline, needed_seconds
 from clothsim.study.knobs import usable
 from clothsim.study.plan import gathered
+from clothsim.study.plot import draw
 from clothsim.study.points import BASE, Bench, Point, point
 from clothsim.study.pool import Runner, worker_processes
 from clothsim.study.report import StudyData, document
 from clothsim.study.report_text import markdown
-from clothsim.study.resample import material_of
-
-if TYPE_CHECKING:
-    from clothsim.study.goal_report import NamedGoal
-import json
-from dataclasses import replace
-from fractions import Fraction
-from tempfile import TemporaryDirectory
-
-from clothsim import simulate
-from clothsim.study.error_control.resolution import Resolution, resolvable
+from clothsim.study.resample import world_material
 
 # Settings of a scene with solver.error, found by one search, around which a study then varies its knobs.
 
@@ -84,7 +83,7 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
 
 def _search(scene: Scene, budget: float) -> dict[str, Any]:
     limit = min(scene.solver_settings.budget, LARGEST_FRACTION * budget)
-    with TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder:
         run = simulate(engine.replace(scene, "solver.budget", limit), folder)
     if run.status != "completed":
         raise InputError(
@@ -144,7 +143,7 @@ def study_accuracy(
     runners: Callable[[int], AbstractContextManager[Runner]] = worker_processes,
     name: str = "the scene",
     stopped: Callable[[], bool] = lambda: False,
-    goal: "NamedGoal | None" = None,
+    goal: NamedGoal | None = None,
 ) -> Study:
     """Estimate the error of a scene's last frame, its sources, and the cost of a smaller one.
 
@@ -199,7 +198,7 @@ def study_accuracy(
     deadline = started + seconds - min(FOR_FILES[0] * seconds, FOR_FILES[1])
     directory = Path(tempfile.mkdtemp(prefix="clothsim-study-") if output is None else output)
     built = build(scene)
-    _make_folder(directory / FOLDER)
+    make_directory(directory / FOLDER)
     scene, found = searched_settings(scene, directory, seconds)
     if found is not None:
         built = build(scene)
@@ -207,11 +206,10 @@ def study_accuracy(
     knobs_used, missing = usable(base, None if knobs is None else list(knobs))
     bench = Bench(scene, base, knobs_used)
     if goal is not None:
-        from clothsim.study.goal_report import refuse_goal
-
-        refuse_goal(built, bench)
+        StateAtRest.refuse_history(built)
+        refuse_goal(bench)
     count = workers or available_cores()
-    material = material_of([c.rest_positions for c in built.world.cloths], [c.triangles for c in built.world.cloths])
+    material = world_material(built.world)
     fingerprint = _fingerprint(base, built.world)
 
     def left() -> float:
@@ -241,8 +239,6 @@ def study_accuracy(
         "stopped": stopped(),
     }
     if goal is not None:
-        from clothsim.study.goal_report import goal_report
-
         spent["goal"] = goal_report(gatherer, goal)
     return _written(StudyData(name, bench, gatherer, seen, missing), {**spent, "searched": found})
 
@@ -259,13 +255,6 @@ def _coarsest(bench: Bench) -> Point:
     return point(levels)
 
 
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be made a directory: {error.strerror}.", "Choose another output.") from error
-
-
 def _refuse_failed_base(gatherer: Gatherer) -> None:
     if BASE in gatherer.outcomes and not gatherer.good(BASE):
         raise InputError(
@@ -276,8 +265,6 @@ def _refuse_failed_base(gatherer: Gatherer) -> None:
 
 def _fingerprint(base: Scene, world: World) -> str:
     """Identity of a scene: hash of its settings, its meshes and the code that computes them."""
-    import clothsim
-
     digest = sha256(f"{clothsim.__version__} {base.to_text()}".encode())
     for array in (world.start(), world.triangles, world.body_triangles, world.rest_shapes):
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -300,7 +287,5 @@ def _written(study_data: StudyData, spent: dict[str, Any]) -> Study:
     (directory / REPORT_NAME).write_text(markdown(study_data.name, result), encoding="utf-8")
     (directory / PICTURE_NAME).unlink(missing_ok=True)
     if known is not None:
-        from clothsim.study.plot import draw
-
         draw(study_data, known, directory / PICTURE_NAME)
     return Study(directory, result)

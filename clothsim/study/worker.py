@@ -18,9 +18,11 @@ from threading import Thread
 from time import perf_counter, process_time
 from typing import Any
 
+import numpy as np
+
 from clothsim import simulate
 from clothsim.base.safe_files.record import to_json
-from clothsim.engine import cloth_shape, initial_positions, placed, scene_from_text
+from clothsim.engine import cloths_at_start, scene_from_text
 from clothsim.files import write_obj
 
 SHORT, TIMES = 1.0, 3
@@ -106,8 +108,6 @@ def _failure(status: str, reason: str, record: list[dict[str, Any]]) -> str:
 
 
 def _write(target: Path, world: Any, positions: Any) -> None:
-    import numpy as np
-
     arrays = {"positions": positions}
     for k, cloth in enumerate(world.cloths):
         arrays[f"rest_{k}"], arrays[f"triangles_{k}"] = cloth.rest_positions, cloth.triangles
@@ -116,18 +116,7 @@ def _write(target: Path, world: Any, positions: Any) -> None:
 
 def _jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     """The [seed] of `scene` with each vertex of its start moved by up to JITTER of the size, at random."""
-    import numpy as np
-
-
-    shapes = [cloth_shape(keys, f"cloth[{k}]", scene.directory) for k, keys in enumerate(scene.cloths)]
-    given = initial_positions(scene, [len(shape.positions) for shape in shapes])
-    starts = [
-        placed(keys, shape.positions) if start is None else start
-        for keys, shape, start in zip(scene.cloths, shapes, given, strict=True)
-    ]
-    start = np.concatenate(starts)
-    first = np.cumsum([0, *(len(shape.positions) for shape in shapes)])
-    triangles = np.concatenate([shape.triangles + k for shape, k in zip(shapes, first[:-1], strict=True)])
+    start, triangles = cloths_at_start(scene)
     amplitude = JITTER * float(np.linalg.norm(np.ptp(start, axis=0)))
     moved = start + np.random.default_rng(seed).uniform(-amplitude, amplitude, start.shape)
     untangling = {key: value for key, value in scene.seed.items() if key == "untangle"}

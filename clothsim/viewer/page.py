@@ -1,5 +1,6 @@
 """Page of a run: the cloth to be turned, scrubbed and played, a field in colours, a picked vertex, the certificate."""
 
+import io
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, field
@@ -7,15 +8,14 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import trimesh
 
 from clothsim import Run, open_run
-from clothsim.base.arrays import Floats
-from clothsim.viewer.coloured_frames import Colouring, colouring, positions_of
-from clothsim.viewer.glb_frames import as_glb
-from clothsim.viewer.legend_bar import legend_html
-from clothsim.viewer.picking import picked_vertex
+from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import Colouring
+from clothsim.render import vertex_normals
 from clothsim.viewer.served import Served
-from clothsim.viewer.side_texts import certificate_text, solver_text, speeds, state_text, vertex_text
+from clothsim.viewer.side_texts import certificate_text, legend_html, solver_text, speeds, state_text, vertex_text
 
 if TYPE_CHECKING:
     import viser
@@ -76,7 +76,7 @@ class Page(Served):
     def colour_by(self, name: str) -> None:
         """Colour the cloth by another quantity."""
         with self._lock:
-            self.colouring = colouring(self.run, name)
+            self.colouring = Colouring.of_run(self.run, name)
             self.controls["legend"].content = legend_html(self.colouring.scale)
             self.picked = None
             self.fade(self.controls["opacity"].value)
@@ -106,7 +106,7 @@ class Page(Served):
                 return False
             at_end = self.frame == len(self.run) - 1
             self.run = again
-            self.colouring = colouring(again, self.colouring.name)
+            self.colouring = Colouring.of_run(again, self.colouring.name)
             self._ready.clear()
             slider = self.controls["frame"]
             slider.max = max(1, len(again) - 1)
@@ -121,7 +121,8 @@ class Page(Served):
         """The cloths of a frame as binary glTF; kept, as playing asks for it again."""
         key = (self.colouring.name, frame)
         if key not in self._ready:
-            self._ready[key] = as_glb(self.colouring.mesh(frame))
+            mesh = self.colouring.mesh(frame)
+            self._ready[key] = as_glb(mesh.positions, mesh.triangles, mesh.colours)
             while len(self._ready) > 1 and sum(map(len, self._ready.values())) > CACHED_BYTES:
                 self._ready.popitem(last=False)
         return self._ready[key]
@@ -147,7 +148,7 @@ class Page(Served):
 
     def _history(self, vertex: int) -> Floats:
         """Places of a vertex in all frames, (k, 3) [m]."""
-        return np.array([positions_of(self.run, self.colouring, k)[vertex] for k in range(len(self.run))])
+        return np.array([self.colouring.positions(self.run, k)[vertex] for k in range(len(self.run))])
 
     def serve(self) -> None:
         """Play, and follow a run that is still going, until the page is closed."""
@@ -162,3 +163,49 @@ class Page(Served):
                 if now - shown >= pause:
                     shown = now
                     self.controls["frame"].value = (self.frame + 1) % len(self.run)
+
+
+def as_glb(positions: Floats, triangles: Ints, colours: Floats) -> bytes:
+    """Binary glTF of a mesh (n, 3), (m, 3) with a colour (n, 3) in [0, 1] at each vertex, seen from both sides."""
+    opaque = np.column_stack([np.round(255 * colours), np.full(len(colours), 255)]).astype(np.uint8)
+    made = trimesh.Trimesh(
+        positions,
+        triangles,
+        vertex_normals=vertex_normals(positions, triangles),
+        vertex_colors=opaque,
+        process=False,
+    )
+    data = io.BytesIO()
+    made.export(data, file_type="glb", include_normals=True)
+    return data.getvalue()
+
+
+def picked_vertex(positions: Floats, triangles: Ints, origin: Floats, direction: Floats) -> int | None:
+    """Number of the vertex nearest to where a ray first meets the triangles; None where it meets none.
+
+    Moller and Trumbore 1997, from both sides.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    >>> picked_vertex(square, np.array([[0, 1, 2], [0, 2, 3]]), np.array([0.9, 0.2, 1]), np.array([0, 0, -1.0]))
+    1
+    """
+    a, b, c = (positions[triangles[:, k]] for k in range(3))
+    first, second = b - a, c - a
+    across = np.cross(direction, second)
+    volume = np.einsum("ij,ij->i", first, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        from_a = origin - a
+        u = np.einsum("ij,ij->i", from_a, across) / volume
+        other = np.cross(from_a, first)
+        v = other @ direction / volume
+        distance = np.einsum("ij,ij->i", second, other) / volume
+        met = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0)
+    if not met.any():
+        return None
+    row = int(np.argmin(np.where(met, distance, np.inf)))
+    point = origin + distance[row] * direction
+    corners = triangles[row]
+    return int(corners[np.argmin(np.linalg.norm(positions[corners] - point, axis=1))])

@@ -5,11 +5,9 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.engine import upright
 from clothsim.render import BODY_GREY
-from clothsim.viewer.legend_bar import legend_html
 from clothsim.viewer.page import Page
-from clothsim.viewer.side_texts import certificate_text, state_text
+from clothsim.viewer.side_texts import certificate_text, legend_html, state_text
 
 BACKGROUND = np.linspace([186, 194, 206], [243, 244, 247], 256).round().astype(np.uint8)
 """Colours from top to bottom (256, 3): unstretched cloth, which is nearly white, stands out."""
@@ -31,7 +29,7 @@ def add_scene(page: Page) -> None:
     everything = np.concatenate([mesh.positions, last])
     for name, points, triangles in run.bodies(0):
         page.nodes[f"body/{name}"] = add_body(server, name, points, triangles)
-    size = look_at(server, everything, upright(run.directory))
+    size = look_at(server, everything, run.up)
     page.nodes["marker"] = server.scene.add_icosphere(
         "/marker", radius=0.008 * size, color=(220, 30, 30), visible=False
     )

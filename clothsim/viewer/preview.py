@@ -12,8 +12,8 @@ import numpy as np
 from clothsim import Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
+from clothsim.engine import Prediction, Predictor
 from clothsim.viewer.page_parts import add_background, add_body, look_at
-from clothsim.viewer.prediction import Prediction, Predictor, predictor
 from clothsim.viewer.served import Served
 from clothsim.viewer.side_texts import state_text
 from clothsim.viewer.view import LOOPBACK, PORT, require_viser, serve
@@ -125,7 +125,7 @@ def preview(scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPB
         A model of another garment or body, or viser is not installed.
     """
     viser = require_viser()
-    made = predictor(scene, model)
+    made = Predictor.of_model(scene, model)
     middle = 0.5 * (made.model.low + made.model.high)
     first = made.predicted(middle)
     page = Preview(made, serve(viser, host, port), middle)

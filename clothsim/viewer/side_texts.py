@@ -1,15 +1,20 @@
-"""Texts beside the picture: state of the run, certificate, numbers of the solver, values at a vertex."""
+"""Texts beside the picture: state of the run, certificate, numbers of the solver, values at a vertex, scalar bar."""
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.engine import certificate_rows
+from clothsim.render import Scale
 
 if TYPE_CHECKING:
     from clothsim import Run
+
+STOPS = 17
+"""Colours of the scalar bar, equally spaced."""
 
 
 def table(rows: Sequence[tuple[str, str]]) -> str:
@@ -62,3 +67,20 @@ def speeds(places: Floats, times: Floats) -> Floats:
     if len(times) < 2:
         return np.zeros(len(times))
     return np.concatenate([[0.0], np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)])
+
+
+def legend_html(scale: Scale | None) -> str:
+    """Horizontal bar of a scale with its heading and ticks, as HTML; empty where the cloth is plain."""
+    if scale is None:
+        return ""
+    painted = scale.colours(np.linspace(scale.low, scale.high, STOPS))
+    stops = ", ".join("#" + "".join(f"{round(255 * channel):02x}" for channel in colour) for colour in painted)
+    ticks = "".join(
+        f'<span style="position:absolute; left:{share:.1f}%; transform:translateX(-{share:.1f}%)">{escape(text)}</span>'
+        for share, text in ((100 * (value - scale.low) / (scale.high - scale.low), text) for value, text in scale.ticks)
+    )
+    return (
+        f'<div style="padding:0 1em 0.4em; font-size:0.8em">{escape(" ".join(scale.heading))}'
+        f'<div style="height:0.8em; background:linear-gradient(to right, {stops})"></div>'
+        f'<div style="position:relative; height:1.2em">{ticks}</div></div>'
+    )

@@ -7,8 +7,7 @@ from typing import Any
 
 from clothsim import Run, open_run
 from clothsim.base.errors import InputError
-from clothsim.files import TRAJECTORY_NAME
-from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names
+from clothsim.engine import Colouring
 from clothsim.viewer.page import Page
 from clothsim.viewer.page_parts import add_controls, add_scene
 from clothsim.viewer.served import silent
@@ -80,12 +79,12 @@ def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: 
     viser = require_viser()
     run = run if isinstance(run, Run) else open_run(run)
     if not len(run):
-        raise InputError(f"{run.directory} has no frame yet.", f"Wait until {TRAJECTORY_NAME} has one.")
-    names = colouring_names(run)
-    first = colour or (STRETCH if STRETCH in names else PLAIN)
+        raise InputError(f"{run.directory} has no frame yet.", "Wait until the run has written one.")
+    names = Colouring.names(run)
+    first = colour or ("stretch" if "stretch" in names else "plain")
     if first not in names:
         raise InputError(f"This run has no {first!r} to show.", f"It has {', '.join(names)}.")
-    page = Page(run, serve(viser, host, port), colouring(run, first))
+    page = Page(run, serve(viser, host, port), Colouring.of_run(run, first))
     add_scene(page)
     add_controls(page, names)
     page.show(0)

@@ -25,7 +25,6 @@ from typing import Any
 from clothsim import register_effect, simulate
 from clothsim.base.errors import ClothsimError
 from clothsim.physics.energies.base import Energy
-from clothsim.run.example_scenes import scene_file
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene
@@ -66,7 +65,7 @@ def shirt_recipe(count: int, seed: int = 0) -> Recipe:
     vary: dict[str, Any] = {f"body.{name}": {"uniform": list(box)} for name, box in BODY.items()}
     vary |= {f"cloth.{name}": f"=body.{name}" for name in BODY}
     farm = {"count": count, "seed": seed, "licence": "CC0-1.0"}
-    return make_recipe(load_scene(scene_file(Path("shirt"))), farm, SETTINGS, vary)
+    return make_recipe(load_scene("shirt"), farm, SETTINGS, vary)
 
 
 def sheet_recipe(count: int, seed: int = 0) -> Recipe:
@@ -74,7 +73,7 @@ def sheet_recipe(count: int, seed: int = 0) -> Recipe:
     cells = {"cloth.cells": [5, 5], "body.subdivisions": 1, "run.duration": 0.3, "run.frames_per_second": 10}
     vary = {"cloth.density": {"uniform": [0.1, 0.3]}, "body.radius": {"uniform": [0.25, 0.3]}}
     farm = {"count": count, "seed": seed, "until": "time"}
-    return make_recipe(load_scene(scene_file(Path("sphere"))), farm, {**cells, "solver.dt": 0.05}, vary)
+    return make_recipe(load_scene("sphere"), farm, {**cells, "solver.dt": 0.05}, vary)
 
 
 RECIPES = {"shirt": shirt_recipe, "sheet": sheet_recipe}

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from command_line import FREE, SHEET, refused, with_keywords
 
-from clothsim import engine
 from clothsim.base.safe_files.record import read_summary
 from clothsim.cli import main
 from clothsim.cli.progress import Lines
 from clothsim.files.runs.checkpoint import read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
+from clothsim.run import pictures
 from clothsim.run.receipt import explain_run, explain_scene
 from clothsim.run.results import open_run
 from clothsim.scene.effects import EFFECTS
@@ -101,8 +101,8 @@ def test_frames_per_second_replaces_the_scenes(finished, tmp_path):
 
 def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
     small = {"size": (64, 64)}
-    monkeypatch.setattr(engine, "draw_frame", with_keywords(engine.draw_frame, small))
-    monkeypatch.setattr(engine, "draw_movie", with_keywords(engine.draw_movie, small))
+    monkeypatch.setattr(pictures, "draw_frame", with_keywords(pictures.draw_frame, small))
+    monkeypatch.setattr(pictures, "draw_movie", with_keywords(pictures.draw_movie, small))
     assert main(["run", "free.toml", "--movie", "--frames-per-second", "25"]) == 0
     assert (tmp_path / "free/picture.png").read_bytes().startswith(b"\x89PNG")
     assert list((tmp_path / "free").glob("movie.*"))
@@ -112,7 +112,7 @@ def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
 def test_a_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     small = {"size": (64, 64), "renderer": "ray"}
-    monkeypatch.setattr(engine, "draw_movie", with_keywords(engine.draw_movie, small))
+    monkeypatch.setattr(pictures, "draw_movie", with_keywords(pictures.draw_movie, small))
     assert main(["run", "free.toml", "--movie", "--no-picture", "--frames-per-second", "25", "--quiet"]) == 0
     assert [file.name for file in (tmp_path / "free").glob("movie.*")] == ["movie.gif"]
 
@@ -184,13 +184,11 @@ def test_render_a_frame_and_a_movie(capsys, tmp_path, free):
 
 
 def test_up_is_against_gravity_where_it_is_known(free, finished, tmp_path):
-    from clothsim.run.pictures import upright
-
-    assert upright(free) == pytest.approx((0, 1, 0))
-    assert upright(finished) == (0, 0, 1)
+    assert open_run(free).up == pytest.approx((0, 1, 0))
+    assert open_run(finished).up == (0, 0, 1)
     shutil.copytree(free, tmp_path / "bare")
     (tmp_path / "bare/checkpoint.npz").unlink()
-    assert upright(tmp_path / "bare") == "z"
+    assert open_run(tmp_path / "bare").up == "z"
 
 
 def test_check_lists_all_faults_of_a_mesh_at_once(capsys, tmp_path):

@@ -19,7 +19,7 @@ from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import CONTACTS
 from clothsim.study.reference_solution import Norm
-from clothsim.study.resample import Material, at_points_of, material_of, point_areas
+from clothsim.study.resample import Material, at_points_of, point_areas, world_material
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def solution_of(run: Run, world: Any, seconds: float) -> Solution:
     """The last frame of a run of a world."""
     if run.status != "completed":
         raise ValueError(run.reason)
-    material = material_of([c.rest_positions for c in world.cloths], [c.triangles for c in world.cloths])
+    material = world_material(world)
     return Solution(material, run.positions(-1), seconds, run.summary)
 
 

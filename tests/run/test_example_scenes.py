@@ -6,8 +6,9 @@ import pytest
 
 from clothsim import InputError, load_scene
 from clothsim.cli import main
-from clothsim.run import example_scenes as module
-from clothsim.run.example_scenes import example_scenes, headline, scene_file
+from clothsim.run.example_scenes import example_scenes, headline
+from clothsim.scene import example_files
+from clothsim.scene.example_files import scene_file
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,7 +24,7 @@ def test_every_scene_of_the_repository_is_listed():
 def test_files_that_are_not_installed_are_named(tmp_path, monkeypatch):
     for name in ("sphere", "shoulders"):
         (tmp_path / f"{name}.toml").write_bytes((ROOT / "scenes" / f"{name}.toml").read_bytes())
-    monkeypatch.setattr(module, "_folders", lambda: iter([tmp_path / "none", tmp_path]))
+    monkeypatch.setattr(example_files, "folders", lambda: iter([tmp_path / "none", tmp_path]))
     missing = {each.name: each.missing for each in example_scenes()}
     assert missing["sphere"] == ()
     [name] = missing["shoulders"]
@@ -32,7 +33,7 @@ def test_files_that_are_not_installed_are_named(tmp_path, monkeypatch):
 
 def test_a_name_is_that_of_a_file_first(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert load_scene(scene_file(Path("sphere"))).bodies
+    assert load_scene("sphere").bodies
     assert scene_file(Path("folder/sphere")) == Path("folder/sphere")
     assert scene_file(Path("mine.toml")) == Path("mine.toml")
     Path("sphere").mkdir()  # the output of a run of that name
@@ -66,7 +67,7 @@ def test_a_file_of_an_installed_name_is_read(tmp_path, monkeypatch):
 
 
 def test_scenes_that_are_not_installed_are_reported(monkeypatch, tmp_path):
-    monkeypatch.setattr(module, "_folders", lambda: iter([tmp_path]))
+    monkeypatch.setattr(example_files, "folders", lambda: iter([tmp_path]))
     with pytest.raises(InputError):
         example_scenes()
 

@@ -10,7 +10,7 @@ import pytest
 from small_scenes import BALL, RUN, small_scene
 
 from clothsim import open_run, resume, simulate
-from clothsim.run.interruption import InterruptFlag, interruption
+from clothsim.base.interruption import InterruptFlag, interruption
 from clothsim.solve.stepping import stepping
 
 FALL = {"effects": {"inertia": {}, "gravity": {}}, "body": (), "run": {**RUN, "duration": 0.16}}

@@ -1,10 +1,12 @@
 """[solver] newton_error_fraction and tolerance: which of them stops Newton's method."""
 
+from dataclasses import replace
+
 import pytest
 from small_scenes import small_scene, without
 
 from clothsim import InputError, simulate
-from clothsim.run.session import prepare
+from clothsim.run.session import CONVERGED_FRACTION, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.overrides import override
 from clothsim.solve.newton.convergence import LEAST_SPEED
@@ -15,11 +17,31 @@ def settings(**solver):
     return prepare(scene, build(scene)).integrator.settings
 
 
-def test_the_time_error_stops_newton_where_no_tolerance_is_given():
-    balanced = settings()
-    assert balanced.error_fraction == 0.1
-    assert balanced.tolerance == pytest.approx(0.1 * LEAST_SPEED)
-    assert settings(newton_error_fraction=0.02).tolerance == pytest.approx(0.02 * LEAST_SPEED)
+def test_the_motion_stops_newton_where_no_tolerance_is_given():
+    chosen, half = settings(), settings(newton_error_fraction=0.15)
+    assert (chosen.error_fraction, chosen.converge) == (0.3, False)
+    assert half.error_fraction == 0.15
+    assert half.tolerance == pytest.approx(0.5 * chosen.tolerance)
+
+
+def test_the_least_speed_is_that_of_a_fall_by_a_part_of_a_cell():
+    """At ten times the size and the same gravity speeds are 10^1/2 times as large."""
+    small, large = ([{"mesh": "rectangle", "size": [s, s], "cells": [4, 4]}] for s in (0.5, 5.0))
+    speeds = []
+    for cloth in (small, large):
+        scene = small_scene(cloth=cloth, body=(), effects=without("body_contact"))
+        speeds.append(prepare(scene, build(scene)).integrator.settings.tolerance)
+    assert speeds[1] == pytest.approx(10**0.5 * speeds[0])
+
+
+@pytest.mark.parametrize("solver", [{"converge": True}, {"error": 0.01}])
+def test_a_step_is_converged_where_it_is_asked_for(solver):
+    solver = {"converge": True} if "converge" in solver else solver
+    scene = small_scene()
+    given = {key: value for key, value in scene.solver.items() if key != "dt"} if "error" in solver else scene.solver
+    scene = replace(scene, solver={**given, **solver})
+    found = prepare(scene, build(scene)).integrator.settings
+    assert (found.error_fraction, found.converge) == (CONVERGED_FRACTION, True)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-2])

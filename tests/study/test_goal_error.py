@@ -12,13 +12,13 @@ from clothsim import InputError, Scene, simulate
 from clothsim.cli import main
 from clothsim.gradients.hem import border_sides, hem_of
 from clothsim.gradients.losses import Height
+from clothsim.gradients.state_at_rest import StateAtRest
 from clothsim.mesh.generators.sheets import disk, rectangle, tube
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.study import goal_report as goal_report_module
 from clothsim.study.goal_report import NamedGoal, goal_error, goal_lines, goal_report
 from clothsim.study.knobs import KNOBS
 from clothsim.study.points import BASE, Bench, point
-from clothsim.study.state_at_rest import powers, refuse_history, state_at_rest
 from clothsim.study.study import study_accuracy
 
 SOFT = {"youngs_modulus": 1e4, "bending_stiffness": 2e-3, "density": 0.15, "thickness": 3e-4}
@@ -84,13 +84,13 @@ def test_powers_sum_to_that_of_the_force():
     scene = hanging([0.3, 0.1], [6, 2], [0, 0, 0], {"select": "left", "clamp": True})  # with ghosts
     for model in ("midedge", "hinge"):
         own = replace(scene, effects=scene.effects | {"bending": {"model": model}})
-        made = state_at_rest(own, simulate(own).positions(-1))
+        made = StateAtRest.of_scene(own, simulate(own).positions(-1))
         rng = np.random.default_rng(0)
         x = made.x + 1e-3 * rng.standard_normal(made.x.shape)
         velocities = rng.standard_normal(made.x.shape)
         velocities[made.world.n_cloth :] = 0.0
         wanted = float(np.vdot(made.potential.gradient(x), velocities))
-        assert powers(made.potential, x, velocities, made.world.n_cloth).sum() == pytest.approx(wanted, rel=1e-10)
+        assert made.powers(x, velocities, made.world.n_cloth).sum() == pytest.approx(wanted, rel=1e-10)
 
 
 def test_sides_of_borders():
@@ -105,10 +105,10 @@ def test_what_has_no_error_by_triangles(tmp_path, capsys):
     for effects in ({"inertia": {}}, {"body_contact": {}, "friction": {}}):
         other = replace(scene, effects=scene.effects | effects, body={"name": "b", "mesh": "sphere"})
         with pytest.raises(InputError, match=next(reversed(effects))):
-            state_at_rest(other, ends)
+            StateAtRest.of_scene(other, ends)
     rigid: Any = SimpleNamespace(energies={}, world=SimpleNamespace(rigid=("button",)))
     with pytest.raises(InputError, match="rigid"):
-        refuse_history(rigid)
+        StateAtRest.refuse_history(rigid)
     with pytest.raises(InputError, match="cells"):
         study_accuracy(scene, tmp_path / "no", ["dt"], runners=Runners(), goal=NamedGoal("hem", hem_of))
     assert not (tmp_path / "no" / "study.json").exists()
@@ -147,7 +147,7 @@ def test_report_of_a_goal(tmp_path, monkeypatch):
 
 def test_a_study_with_a_goal(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "clothsim.study.goal_report.goal_report", lambda gatherer, goal: {"name": goal.name, "failed": "a reason"}
+        "clothsim.study.study.goal_report", lambda gatherer, goal: {"name": goal.name, "failed": "a reason"}
     )
     scene = replace(SHEET, effects={"membrane": {}, "gravity": {}, "pins": TOP})
     goal = NamedGoal("hem", hem_of)

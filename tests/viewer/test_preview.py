@@ -7,10 +7,10 @@ from clothsim import InputError
 from clothsim.mesh.generators.mannequin.generator import mannequin
 from clothsim.mesh.generators.mannequin.skeleton import JOINTS
 from clothsim.mesh.generators.mannequin.template import template
-from clothsim.scene.assembly.drape_model import DrapeModel, family, write_model
+from clothsim.scene.assembly.drape_model import DrapeModel, family
+from clothsim.scene.assembly.drape_prediction import Predictor
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
-from clothsim.viewer.prediction import predictor
 
 VARIED = ["body.radius", "cloth.density"]
 
@@ -41,11 +41,11 @@ def model_of(scene, slope, inputs=("body.radius",), same=(), low=0.13, high=0.17
 
 @pytest.fixture
 def file(tmp_path):
-    return write_model(tmp_path / "model.npz", model_of(sheet(), 0.0, same=[("cloth.density", "body.radius")]))
+    return model_of(sheet(), 0.0, same=[("cloth.density", "body.radius")]).write(tmp_path / "model.npz")
 
 
 def test_the_prediction_is_that_of_the_model_on_the_body_of_its_inputs(file):
-    shown = predictor(sheet(), file)
+    shown = Predictor.of_model(sheet(), file)
     small, large = shown.predicted([0.14]), shown.predicted([0.17])
     assert np.array_equal(small.cloth, shown.model.positions([0.14]))
     assert np.linalg.norm(large.bodies[0], axis=1) == pytest.approx(0.17)
@@ -61,19 +61,19 @@ def test_the_place_is_the_part_of_the_mannequin_with_most_pairs(tmp_path):
     centre = body[template().weights.argmax(axis=1) == forearm].mean(axis=0)
     cloth = {"mesh": "rectangle", "size": [0.3, 0.3], "cells": [2, 2], "position": centre.tolist()}
     scene = Scene(cloth=cloth, body={"mesh": "mannequin"}, effects={"membrane": {}})
-    file = write_model(tmp_path / "model.npz", model_of(scene, 0.0, ("body.height",), low=1.69, high=1.71))
-    assert predictor(scene, file).predicted([1.7]).place == "at the left elbow"
+    file = model_of(scene, 0.0, ("body.height",), low=1.69, high=1.71).write(tmp_path / "model.npz")
+    assert Predictor.of_model(scene, file).predicted([1.7]).place == "at the left elbow"
 
 
 def test_a_model_of_another_garment_is_refused(file):
     with pytest.raises(InputError):
-        predictor(sheet(mesh="capsule"), file)
+        Predictor.of_model(sheet(mesh="capsule"), file)
 
 
 @pytest.mark.parametrize("inputs", [[np.nan], [], [0.15, 0.15], ["wide"], None])
 def test_inputs_that_are_no_numbers_are_refused(file, inputs):
     with pytest.raises(InputError, match="inputs"):
-        predictor(sheet(), file).predicted(inputs)
+        Predictor.of_model(sheet(), file).predicted(inputs)
 
 
 def test_a_certificate_is_not_shown_beside_another_garment(tmp_path, monkeypatch):
@@ -87,7 +87,7 @@ def test_a_certificate_is_not_shown_beside_another_garment(tmp_path, monkeypatch
         page.show([0.14])
         return run
 
-    page = preview(sheet(), write_model(tmp_path / "model.npz", model_of(sheet(), 0.0)), port=18_782)
+    page = preview(sheet(), model_of(sheet(), 0.0).write(tmp_path / "model.npz"), port=18_782)
     try:
         monkeypatch.setattr("clothsim.viewer.preview.simulate", moved_meanwhile)
         assert "completed" in page.drape()
@@ -106,7 +106,7 @@ def test_the_page_shows_predictions_and_drapes(tmp_path):
     from clothsim.viewer.preview import CLEAR, CROSSING, DRAPED, preview
 
     scene = sheet()
-    page = preview(scene, write_model(tmp_path / "model.npz", model_of(scene, -0.01)), port=18_781)
+    page = preview(scene, model_of(scene, -0.01).write(tmp_path / "model.npz"), port=18_781)
     try:
         cloth, body = page.nodes["cloths"][0], page.nodes["bodies"][0]
         assert not page.show([0.15]).crossings

@@ -12,13 +12,11 @@ import trimesh
 
 import clothsim
 from clothsim.base.errors import InputError
+from clothsim.run.colouring import PLAIN, STRETCH, Colouring
 from clothsim.run.results import open_run
 from clothsim.viewer import view as view_module
-from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names, positions_of
-from clothsim.viewer.glb_frames import as_glb
-from clothsim.viewer.legend_bar import legend_html
-from clothsim.viewer.picking import picked_vertex
-from clothsim.viewer.side_texts import solver_text, speeds
+from clothsim.viewer.page import as_glb, picked_vertex
+from clothsim.viewer.side_texts import legend_html, solver_text, speeds
 
 
 def status_of(url: str) -> int:
@@ -49,35 +47,35 @@ def page(run):
 
 
 def test_names_are_those_that_can_be_drawn(run):
-    names = colouring_names(run)
+    names = Colouring.names(run)
     assert {PLAIN, STRETCH, "stress", "compression", "body_pressure"} <= set(names)
     assert "contact_pressure" not in names  # the run did not write it
     for name in names:
-        mesh = colouring(run, name).mesh(1)
+        mesh = Colouring.of_run(run, name).mesh(1)
         assert mesh.colours.shape == mesh.positions.shape
         assert 0 <= mesh.colours.min() <= mesh.colours.max() <= 1
 
 
 @pytest.mark.parametrize("name", [PLAIN, STRETCH, "stress", "body_pressure"])
 def test_the_mesh_has_the_positions_of_the_frame(run, name):
-    shown = colouring(run, name)
+    shown = Colouring.of_run(run, name)
     mesh = shown.mesh(2)
-    assert np.array_equal(mesh.positions, positions_of(run, shown, 2))
+    assert np.array_equal(mesh.positions, shown.positions(run, 2))
     body = sum(len(triangles) for _, _, triangles in run.bodies(0))
     assert len(mesh.triangles) == (body if name == "body_pressure" else len(run.triangles))
 
 
 def test_the_value_at_a_vertex_is_a_stretch_not_its_logarithm(run):
-    shown = colouring(run, STRETCH)
+    shown = Colouring.of_run(run, STRETCH)
     mesh = shown.mesh(0)
     assert shown.value_at(mesh, 0) == "1"
-    assert colouring(run, "stress").value_at(mesh, 0).endswith("N/m")
-    plain = colouring(run, PLAIN)
+    assert Colouring.of_run(run, "stress").value_at(mesh, 0).endswith("N/m")
+    plain = Colouring.of_run(run, PLAIN)
     assert plain.value_at(plain.mesh(0), 0) == "-"
 
 
 def test_one_range_for_all_frames(run):
-    shown = colouring(run, "stress")
+    shown = Colouring.of_run(run, "stress")
     largest = max(float(shown.mesh(k).values.max()) for k in range(len(run)))
     assert shown.scale.high > 0.3 * largest
     first, last = shown.mesh(0), shown.mesh(len(run) - 1)
@@ -85,15 +83,16 @@ def test_one_range_for_all_frames(run):
 
 
 def test_binary_gltf_is_read_by_a_reader_that_is_not_ours(run):
-    mesh = colouring(run, STRETCH).mesh(-1)
-    read = trimesh.load(io.BytesIO(as_glb(mesh)), file_type="glb", process=False, force="mesh")
+    mesh = Colouring.of_run(run, STRETCH).mesh(-1)
+    data = io.BytesIO(as_glb(mesh.positions, mesh.triangles, mesh.colours))
+    read = trimesh.load(data, file_type="glb", process=False, force="mesh")
     assert np.allclose(read.vertices, mesh.positions, atol=1e-6)
     assert np.array_equal(read.faces, mesh.triangles)
     assert np.abs(read.visual.vertex_colors[:, :3] / 255 - mesh.colours).max() < 1 / 255
 
 
 def test_the_picked_vertex_is_the_nearest_that_the_ray_meets_first(run):
-    mesh = colouring(run, PLAIN).mesh(-1)
+    mesh = Colouring.of_run(run, PLAIN).mesh(-1)
     above = mesh.positions + np.array([0.003, 0.002, 1.0])
     for k in range(0, len(above), 5):
         found = picked_vertex(mesh.positions, mesh.triangles, above[k], np.array([0, 0, -1.0]))
@@ -116,7 +115,7 @@ def test_texts(run):
     assert speeds(np.array([[0, 0, 0], [0, 0, 0.2]]), np.array([0.0, 0.1])).tolist() == [0.0, 2.0]
     assert "1 of 5" in solver_text(run.record(), 0.03)
     assert legend_html(None) == ""
-    assert legend_html(colouring(run, "stress").scale).count("#") == 17
+    assert legend_html(Colouring.of_run(run, "stress").scale).count("#") == 17
 
 
 def test_the_page_is_served_and_follows_its_controls(page, run):
@@ -124,7 +123,7 @@ def test_the_page_is_served_and_follows_its_controls(page, run):
     page.show(3)
     mesh = page.colouring.mesh(3)
     assert page.frame == 3
-    assert page.nodes["cloth"].glb_data == as_glb(mesh)
+    assert page.nodes["cloth"].glb_data == as_glb(mesh.positions, mesh.triangles, mesh.colours)
     top = int(np.argmax(mesh.positions[:, 2]))
     assert page.pick(mesh.positions[top] + np.array([1e-4, 1e-4, 1.0]), np.array([0, 0, -1.0])) == top
     assert page.nodes["marker"].visible

@@ -16,12 +16,13 @@ import numpy as np
 
 from clothsim import Body, Run, Scene
 from clothsim.base.arrays import Floats, Ints
-from clothsim.engine import Listener, build
+from clothsim.engine import build
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
 from clothsim.garments.stage_scenes import dress_closing, simulate_stage
+from clothsim.garments.stages import Listener
 from clothsim.patterns import Panel, Seam
 from transfer.signed_distance import BodySurface
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from clothsim import Body, Run
 from clothsim.base.arrays import Floats
-from clothsim.engine import Announcement, Listener
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stage_scenes import dress_drape, simulate_stage
+from clothsim.garments.stages import Announcement, Listener
 
 FRICTION = 0.4
 SLIPPERY = 0.05

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Cloth, Run
+from clothsim import Cloth, Pattern, Run
 from clothsim.base.errors import InputError
-from clothsim.engine import Announcement, Listener, make_directory, refuse_earlier_run
+from clothsim.base.safe_files.directory import make_directory
+from clothsim.engine import refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import close, mean_edge, welded_where_closed, worst_gap
 from clothsim.garments.dress.corrections import (
@@ -30,8 +31,8 @@ from clothsim.garments.dress.measurements import tight_notes
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
-from clothsim.garments.stages import PlannedStage, Stage, StageCallback, run_stages, staged
-from clothsim.patterns import TOUCHING, Pattern, mesh_pattern, sewn_vertices
+from clothsim.garments.stages import Announcement, Listener, PlannedStage, Stage, StageCallback, run_stages, staged
+from clothsim.patterns import TOUCHING, mesh_pattern, sewn_vertices
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 

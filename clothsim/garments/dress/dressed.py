@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Run
+from clothsim import Pattern, Run
 from clothsim.base.arrays import Floats
 from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.base.safe_files.record import SUMMARY_NAME, read_summary, write_summary
@@ -19,7 +19,7 @@ from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Stage
-from clothsim.patterns import Pattern, write_specification
+from clothsim.patterns import write_specification
 from clothsim.render import draw_pattern, laid_out, outline
 
 

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from clothsim import Pattern
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
-from clothsim.engine import nearest
+from clothsim.base.inputs import nearest
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin, is_of_arm, is_of_leg
 from clothsim.garments.inputs import BodyMesh
-from clothsim.patterns import Panel, Pattern, PlaneMap, Side, mapped_panel, seams_alike
+from clothsim.patterns import Panel, PlaneMap, Side, mapped_panel, seams_alike
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
 from transfer.part_warp import arm_axis

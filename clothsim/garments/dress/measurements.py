@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from clothsim import Pattern
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import Fabric, border_edges, components
 from clothsim.garments.dress.closing import is_on_top
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh
-from clothsim.patterns import Pattern
 from clothsim.render import outline
 
 SECTORS = 24

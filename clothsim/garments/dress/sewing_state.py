@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim import Cloth
+from clothsim import Cloth, Pattern
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import Fabric, deformation_gradients, fabric_named, fabrics_of, mean_of_parts, principal_stretches
 from clothsim.garments.stages import Garment
-from clothsim.patterns import Pattern, PatternMesh, Seam, joined_vertices
+from clothsim.patterns import PatternMesh, Seam, joined_vertices
 from transfer.signed_distance import BodySurface
 
 

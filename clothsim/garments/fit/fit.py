@@ -13,9 +13,10 @@ import numpy as np
 from clothsim import Body, Cloth, Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import refuse_uncallable
 from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.base.safe_files.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
-from clothsim.engine import Announcement, Listener, fabric_named, refuse_earlier_run, refuse_uncallable
+from clothsim.engine import fabric_named, refuse_earlier_run
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
 from clothsim.garments.fit.original_file import fitted_text
@@ -23,7 +24,7 @@ from clothsim.garments.fit.pipeline import FitState, Task, run_fit
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, read_markers
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, garment_of, read_body_mesh, read_garment, worn_in_scene
 from clothsim.garments.penetration import NO_ROWS, Counts
-from clothsim.garments.stages import Garment, Stage, StageCallback, best_stage
+from clothsim.garments.stages import Announcement, Garment, Listener, Stage, StageCallback, best_stage
 from clothsim.garments.wear_check import Cost, WearCheck, check_wear, cost_of
 from transfer.body_frame import legs_score
 from transfer.errors import TransferError

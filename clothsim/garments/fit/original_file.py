@@ -9,7 +9,6 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.engine import PART
 from clothsim.files import MeshFile, moved_obj, read_mesh
 from clothsim.garments.penetration import NO_ROWS
 
@@ -70,7 +69,7 @@ def original_of(file: Path, mesh: MeshFile, sewn: Ints = NO_ROWS) -> Original:
 def original_of_scene(cloth: Mapping[str, Any], folder: Path, vertices: int) -> Original:
     """The OBJ file of a scene's cloth; none where it takes a part of one or sews it, or generates its mesh."""
     name = cloth["mesh"]
-    cut = [key for key in (*PART, "weld", "rest") if key in cloth and key != "scale"]
+    cut = [key for key in ("group", "component", "vertices", "weld", "rest") if key in cloth]
     file = folder / str(name)
     if not isinstance(name, str) or cut or file.suffix.lower() != ".obj" or not file.is_file():
         return NO_ORIGINAL

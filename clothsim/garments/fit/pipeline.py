@@ -18,7 +18,7 @@ import numpy as np
 from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.engine import Announcement, Listener, facing_away, untangle
+from clothsim.engine import facing_away, untangle
 from clothsim.garments.body_overlap import NO_OVERLAP, Overlap, carried_rows, overlaps_at
 from clothsim.garments.fit.guaranteed_path import Clearing, clearings
 from clothsim.garments.fit.moving_body import StageSettings, draped, moved_with_body, named_stage, near_body
@@ -26,7 +26,16 @@ from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, Transferred, sized, transferred, worn_positions
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import NO_ROWS, counted
-from clothsim.garments.stages import Garment, PlannedStage, Stage, StageCallback, run_stages, staged
+from clothsim.garments.stages import (
+    Announcement,
+    Garment,
+    Listener,
+    PlannedStage,
+    Stage,
+    StageCallback,
+    run_stages,
+    staged,
+)
 from transfer.errors import TransferError
 from transfer.refine import refined_on
 from transfer.signed_distance import BodySurface, body_surface

@@ -7,7 +7,7 @@ of the drapes, and a ridge regression to their coefficients, folded into one mat
 import hashlib
 import json
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.base.safe_files.atomic import replacing
 from clothsim.scene import paths
 from clothsim.scene.content import by_content
 from clothsim.scene.scene import Scene
@@ -57,11 +58,24 @@ class DrapeModel:
     mean: Floats
     basis: Floats
 
+    @classmethod
+    def of_scene(cls, scene: Scene, inputs: Sequence[str], same: Mapping[str, str], **arrays: Any) -> "DrapeModel":
+        """The model of the garment and body of a scene; same: keys with the value of another, arrays: all others."""
+        names = np.array(inputs), np.array([*same], np.str_), np.array([*same.values()], np.str_)
+        return cls(family(scene, [*inputs, *same]), *names, **arrays)
+
     def positions(self, inputs: Sequence[float] | Floats) -> Floats:
         """Predicted positions (n, 3) [m]; inputs outside of the box are clipped to it."""
         clipped = np.clip(np.asarray(inputs, np.float64), self.low, self.high)
         features = np.concatenate([[1.0], (clipped - self.centre) / self.scale])
         return (self.mean + self.basis @ (features @ self.weights)).reshape(-1, 3)
+
+    def write(self, path: Path) -> Path:
+        """Write the model as .npz, for `read_model`."""
+        arrays: dict[str, Any] = {name: np.asarray(value) for name, value in asdict(self).items()}
+        with replacing(path) as beside, beside.open("wb") as target:
+            np.savez_compressed(target, **arrays)
+        return path
 
 
 def predicted(model: DrapeModel, scene: Scene) -> Floats:
@@ -104,18 +118,8 @@ def family(scene: Scene, varied: Sequence[str]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def write_model(path: Path, model: DrapeModel) -> Path:
-    """Write a model as .npz."""
-    from clothsim.base.safe_files.atomic import replacing
-
-    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in asdict(model).items()}
-    with replacing(path) as beside, beside.open("wb") as target:
-        np.savez_compressed(target, **arrays)
-    return path
-
-
 def read_model(path: Path) -> DrapeModel:
-    """The model in a file of `write_model`. InputError for another file."""
+    """The model in a file of `DrapeModel.write`. InputError for another file."""
     try:
         with np.load(path, allow_pickle=False) as arrays:
             content = {name: arrays[name] for name in DrapeModel.__dataclass_fields__}

@@ -1,12 +1,13 @@
-"""Initial positions of the cloths from a file: the section [seed]."""
+"""Initial positions of the cloths: from a file, the section [seed], or where the scene places them."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, as_vector
+from clothsim.base.arrays import Floats, Ints, as_vector
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.placement import existing_file
+from clothsim.scene.assembly.meshes import cloth_shape
+from clothsim.scene.assembly.placement import existing_file, placed
 from clothsim.scene.scene import Scene
 
 
@@ -50,3 +51,19 @@ def initial_positions(scene: Scene, counts: Sequence[int]) -> list[Floats | None
         )
     moved = positions + as_vector("seed.position", (0, 0, 0) if seed.position is None else seed.position)
     return list(np.split(moved, np.cumsum(counts)[:-1]))
+
+
+def cloths_at_start(scene: Scene) -> tuple[Floats, Ints]:
+    """Positions (n, 3) [m] and triangles (m, 3) of all cloths at the start, neither sewn nor untangled.
+
+    The rows are those of a file of the section [seed].
+    """
+    shapes = [cloth_shape(keys, f"cloth[{k}]", scene.directory) for k, keys in enumerate(scene.cloths)]
+    given = initial_positions(scene, [len(shape.positions) for shape in shapes])
+    starts = [
+        placed(keys, shape.positions) if start is None else start
+        for keys, shape, start in zip(scene.cloths, shapes, given, strict=True)
+    ]
+    first = np.cumsum([0, *(len(shape.positions) for shape in shapes)])
+    triangles = np.concatenate([shape.triangles + k for shape, k in zip(shapes, first[:-1], strict=True)])
+    return np.concatenate(starts), triangles

@@ -14,7 +14,7 @@ from clothsim.keys.fabric import BENDINGS, Fabric
 from clothsim.keys.fabrics import fabric_named, fabrics_of
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.mesh_arrays import MeshArrays
-from clothsim.keys.mesh_keys import BodyTable, ClothTable, FramesTable, PatternFile
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FramesTable, PatternFile, check_body, check_cloth
 from clothsim.keys.model_keys import ModelTable
 from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.keys.rigid_keys import RigidTable
@@ -24,9 +24,11 @@ from clothsim.mesh.cloth import Cloth, make_cloth
 from clothsim.mesh.degenerate import flat_triangles
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import frame_motion, rigid_motion
+from clothsim.scene import cloth_arrays
 from clothsim.scene.assembly.placement import PART, Shape, examined, existing_file, name_of, placed
 from clothsim.scene.assembly.welding import sewn
 from clothsim.scene.assembly.winding import wound_alike
+from clothsim.scene.scene import Scene
 
 # Animated bodies: the frames of a sequence of files or of an array.
 
@@ -142,6 +144,19 @@ def cloth_of(shape: Shape, keys: ClothTable, where: str, start: Floats | None = 
     )
     of_panels = tuple(f"{label}: fabric {own[panel].name} of {panel}." for panel in cloth.fabrics)
     return cloth, (*warnings, fabric_note, *of_panels)
+
+
+def body_mesh(given: Scene | cloth_arrays.Body) -> tuple[Body, tuple[str, ...]]:
+    """The first body of a scene, or a body of arrays, as it is placed, and notes for the user."""
+    if isinstance(given, Scene):
+        return body_of(given.bodies[0], "body", given.directory)
+    return body_of(check_body("body", given), "body", Path())
+
+
+def cloth_mesh(given: cloth_arrays.Cloth, weld: float) -> tuple[Cloth, tuple[str, ...]]:
+    """A cloth of arrays as it is placed, and notes for the user; weld: in place of its own, if not 0 [m]."""
+    keys = check_cloth("cloth", {**given, "weld": weld} if weld else given)
+    return cloth_of(cloth_shape(keys, "cloth", Path()), keys, "cloth")
 
 
 def body_of(keys: BodyTable | FramesTable | ModelTable, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:

@@ -9,18 +9,19 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import table
 from clothsim.files.characters.character import Character
 from clothsim.files.characters.clip import Motion
 from clothsim.files.characters.gait import CLIPS, shipped_clip
 from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
 from clothsim.files.characters.timeline import Timeline, timeline
-from clothsim.keys.keys import table
 from clothsim.keys.model_keys import ClipKeys, ModelTable
 from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.motion import PosedMotion
 from clothsim.scene.assembly.placement import Shape, examined, existing_file, name_of, placed
+from clothsim.scene.scene import Scene
 
 # Motion of a body model: its clip, retargeted where it is of another skeleton, on a timeline.
 
@@ -182,6 +183,18 @@ def placed_character(keys: ModelTable, where: str, directory: Path) -> PlacedCha
         return PlacedCharacter(character, pose, None, linear, shift, ())
     made, notes = motion_of_model(keys, where, directory, character, pose)
     return PlacedCharacter(character, pose, made, linear, shift, notes)
+
+
+def character_of_scene(scene: Scene) -> tuple[PlacedCharacter, str]:
+    """The only body model of a scene and its name. InputError where it has none or several."""
+    models = [(k, keys) for k, keys in enumerate(scene.bodies) if isinstance(keys, ModelTable)]
+    if len(models) != 1:
+        raise InputError(
+            f"The scene has {len(models)} body models.", 'It takes one: [[body]] model = "mannequin", for instance.'
+        )
+    k, keys = models[0]
+    where = "body" if len(scene.bodies) == 1 else f"body[{k}]"
+    return placed_character(keys, where, scene.directory), keys.name or where
 
 
 def character_of(keys: ModelTable, where: str, directory: Path) -> Character:

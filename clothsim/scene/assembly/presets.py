@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from clothsim.base.errors import InputError
-from clothsim.keys.keys import nearest
+from clothsim.base.inputs import nearest
 from clothsim.scene import paths
 from clothsim.scene.assembly.explicit_lengths import d_hats
 from clothsim.scene.assembly.refinement import with_cells

@@ -32,6 +32,13 @@ def worn_shape(
     return shape
 
 
+def refuse_unwearable(name: str, positions: Floats, triangles: Ints, *, sewn: bool) -> tuple[str, ...]:
+    """InputError for a mesh that no cloth may have; the sentences on what may be a fault."""
+    report = examine(name, positions, triangles, "sewn cloth" if sewn else "cloth")
+    refuse(report)
+    return tuple(finding.sentence for finding in report.warnings)
+
+
 def one_sided(shape: Shape) -> Shape:
     """A shape without the second side of a mesh most of whose triangles are given twice, with opposite windings."""
     if ((shape.triangles < 0) | (shape.triangles >= len(shape.positions))).any():

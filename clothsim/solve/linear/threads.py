@@ -1,11 +1,12 @@
 """Numbers of threads: of a step where a scene leaves it open, and one for NumPy's and SciPy's BLAS."""
 
 import functools
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from threadpoolctl import ThreadpoolController
+
+from clothsim.base.parallel import available_cores
 
 ONE_THREAD_BELOW = 20_000
 """Vertices below which a step gets one thread where the scene leaves the number open.
@@ -17,11 +18,6 @@ actively; at 10,201 vertices two take .55 of its wall time, yet a run of the imp
 MOST = 4
 """Threads that a step gets at most where the scene leaves the number open: most tasks of a step come in twos, and MKL's
 own threads gain less than a sixth of it beyond, were their own speed-up perfect."""
-
-
-def available_cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def solver_threads(n_vertices: int, threads: int) -> int:

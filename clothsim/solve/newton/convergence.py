@@ -1,8 +1,9 @@
-"""Stopping rule of Newton's method: the balance of its error against the time error of the step.
+"""Stopping rules of Newton's method: the balance of its error against the time error of the step.
 
 A step of the time integrator is wrong by its local error, whatever Newton does. Iterations that change the result by
 much less buy nothing; iterations left out add their error to it. Both errors enter the velocity alike, so that what is
-balanced in each step stays balanced over a run (docs/notes/newton_stop.md).
+balanced in each step stays balanced over a run (docs/notes/newton_stop.md). `MotionStop` is the default;
+`ErrorBalance` converges each step (`[solver] converge = true`).
 """
 
 from collections.abc import Callable
@@ -24,13 +25,41 @@ FIRST_FORCE = 0.1
 .1. A card that is about to slip is held, 2 to 8 % out of balance, by a first step of which the next is a hundredfold.
 """
 
+FEWEST = 2
+"""Fewest iterations of a step that a time error ends: the first one has the projected Hessian, whose step says nothing
+of a buckle or of friction that is about to slip.
+"""
+FEWEST_UNSTABLE = 3
+"""The same where the last step followed negative curvature: a buckle grows for some iterations before it shows."""
+LONGEST_END = 0.03
+"""Longest root mean square of a step that may end a solve, in cells: where a cloth hits a plate at 50 m/s the time error
+is a quarter of a metre, and at .1 cells the impulse of the impact was lost.
+"""
+
 TimeError = Callable[[Floats], tuple[float, float]]
 """Local time error of a step that ends at x (N, 3): root mean square over the cloth vertices, and the largest [m]."""
+
+TimeErrors = Callable[[Floats], Floats]
+"""Local time error of a step that ends at x (N, 3), root mean square over the rows of each body, (k,) [m]."""
 
 
 def no_time_error(x: Floats) -> tuple[float, float]:
     """Return the time error of a quasi-static step, 0."""
     return 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class LastStep:
+    """What a stop may know of the last Newton step, beside its displacement.
+
+    iteration: its number in the solve, from 1; negative_curvature: it followed such; rms, before: root mean squares of
+    it and of the one before over the cloths [m], inf for a step of the projected Hessian, which predicts nothing.
+    """
+
+    iteration: int
+    negative_curvature: bool
+    rms: float
+    before: float
 
 
 @dataclass(frozen=True)
@@ -56,15 +85,15 @@ class ErrorBalance:
         rms, largest = self.time_error(x)
         return self.fraction * rms, self.fraction * largest
 
-    def reached(self, x: Floats, dx: Floats, lengths: tuple[float, float], dt: float) -> bool:
+    def reached(self, x: Floats, dx: Floats, last: LastStep, dt: float) -> bool:
         """True where the change that remains at x is predicted to be below the allowed one.
 
         Parameters
         ----------
         x, dx : (N, 3) float64
             Positions and the Newton step from them, unclipped and along positive curvature [m].
-        lengths : tuple of float
-            Root mean squares of this step and of the one before [m]; inf where it predicts nothing.
+        last : LastStep
+            That step.
         dt : float
             Length of the time step [s].
         """
@@ -72,7 +101,7 @@ class ErrorBalance:
         if not self.fraction or largest > self.most(dt):
             return False
         allowed_rms, allowed_largest = self.allowed(x + dx)
-        return remaining_change(*lengths) < allowed_rms and largest < allowed_largest
+        return remaining_change(last.rms, last.before) < allowed_rms and largest < allowed_largest
 
     def force_fraction(self, first: bool, without: float) -> float:
         """Residual over the force scale to which forces must balance.
@@ -93,6 +122,59 @@ class ErrorBalance:
         Plain, not weighted by mass: the local error of a step is (`StepError`), and like is compared with like.
         """
         return float(np.sqrt((dx[: self.count] ** 2).sum() / max(self.count, 1)))
+
+
+@dataclass(frozen=True)
+class MotionStop:
+    """Newton's error as a fraction of what the time step is wrong by, body by body.
+
+    The last step must be unclipped and complete. Its root mean square over each cloth and each rigid body is then more
+    than what is left, since steps of the exact Hessian contract; it is compared with the time error of the same body,
+    so that a large sheet does not hide a small one. Forces are not asked to balance, nor the fastest vertex to be slow:
+    both measure the stiffest mode, which moves nothing.
+
+    Parameters
+    ----------
+    fraction : float
+        Fraction of the time error that the last step may have.
+    bodies : tuple of slice
+        Rows of x of each cloth, and of the coordinates of each rigid body.
+    time_errors : callable
+        Time errors of the step at its end, body by body.
+    cell : float
+        Median length of the edges [m].
+    least : float
+        Root mean square of a step that ends a solve whatever the time error [m].
+    """
+
+    fraction: float
+    bodies: tuple[slice, ...]
+    time_errors: TimeErrors
+    cell: float
+    least: float
+
+    def rms(self, dx: Floats) -> float:
+        """Return the largest root mean square of a step (N, 3) over the rows of a body [m]."""
+        return float(rms_by_body(dx, self.bodies).max(initial=0.0))
+
+    def allowed(self, x: Floats) -> Floats:
+        """Return the longest last step to x (N, 3), root mean square by body (k,) [m]."""
+        return np.clip(self.fraction * self.time_errors(x), self.least, max(self.least, LONGEST_END * self.cell))
+
+    def reached(self, x: Floats, dx: Floats, last: LastStep, dt: float) -> bool:
+        """True where the unclipped step dx from x may end the solve; parameters as of `ErrorBalance.reached`."""
+        if last.iteration < (FEWEST_UNSTABLE if last.negative_curvature else FEWEST):
+            return False
+        return bool((rms_by_body(dx, self.bodies) <= self.allowed(x + dx)).all())
+
+    def force_fraction(self, first: bool, without: float) -> float:
+        """Return `without`: forces balance where the tolerance ends a solve, and not where the motion does."""
+        return without
+
+
+def rms_by_body(vectors: Floats, bodies: tuple[slice, ...]) -> Floats:
+    """Return the root mean square length of vectors (N, 3) over the rows of each body, (k,)."""
+    return np.array([np.sqrt((vectors[rows] ** 2).sum() / max(len(vectors[rows]), 1)) for rows in bodies])
 
 
 def remaining_change(step: float, before: float) -> float:

@@ -11,7 +11,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.linalg import dot
 from clothsim.physics.energies.constraint import Prescribed
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.newton.convergence import ErrorBalance
+from clothsim.solve.newton.convergence import ErrorBalance, LastStep, MotionStop
 from clothsim.solve.newton.curved_step import longer_step
 from clothsim.solve.newton.direction import NO_FACTOR, Direction, QuadraticModel
 from clothsim.solve.newton.force_balance import BALANCED, MOST_UNBALANCED, NO_FORCE_LEFT, ForceBalance, force_balance
@@ -69,12 +69,16 @@ class NewtonSettings:
         Bound on the iterations that move the Dirichlet vertices to their positions.
     error_fraction : float
         Fraction of the time error of a step at which a solve may stop before the tolerance; 0: it may not.
+    converge : bool
+        True where forces balance and the fastest vertex is within that fraction, too (`ErrorBalance`); False where the
+        motion of each body is (`MotionStop`).
     """
 
     tolerance: float = 1e-3
     max_iterations: int = 100
     max_prescribed_iterations: int = 60
     error_fraction: float = 0.0
+    converge: bool = True
 
 
 @dataclass(frozen=True)
@@ -127,8 +131,8 @@ class Newton:
         Length of the step [s].
     observe : callable
         Observer of the iterates.
-    balance : ErrorBalance
-        Balance against the time error of the step.
+    balance : ErrorBalance or MotionStop
+        Stop by the time error of the step.
     least_force : float
         Force that is no imbalance [N]; inf: the force balance is not checked.
     """
@@ -138,7 +142,7 @@ class Newton:
     settings: NewtonSettings
     dt: float
     observe: Observer = unobserved
-    balance: ErrorBalance = TOLERANCE_ALONE
+    balance: ErrorBalance | MotionStop = TOLERANCE_ALONE
     least_force: float = np.inf
 
     def minimise(self, x: Floats, target: Prescribed) -> NewtonResult:
@@ -221,8 +225,8 @@ class Newton:
 
         A vertex counts as moved by more than every vertex may without ending the solve.
         """
-        if self.system.patch is not None:
-            return None
+        if self.system.patch is not None or isinstance(self.balance, MotionStop):
+            return None  # a motion that may end a solve leaves no few vertices that are worth solves of their own
         moved = np.abs(dx[self.system.rows].T.copy()).max(axis=0, initial=0.0)
         least = self.settings.tolerance * self.dt
         if self.balance.fraction:
@@ -247,7 +251,7 @@ class Newton:
         """Newton with the prescribed vertices fixed, until forces balance after an unclipped step that may be last."""
         settings = self.settings
         still = previous = np.zeros_like(x)
-        speed, length, residual = np.inf, np.inf, np.inf
+        speed = length = residual = np.inf
         cached, elimination_iterations, unbalanced = NO_FACTOR, 0, 0
 
         def ended(how: Outcome, count: int, remaining: float = np.inf, relative: float = np.inf) -> NewtonResult:
@@ -272,8 +276,10 @@ class Newton:
                 fraction = (
                     armijo(self.potential, x, dx, slope, limit) if slope < 0.0 and limit >= SMALLEST_FRACTION else 0.0
                 )
-                done = limit == 1.0 and self._may_be_last(x, direction, speed, (length, length_before), fraction)
-            if cached.age and (done or fraction == 0.0):  # the cached factor is of an earlier x
+                last = LastStep(count - iterations + 1, direction.negative_curvature, length, length_before)
+                done = limit == 1.0 and self._may_be_last(x, direction, speed, last, fraction)
+            by_motion = done and isinstance(self.balance, MotionStop) and speed >= settings.tolerance
+            if cached.age and (done or fraction == 0.0) and not by_motion:  # the cached factor is of an earlier x
                 done, cached = False, NO_FACTOR
                 if fraction == 0.0:
                     continue
@@ -288,45 +294,42 @@ class Newton:
                 forces = self._force_balance(x, model)
                 residual, unbalanced = forces.residual, unbalanced + 1
                 demanded = self.balance.force_fraction(count == iterations, BALANCED)
-                if forces.within(demanded) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
-                    rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
-                    return ended(_balanced_or_not(forces, x), count + 1, rate * speed * self.dt, forces.relative)
+                if by_motion or forces.within(demanded) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
+                    how = outcome(Ending.CONVERGED) if by_motion else _balanced_or_not(forces, x)
+                    left = self.balance.rms(dx) if by_motion else speed * self.dt
+                    return ended(how, count + 1, contraction(speed, before) * left, forces.relative)
             if fraction == 0.0 and not trust.exact:
-                end = _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed)
-                return ended(self._named(end, x, speed, model), count)
+                return ended(self._named(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), x, speed, model), count)
             noise = fraction == 0.0 or (
                 direction.negative_curvature and -slope < RESOLVED * round_off(self.potential.values(x))
             )
             trust, cached = trust.after(fraction, direction.negative_curvature, noise), cached.after(fraction)
-            last = count + 1 == iterations + settings.max_iterations
-            eliminated = self._eliminated(x, dx, model) if trust.exact and not noise and not last else None
+            last_one = count + 1 == iterations + settings.max_iterations
+            eliminated = None if noise or last_one or not trust.exact else self._eliminated(x, dx, model)
             if eliminated is not None:
                 x, cached, speed = eliminated.x, NO_FACTOR, np.inf
                 elimination_iterations += eliminated.iterations
                 self.observe(Iterate(x, np.nan))
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
-        end = self._named(_at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers), x, speed, model)
-        return ended(end, iterations + settings.max_iterations)
+        end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
+        return ended(self._named(end, x, speed, model), iterations + settings.max_iterations)
 
     def _named(self, end: Outcome, x: Floats, speed: float, model: QuadraticModel) -> Outcome:
         """Outcome of a solve that fails: UNBALANCED where its steps are short enough and only forces are left."""
         forces = self._force_balance(x, model) if speed < self.settings.tolerance else None
         return end if forces is None or forces.within(NO_FORCE_LEFT) else _unbalanced(forces, x)
 
-    def _may_be_last(
-        self, x: Floats, direction: Direction, speed: float, lengths: tuple[float, float], fraction: float
-    ) -> bool:
+    def _may_be_last(self, x: Floats, direction: Direction, speed: float, last: LastStep, fraction: float) -> bool:
         """True where an unclipped step may end the solve: it is below the tolerance, or the time error allows it.
 
-        lengths: root mean squares of this step and of the one before [m], inf for one of the projected Hessian, which
-        predicts nothing; fraction: of the step that the line search took.
+        fraction: of the step that the line search took.
         """
         dx = direction.dx
         if speed < self.settings.tolerance:
             if self.potential.gap_change(x, dx) > CHANGE_OF_GAP:
                 return False
             return fraction == 1.0 or self._below_noise(x, dx, direction.gradient, speed)
-        if fraction < 1.0 or not self.balance.reached(x, dx, lengths, self.dt):
+        if fraction < 1.0 or not self.balance.reached(x, dx, last, self.dt):
             return False
         return self.potential.gap_change(x, dx, NEAR_LIMIT) <= CHANGE_OF_GAP
 
@@ -358,6 +361,11 @@ class Newton:
         while fraction >= SMALLEST_FRACTION and not np.isfinite(self.potential.value(x + fraction * dx)):
             fraction *= 0.5
         return fraction
+
+
+def contraction(speed: float, before: float) -> float:
+    """Observed rate of the last step over the one before, at most 1."""
+    return min(1.0, speed / before) if np.isfinite(before) else 1.0
 
 
 def _balanced_or_not(forces: ForceBalance, x: Floats) -> Outcome:

@@ -121,7 +121,7 @@ def out_of_plane(integrator: Integrator, report: StepReport) -> StepReport:
     flat = np.asarray(normals.any(axis=1))
     if not flat.any():
         return report
-    model = static_model(integrator, report, flat)
+    model = static_model(integrator, report, flat[: integrator.world.n_cloth])
     side = unstable_side(integrator, model, integrator.rest_speed * report.dt, along=normals)
     return report if side is None else displaced(report, side)
 
@@ -170,7 +170,7 @@ def displaced(report: StepReport, side: Side) -> StepReport:
 
 def _normals(world: World, x: Floats) -> Floats:
     """The unit normal at the vertices of each cloth that lies in a plane and is compressed, else 0, (n, 3)."""
-    normals = np.zeros((world.n_cloth, 3))
+    normals = np.zeros((world.n_unknowns, 3))
     for rows in world.cloth_slices:
         normal = _normal(x[rows])
         if normal is not None and _compressed(world, x, rows):

@@ -1,9 +1,12 @@
 """Time error of a step as Newton's method sees it, for the balance of both errors."""
 
+import numpy as np
+
 from clothsim.base.arrays import Floats, Ints
-from clothsim.solve.newton.convergence import ErrorBalance
+from clothsim.mesh.world import World
+from clothsim.solve.newton.convergence import ErrorBalance, MotionStop
 from clothsim.solve.stepping.integrators import Formula
-from clothsim.solve.stepping.local_error import VELOCITY_ERROR_FACTOR, step_error
+from clothsim.solve.stepping.local_error import VELOCITY_ERROR_FACTOR, step_error, vertex_errors
 from clothsim.solve.stepping.state import State
 
 
@@ -36,3 +39,36 @@ def error_balance(
         return error.rms / VELOCITY_ERROR_FACTOR, error.largest / VELOCITY_ERROR_FACTOR
 
     return ErrorBalance(fraction, count, time_error)
+
+
+def motion_stop(
+    fraction: float,
+    least: float,
+    integrator: str,
+    formula: Formula,
+    world: World,
+    before: State,
+    h: float,
+    held: Ints,
+) -> MotionStop:
+    """Return the stop by the motion of a step of length h [s].
+
+    Parameters
+    ----------
+    fraction : float
+        Fraction of the time error that the last Newton step may have.
+    least : float
+        Root mean square of a step that ends a solve whatever the time error [m].
+    integrator, formula, before, held
+        As of `error_balance`.
+    world : World
+        Meshes.
+    """
+    bodies = (*world.cloth_slices, *world.coordinate_slices)
+
+    def time_errors(x: Floats) -> Floats:
+        after = formula.velocities(x)[: world.n_unknowns]
+        lengths = vertex_errors(integrator, formula, before, after, h, held) / VELOCITY_ERROR_FACTOR
+        return np.array([np.sqrt((lengths[rows] ** 2).mean()) for rows in bodies])
+
+    return MotionStop(fraction, bodies, time_errors, world.cell, least)

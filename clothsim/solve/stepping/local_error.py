@@ -29,7 +29,13 @@ class StepError:
 
 
 def step_error(integrator: str, formula: Formula, before: State, after: Floats, h: float, held: Ints) -> StepError:
-    """Estimate the local error of a step of length h [s].
+    """Estimate the local error of a step of length h [s]; parameters as of `vertex_errors`."""
+    lengths = vertex_errors(integrator, formula, before, after, h, held)
+    return StepError(float(np.sqrt((lengths**2).mean())), float(lengths.max()))
+
+
+def vertex_errors(integrator: str, formula: Formula, before: State, after: Floats, h: float, held: Ints) -> Floats:
+    """Estimate the local error of a step of length h [s] at each vertex, (n,) [m].
 
     With p the order, e = VELOCITY_ERROR_FACTOR h |v(n+1) - v*| / (p + 1), where v* extrapolates the velocities of the
     last p steps: v_n for backward Euler (h/2 |dv| is h^2/2 |a|), v_n + r (v_n - v(n-1)) for BDF2 (with equal steps
@@ -58,4 +64,4 @@ def step_error(integrator: str, formula: Formula, before: State, after: Floats, 
     lengths[held] = 0.0
     if integrator == BDF2 and formula.order == 1:
         lengths *= STARTUP_FACTOR
-    return StepError(float(np.sqrt((lengths**2).mean())), float(lengths.max()))
+    return lengths

@@ -14,11 +14,12 @@ from clothsim.physics.energies.constraint import Constraint, Prescribed
 from clothsim.physics.energies.step import CONTACT_TIME_SCALE, Step
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.threads import one_blas_thread
+from clothsim.solve.newton.convergence import ErrorBalance, MotionStop
 from clothsim.solve.newton.newton import TOLERANCE_ALONE, Newton, NewtonResult, NewtonSettings
 from clothsim.solve.newton.observer import Observer, unobserved
 from clothsim.solve.newton.outcome import Ending
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.error_balance import error_balance
+from clothsim.solve.stepping.error_balance import error_balance, motion_stop
 from clothsim.solve.stepping.failure import Failure, end_sentence, failure_of
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.solve.stepping.local_error import StepError, step_error
@@ -309,11 +310,15 @@ def _newton(
     integrator: Integrator, state: State, formula: Formula, h: float, bound: Potential, target: Prescribed
 ) -> Newton:
     observe = integrator.watch(state.step + 1, h, bound)
-    balance = TOLERANCE_ALONE
-    if integrator.settings.error_fraction and "inertia" in integrator.potential.energies:
-        n = integrator.world.n_unknowns
-        held = target.vertices[target.vertices < n]
-        balance = error_balance(integrator.settings.error_fraction, integrator.formula, formula, state, n, h, held)
+    settings, world = integrator.settings, integrator.world
+    balance: ErrorBalance | MotionStop = TOLERANCE_ALONE
+    if settings.error_fraction and "inertia" in integrator.potential.energies:
+        n = world.n_unknowns
+        held, part = target.vertices[target.vertices < n], settings.error_fraction
+        if settings.converge:
+            balance = error_balance(part, integrator.formula, formula, state, n, h, held)
+        else:
+            balance = motion_stop(part, settings.tolerance * h, integrator.formula, formula, world, state, h, held)
     least = float(integrator.world.inertial_masses.max()) * integrator.settings.tolerance / abs(h)
     return Newton(bound, integrator.system, integrator.settings, h, observe, balance, least)
 

@@ -21,7 +21,8 @@ from clothsim.study.error_control.resolution import (
     has_cells_for,
     resolvable,
 )
-from clothsim.study.error_control.trial import Trial, another_shape, distance_at, material, pilot
+from clothsim.study.error_control.trial import Trial, another_shape, distance_at, pilot
+from clothsim.study.resample import world_material
 
 # Error of a run by two coarser ones: the differences tell whether an order of convergence may be assumed.
 #
@@ -129,7 +130,7 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
     coarser = coarsened(ladder)
     own = Trial(
         Resolution(steps_per_frame(ladder.scene)[0]),
-        material(sessions[0].built.world),
+        world_material(sessions[0].built.world),
         run.positions(-1),
         process_time() - started,
     )

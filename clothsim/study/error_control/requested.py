@@ -10,7 +10,8 @@ from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
 from clothsim.engine import Session, d_hats
 from clothsim.study.error_control.resolution import D_HAT, Resolution
 from clothsim.study.error_control.search import Found, Message, Search, searched
-from clothsim.study.error_control.trial import Trial, material
+from clothsim.study.error_control.trial import Trial
+from clothsim.study.resample import world_material
 
 Runs = Callable[[Scene, list[Session]], Run]
 """Runs a scene with fixed settings into the output directory; the list receives the session that it announces."""
@@ -40,7 +41,7 @@ def simulate_to_error(scene: Scene, runs: Runs, message: Message) -> Run:
         run = runs(some, sessions)
         chosen.append(some)
         seconds = process_time() - started
-        return run, Trial(resolution, material(sessions[0].built.world), run.positions(-1), seconds)
+        return run, Trial(resolution, world_material(sessions[0].built.world), run.positions(-1), seconds)
 
     search, found = searched(scene, candidate, message)
     return _annotated(search, found, chosen[-1])

@@ -8,9 +8,9 @@ import numpy as np
 
 from clothsim import Scene
 from clothsim.base.arrays import Floats
-from clothsim.engine import World, build, first_state, prepare, steps
+from clothsim.engine import build, first_state, prepare, steps
 from clothsim.study.error_control.resolution import Resolution
-from clothsim.study.resample import Material, at_points_of, material_of, point_areas
+from clothsim.study.resample import Material, at_points_of, point_areas, world_material
 
 
 @dataclass(frozen=True)
@@ -55,17 +55,12 @@ def pilot(scene: Scene, resolution: Resolution) -> Trial:
             break
         state = report.state
     x = state.positions[: world.n_cloth] + world.origin
-    return Trial(resolution, material(world), x, process_time() - started, reason)
+    return Trial(resolution, world_material(world), x, process_time() - started, reason)
 
 
 def another_shape(finer: Trial, moved: float) -> bool:
     """True where a coarser run ends so far away [m] that it is another solution rather than a less accurate one."""
     return moved > ANOTHER_SHAPE * float(np.linalg.norm(np.ptp(finer.positions, axis=0)))
-
-
-def material(world: World) -> Material:
-    """The cloths of a world at rest."""
-    return material_of([each.rest_positions for each in world.cloths], [each.triangles for each in world.cloths])
 
 
 def distance_at(points: Material) -> Distance:

@@ -12,8 +12,9 @@ import numpy as np
 
 from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import shown, table
 from clothsim.base.safe_files.regular_file import read_regular_file
-from clothsim.engine import refuse_unknown, scene_file, shown, table
+from clothsim.engine import refuse_unknown
 
 # Random draws of scene keys: one stream for each seed, index and key.
 
@@ -228,7 +229,7 @@ def load_recipe(path: str | Path) -> Recipe:
     if not isinstance(named, str):
         raise InputError("farm.scene is missing.", 'Write scene = "shirt.toml", a file or the name of an example.')
     beside = file.parent / named
-    scene = load_scene(beside if beside.is_file() else scene_file(Path(named)))
+    scene = load_scene(beside if beside.is_file() else named)
     return make_recipe(scene, farm, table("set", data.get("set", {})), table("vary", data.get("vary", {})), file.parent)
 
 

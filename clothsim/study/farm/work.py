@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from time import sleep
 
-from clothsim.engine import interruption
+from clothsim.base.interruption import interruption
 from clothsim.study.farm.claims import Worker, claimed
 from clothsim.study.farm.drape import Drape, drape, failed
 from clothsim.study.farm.identity import processor

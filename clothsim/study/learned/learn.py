@@ -11,7 +11,7 @@ from scipy.sparse import diags_array
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.engine import DrapeModel, family
+from clothsim.engine import DrapeModel
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.publication import CLOTH
 from clothsim.study.farm.status import manifest
@@ -78,10 +78,9 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
     space = metric_components(flat[:training], components, diags_array(np.repeat(areas, 3)))
     fitted = ridge(values[:training], space.coefficients(flat[:training]), penalty)
     same = farm.settings["same"]
-    model = DrapeModel(
-        family(farm.scene, [*inputs, *same]), np.array(inputs), np.array([*same], np.str_),
-        np.array([*same.values()], np.str_), fitted.low, fitted.high, fitted.centre, fitted.scale, fitted.weights,
-        space.mean, space.basis,
+    model = DrapeModel.of_scene(
+        farm.scene, inputs, same, low=fitted.low, high=fitted.high, centre=fitted.centre, scale=fitted.scale,
+        weights=fitted.weights, mean=space.mean, basis=space.basis,
     )  # fmt: skip
     held, asked = flat[training:], values[training:]
     closest = nearest(values[:training], flat[:training], asked) if len(held) else held

@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from clothsim.solve.newton.convergence import FIRST_FORCE, MOST_SPEED, ErrorBalance, remaining_change
+from clothsim.solve.newton.convergence import (
+    FEWEST,
+    FEWEST_UNSTABLE,
+    FIRST_FORCE,
+    LONGEST_END,
+    MOST_SPEED,
+    ErrorBalance,
+    LastStep,
+    MotionStop,
+    remaining_change,
+)
 
 
 def balance_of(rms=1e-3, largest=1e-2, fraction=0.1):
@@ -20,7 +30,7 @@ def step_of(length):
 def reached(balance, length, before, dt=1.0):
     dx = step_of(length)
     dx[4] = 0.0
-    return balance.reached(np.zeros_like(dx), dx, (balance.rms(dx), before), dt)
+    return balance.reached(np.zeros_like(dx), dx, LastStep(9, False, balance.rms(dx), before), dt)
 
 
 def test_a_linear_rate_gives_the_rest_of_its_series():
@@ -65,3 +75,43 @@ def test_forces_balance_better_after_a_single_step():
     balance = balance_of()
     assert balance.force_fraction(first=False, without=0.3) == pytest.approx(0.1)
     assert balance.force_fraction(first=True, without=0.3) == pytest.approx(0.1 * FIRST_FORCE)
+
+
+def motion(errors=(1e-3, 1e-3), fraction=0.3, cell=1.0, least=1e-9):
+    """A stop over a sheet of a thousand rows and a collar of ten."""
+    return MotionStop(fraction, (slice(0, 1000), slice(1000, 1010)), lambda x: np.array(errors), cell, least)
+
+
+def moved(sheet, collar):
+    dx = np.zeros((1010, 3))
+    dx[:1000, 0], dx[1000:, 0] = sheet, collar
+    return dx
+
+
+def ends(stop, dx, iteration=9, negative=False):
+    return stop.reached(np.zeros_like(dx), dx, LastStep(iteration, negative, stop.rms(dx), np.inf), dt=0.01)
+
+
+def test_a_motion_below_the_time_error_of_each_body_ends_a_solve():
+    assert ends(motion(), moved(0.29e-3, 0.29e-3))
+    assert not ends(motion(), moved(0.31e-3, 0.0))
+    assert not ends(motion(), moved(0.0, 0.31e-3))  # ten rows of 1,010: .03e-3 in the mean of all
+    assert not ends(motion(errors=(1.0, 1e-6)), moved(0.0, 1e-3))
+
+
+def test_one_vertex_that_moves_far_does_not_keep_a_body_going():
+    dx = moved(0.0, 0.0)
+    dx[7, 2] = 5e-3  # 5e-3 / 1000^1/2 = .16e-3
+    assert ends(motion(), dx)
+
+
+def test_a_step_that_ends_a_solve_is_bounded_by_cells_and_by_a_least_length():
+    assert not ends(motion(errors=(1e3, 1e3), cell=0.01), moved(1.01 * LONGEST_END * 0.01, 0.0))
+    assert ends(motion(errors=(1e3, 1e3), cell=0.01), moved(0.99 * LONGEST_END * 0.01, 0.0))
+    assert ends(motion(errors=(0.0, 0.0), least=1e-6), moved(0.99e-6, 0.99e-6))
+
+
+def test_the_first_steps_of_a_solve_do_not_end_it():
+    still = moved(0.0, 0.0)
+    assert [ends(motion(), still, k) for k in (FEWEST - 1, FEWEST)] == [False, True]
+    assert [ends(motion(), still, k, negative=True) for k in (FEWEST_UNSTABLE - 1, FEWEST_UNSTABLE)] == [False, True]

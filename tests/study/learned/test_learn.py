@@ -8,7 +8,7 @@ from small_scenes import small_scene
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.scene.assembly.drape_model import family, predicted, read_model, write_model
+from clothsim.scene.assembly.drape_model import family, predicted, read_model
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.study.farm.drape import drape
 from clothsim.study.farm.plan import plan
@@ -39,7 +39,7 @@ def test_the_model_is_nearer_to_held_out_drapes_than_their_mean(learned):
 
 
 def test_a_model_reads_as_it_was_written(learned, tmp_path):
-    again = read_model(write_model(tmp_path / "model.npz", learned.model))
+    again = read_model(learned.model.write(tmp_path / "model.npz"))
     asked = 0.5 * (learned.model.low + learned.model.high)
     assert again.family == learned.model.family
     assert np.array_equal(again.positions(asked), learned.model.positions(asked))
@@ -55,7 +55,7 @@ def test_inputs_are_clipped_to_the_box(learned):
 
 
 def test_a_scene_starts_from_the_prediction(farm, learned, tmp_path):
-    file = write_model(tmp_path / "model.npz", learned.model)
+    file = learned.model.write(tmp_path / "model.npz")
     job = farm.jobs[-1]
     scene = replace(farm.scene_of(job), seed={"from": "model", "file": str(file), "untangle": True})
     expected = predicted(learned.model, scene)
@@ -67,7 +67,7 @@ def test_a_scene_starts_from_the_prediction(farm, learned, tmp_path):
 
 
 def test_another_garment_or_body_is_refused(farm, learned, tmp_path):
-    file = write_model(tmp_path / "model.npz", learned.model)
+    file = learned.model.write(tmp_path / "model.npz")
     scene = replace(farm.scene, seed={"from": "model", "file": str(file)})
     varied = [*learned.model.inputs]
     same = changed(scene, {"body.radius": 0.3, "cloth.density": 0.2, "solver.dt": 0.03})

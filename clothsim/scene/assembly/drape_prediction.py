@@ -10,22 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim import Scene, engine
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
-from clothsim.engine import (
-    JOINTS,
-    Crossing,
-    DrapeModel,
-    body_of,
-    crossings,
-    mesh_shape,
-    placed,
-    predicted,
-    read_model,
-    template,
-    world_of,
-)
+from clothsim.geometry.intersection.crossings import Crossing, crossings
+from clothsim.mesh.generators.mannequin.skeleton import JOINTS
+from clothsim.mesh.generators.mannequin.template import template
+from clothsim.scene import paths
+from clothsim.scene.assembly.drape_model import DrapeModel, predicted, read_model
+from clothsim.scene.assembly.meshes import body_of, mesh_shape
+from clothsim.scene.assembly.placement import placed
+from clothsim.scene.assembly.scene_world import world_of
+from clothsim.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +78,40 @@ class Predictor:
     cloths: tuple[Any, ...]
     bodies: tuple[Any, ...]
 
+    @classmethod
+    def of_model(cls, scene: Scene, file: str | Path) -> "Predictor":
+        """The predictor of a model in the scene of its farm.
+
+        Parameters
+        ----------
+        scene : Scene
+            Of the farm that the model was learned from.
+        file : path
+            Of the model.
+
+        Raises
+        ------
+        InputError
+            For another garment or body family than the model's, or a varied key that is of no cloth and body.
+        """
+        path = Path(file)
+        model = read_model(path)
+        if scene.rigid_bodies:
+            raise InputError("The preview shows cloths and bodies, the scene has rigid bodies.", "Leave [[rigid]] out.")
+        middle = 0.5 * (model.low + model.high)
+        draft = cls(model, path, scene, (), ())
+        at = draft.scene_of(middle)
+        predicted(model, at)  # refuses another garment
+        world = world_of(replace(at, seed={}))
+        surfaces: list[Any] = [*world.cloths, *world.bodies]
+        roles = ["cloth"] * len(world.cloths) + ["body"] * len(world.bodies)
+        begins = np.cumsum([0, *(len(each.positions) for each in surfaces)])
+        parts = [
+            SimpleNamespace(name=each.name, role=role, triangles=each.triangles + first)
+            for each, role, first in zip(surfaces, roles, begins, strict=False)
+        ]
+        return replace(draft, cloths=tuple(parts[: len(world.cloths)]), bodies=tuple(parts[len(world.cloths) :]))
+
     @cached_property
     def joints(self) -> tuple[str, ...]:
         """The joint that moves each vertex of the first body most; () where it is no mannequin."""
@@ -115,7 +144,7 @@ class Predictor:
         """The scene with the values of all varied keys."""
         scene = self.scene
         for key, value in self.values(inputs).items():
-            scene = engine.replace(scene, key, value)
+            scene = paths.replace(scene, key, value)
         return scene
 
     def _place(self, found: tuple[Crossing, ...]) -> str:
@@ -137,36 +166,3 @@ def _body(scene: Scene, number: int) -> Floats:
     if "mesh" not in keys:
         return body_of(keys, where, scene.directory)[0].positions
     return placed(keys, mesh_shape(keys, where, scene.directory).positions)
-
-
-def predictor(scene: Scene, file: str | Path) -> Predictor:
-    """The predictor of a model in the scene of its farm.
-
-    Parameters
-    ----------
-    scene : Scene
-        Of the farm that the model was learned from.
-    file : path
-        Of the model.
-
-    Raises
-    ------
-    InputError
-        For another garment or body family than the model's, or a varied key that is of no cloth and body.
-    """
-    path = Path(file)
-    model = read_model(path)
-    if scene.rigid_bodies:
-        raise InputError("The preview shows cloths and bodies, the scene has rigid bodies.", "Leave [[rigid]] out.")
-    middle = 0.5 * (model.low + model.high)
-    draft = Predictor(model, path, scene, (), ())
-    at = draft.scene_of(middle)
-    predicted(model, at)  # refuses another garment
-    world = world_of(replace(at, seed={}))
-    surfaces: list[Any] = [*world.cloths, *world.bodies]
-    begins = np.cumsum([0, *(len(each.positions) for each in surfaces)])
-    parts = [
-        SimpleNamespace(name=each.name, role="cloth" if k < len(world.cloths) else "body", triangles=each.triangles + n)
-        for k, (each, n) in enumerate(zip(surfaces, begins, strict=False))
-    ]
-    return replace(draft, cloths=tuple(parts[: len(world.cloths)]), bodies=tuple(parts[len(world.cloths) :]))

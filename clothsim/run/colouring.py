@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.engine import FIELDS, field_settings
-from clothsim.render import FABRICS, Quantity, Scale, Surface, frame_surfaces, scale_of, vertex_values
-
-if TYPE_CHECKING:
-    from clothsim import Run
+from clothsim.render.colour_scale import Quantity, Scale
+from clothsim.render.picture import scale_of
+from clothsim.render.run_frames import frame_surfaces
+from clothsim.render.surface_look import FABRICS, Surface, vertex_values
+from clothsim.run.field_pictures import field_settings
+from clothsim.run.fields import FIELDS
+from clothsim.run.results import Run
 
 PLAIN, STRETCH = "plain", "stretch"
 STROKES = "principal_directions"
@@ -55,6 +57,41 @@ class Colouring:
     log_stretch: bool
     surfaces_of: Callable[[int], Sequence[Surface]]
 
+    @classmethod
+    def of_run(cls, run: Run, name: str) -> "Colouring":
+        """Colours of a run by a quantity. InputError for one that the run cannot show."""
+        settings: dict[str, Any] = {"colour": name} if name in (PLAIN, STRETCH) else field_settings(run, name)
+        drawn = settings.get("surfaces_of", frame_surfaces)
+
+        def surfaces_of(frame: int) -> Sequence[Surface]:
+            return drawn(run.trajectory, frame)
+
+        if name == PLAIN:
+            return cls(name, None, False, surfaces_of)
+        frames = np.unique(np.linspace(0, len(run) - 1, min(RANGE_FRAMES, len(run))).astype(int))
+        cloths = [each for k in frames for each in surfaces_of(int(k)) if each.role == "cloth"]
+        colour = settings["colour"]
+        logarithms = colour == STRETCH or (isinstance(colour, Quantity) and colour.log_stretch)
+        return cls(name, scale_of(colour, cloths), logarithms, surfaces_of)
+
+    @staticmethod
+    def names(run: Run) -> list[str]:
+        """Quantities that colour this run: plain, stretch, fields that it wrote and those that its positions give."""
+        names = [PLAIN]
+        if "principal_stretches" in run.trajectory.fields:
+            names.append(STRETCH)
+        written = [name for name in run.trajectory.fields if name in FIELDS]
+        computed = [name for name, field in FIELDS.items() if not field.in_step]
+        for name in dict.fromkeys([*written, *computed]):
+            if name in ("principal_stretches", STROKES):
+                continue
+            try:
+                run.field(name, 0)
+            except InputError:  # the scene has no membrane, or is not there any more
+                continue
+            names.append(name)
+        return names
+
     @property
     def of_bodies(self) -> bool:
         """True where the colours lie on the bodies, whose cloths are then not drawn."""
@@ -72,6 +109,12 @@ class Colouring:
             np.concatenate(values),
         )
 
+    def positions(self, run: Run, frame: int) -> Floats:
+        """Vertices of what is coloured in a frame, (n, 3) [m]."""
+        if self.of_bodies:
+            return np.concatenate([points for _, points, _ in run.bodies(frame)])
+        return run.positions(frame)
+
     def value_at(self, mesh: ColouredMesh, vertex: int) -> str:
         """The number behind the colour at a vertex, in SI units; "-" where the cloth is plain."""
         if self.scale is None:
@@ -84,45 +127,3 @@ class Colouring:
         if self.scale is None or not len(values):
             return np.broadcast_to(FABRICS[number % len(FABRICS)], surface.positions.shape)
         return self.scale.colours(values)
-
-
-def positions_of(run: "Run", shown: Colouring, frame: int) -> Floats:
-    """Vertices of what is coloured in a frame, (n, 3) [m]."""
-    if shown.of_bodies:
-        return np.concatenate([points for _, points, _ in run.bodies(frame)])
-    return run.positions(frame)
-
-
-def colouring(run: "Run", name: str) -> Colouring:
-    """Colours of a run by a quantity. InputError for one that the run cannot show."""
-    settings: dict[str, Any] = {"colour": name} if name in (PLAIN, STRETCH) else field_settings(run, name)
-    drawn = settings.get("surfaces_of", frame_surfaces)
-
-    def surfaces_of(frame: int) -> Sequence[Surface]:
-        return drawn(run.trajectory, frame)
-
-    if name == PLAIN:
-        return Colouring(name, None, False, surfaces_of)
-    frames = np.unique(np.linspace(0, len(run) - 1, min(RANGE_FRAMES, len(run))).astype(int))
-    cloths = [each for k in frames for each in surfaces_of(int(k)) if each.role == "cloth"]
-    colour = settings["colour"]
-    logarithms = colour == STRETCH or (isinstance(colour, Quantity) and colour.log_stretch)
-    return Colouring(name, scale_of(colour, cloths), logarithms, surfaces_of)
-
-
-def colouring_names(run: "Run") -> list[str]:
-    """Quantities that colour this run: plain, stretch, fields that it wrote and those that its positions give."""
-    names = [PLAIN]
-    if "principal_stretches" in run.trajectory.fields:
-        names.append(STRETCH)
-    written = [name for name in run.trajectory.fields if name in FIELDS]
-    computed = [name for name, field in FIELDS.items() if not field.in_step]
-    for name in dict.fromkeys([*written, *computed]):
-        if name in ("principal_stretches", STROKES):
-            continue
-        try:
-            run.field(name, 0)
-        except InputError:  # the scene has no membrane, or is not there any more
-            continue
-        names.append(name)
-    return names
