@@ -16,7 +16,6 @@ def body_contact(
     offset: float = 0.0,
     stiffness: float | str = "auto",
     exclude: Sequence[Sequence[str]] = (),
-    backend: str = "auto",
 ) -> Energy | Off:
     """Log-barrier contact between every cloth and every body, and of rigid bodies with bodies and each other.
 
@@ -32,8 +31,6 @@ def body_contact(
         Barrier stiffness [Pa]; "auto": adapted to the loads at each step.
     exclude : sequence of [name, name]
         Pairs of objects that do not touch.
-    backend : {"auto", "numba", "ipctk"}
-        Implementation.
 
     Returns
     -------
@@ -64,7 +61,7 @@ def body_contact(
         contact_energy,  # after the last Off: no kernel is imported without a pair
     )
 
-    return contact_energy("body_contact", world, surface, d_hat, offset, stiffness, backend)
+    return contact_energy("body_contact", world, surface, d_hat, offset, stiffness)
 
 
 EXAMPLE = Example(

@@ -20,7 +20,6 @@ def self_contact(
     offset: float = 0.0,
     stiffness: float | str = "auto",
     exclude: Sequence[Sequence[str]] = (),
-    backend: str = "auto",
 ) -> Energy | Off:
     """Log-barrier contact of every cloth with itself and with every other cloth.
 
@@ -32,7 +31,7 @@ def self_contact(
         Gap below which contact forces act [m]; "auto": a tenth of the median cloth edge, but at most half of the
         smallest rest gap of parts of a cloth without a common vertex, down to a tenth of that: slivers would else repel
         one another.
-    offset, stiffness, backend
+    offset, stiffness
         As for `body_contact`.
     exclude : sequence of [name, name]
         Pairs of objects that do not touch; a pair of one and the same name lets that cloth pass through itself.
@@ -65,7 +64,7 @@ def self_contact(
 
     if d_hat == "auto":
         d_hat = _below_rest_gaps(world, surface)
-    return contact_energy("self_contact", world, surface, d_hat, offset, stiffness, backend)
+    return contact_energy("self_contact", world, surface, d_hat, offset, stiffness)
 
 
 def _below_rest_gaps(world: World, surface: ContactSurface) -> float:

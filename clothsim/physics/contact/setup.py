@@ -5,14 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_positive
-from clothsim.base.errors import InputError, MissingPackageError
+from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.stiffness import HeavyBody, default_d_hat
 from clothsim.physics.contact.surface import ContactSurface, triangle_areas
-from clothsim.physics.energies.base import Energy
 
 CONTACT_ROUND_OFF = 64 * float(np.finfo(float).eps)
 """Fraction of the largest coordinate below which a gap at the start is round-off."""
@@ -20,8 +19,6 @@ CONTACT_ROUND_OFF = 64 * float(np.finfo(float).eps)
 LEAST_D_HAT = 2.0**24 * float(np.finfo(float).eps)
 """Smallest d_hat as fraction of the largest coordinate. Impacts close a gap to a thousandth of d_hat, whose changes are
 then known to four digits; at 1e-9 m on a cloth of .5 m Newton's method did not converge, or a body went through."""
-
-BACKENDS = ("auto", "numba", "ipctk")
 
 
 def contact_energy(
@@ -31,8 +28,7 @@ def contact_energy(
     d_hat: float | str,
     offset: float,
     stiffness: float | str,
-    backend: str,
-) -> Energy:
+) -> Barrier:
     """Barrier of the effect `name` on `surface`.
 
     Parameters
@@ -43,46 +39,22 @@ def contact_energy(
         Cloths and bodies at the start.
     surface : ContactSurface
         Primitives that may touch.
-    d_hat, offset, stiffness, backend
+    d_hat, offset, stiffness
         Keys of the effect, unchecked.
-
-    Returns
-    -------
-    Barrier
-        With the chosen backend.
 
     Raises
     ------
     InputError
         A key is out of range, or surfaces intersect or touch at the start.
-    MissingPackageError
-        The ipctk backend without ipctk.
     """
     d_hat = _resolved_d_hat(name, world, d_hat)
     offset = as_positive(f"effects.{name}.offset", offset, zero=True)
     adaptive = stiffness == "auto"
     kappa = 1.0 if adaptive else as_positive(f"effects.{name}.stiffness", stiffness)  # type: ignore[arg-type]
-    if backend not in BACKENDS:
-        raise InputError(f"contact.backend is {backend!r}.", f"Known: {', '.join(BACKENDS)}.")
     start = world.start()
     _refuse_intersections(world, surface, start)
     candidates = Candidates(surface, d_hat + offset, skin=0.7 * d_hat, offset=offset)
     _refuse_initial_contact(world, candidates, start, offset)
-    if backend == "ipctk":
-        try:
-            from clothsim.physics.contact.ipctk_barrier import IpctkBarrier, IpctkCandidates
-        except ImportError as error:
-            raise MissingPackageError(
-                'contact.backend = "ipctk" needs ipctk, which is not installed.',
-                "Run: pip install 'clothsim[oracle]', or take contact.backend = \"numba\".",
-            ) from error
-        if world.rigid:
-            raise InputError("Rigid bodies do not work with ipctk.", 'Use contact.backend = "numba".')
-        if offset or not surface.complete:
-            key = "offset" if offset else "exclude"
-            raise InputError(f"effects.{name}.{key} does not work with ipctk.", 'Use contact.backend = "numba".')
-        candidates = IpctkCandidates(surface, d_hat, skin=d_hat)
-        return IpctkBarrier(candidates, d_hat, 0.0, world.vertex_areas, world.masses, kappa, adaptive, name)
     heavy = _heavy_bodies(world) if surface.n_shared else ()
     return Barrier(candidates, d_hat, offset, world.vertex_areas, world.masses, kappa, adaptive, name, heavy)
 
