@@ -38,7 +38,7 @@ def add_to(commands: Any) -> None:
         "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the pattern's name)"
     )
     dress.add_argument("--size", default="2cm", metavar="L", help="size of the mesh: 2cm, 15mm, .01 [m] (default 2cm)")
-    dress.add_argument("--fabric", default="cotton", metavar="NAME", help="a named fabric (default cotton)")
+    dress.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
     dress.add_argument(
         "--fabric-of",
         action="append",

@@ -46,7 +46,7 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
     fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
-    fit.add_argument("--fabric", default="cotton", metavar="NAME", help="a named fabric (default cotton)")
+    fit.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
     size = fit.add_mutually_exclusive_group()
     size.add_argument("--own-size", action="store_true", help="keep the size that it was cut in")
     size.add_argument("--resize", action="store_true", help="grade it along girths and lengths (the default)")

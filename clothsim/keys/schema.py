@@ -8,6 +8,7 @@ import costs nothing (pydantic: 57 ms and more); and no dependency is added.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
+from functools import cache
 from typing import Any, Literal, TypeAlias, Union, get_args, get_origin
 
 from clothsim.base.arrays import Floats
@@ -118,7 +119,8 @@ class SceneKey:
         return self.default is MISSING
 
 
-def keys_of(section: type) -> dict[str, SceneKey]:
+@cache
+def keys_of(section: type) -> Mapping[str, SceneKey]:
     """The keys of a section, by their names in a scene file."""
     keys = {}
     for field in fields(section):

@@ -133,7 +133,7 @@ class RunSettings(KeyTable):
     --------
     >>> import clothsim
     >>> clothsim.RunSettings(duration=0.5, fields=["thickness", "stress"]).as_table()
-    {'duration': 0.5, 'fields': ['thickness', 'stress']}
+    {'duration': 0.5, 'fields': ('thickness', 'stress')}
     """
 
     section: ClassVar[str] = "run"

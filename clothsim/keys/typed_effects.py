@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown
 from clothsim.keys.effect_tables import SELECT, Crease, Gust, Motion, PatternSeams, PinGroup, Seam, Spring, Vortex
-from clothsim.keys.key_table import KeyTable, as_tables
+from clothsim.keys.key_table import KeyTable
 from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Vector
 
 AUTO = Literal["auto"]
@@ -268,8 +268,8 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
 }  # fmt: skip
 
 
-def effect_tables(effects: Any) -> Any:
-    """The tables of effects by name, of a list of typed effects or of such tables; anything else as it is.
+def effects_by_name(effects: Any) -> Any:
+    """Effects by name, of typed effects or as they are in a table; anything else as it is.
 
     Raises
     ------
@@ -277,12 +277,10 @@ def effect_tables(effects: Any) -> Any:
         For an entry of the list that is no effect, and for an effect that is given twice.
     """
     if isinstance(effects, EffectKeys):
-        effects = [effects]
-    if isinstance(effects, str) or not isinstance(effects, Iterable):
+        return {effects.name: effects}
+    if isinstance(effects, str | Mapping) or not isinstance(effects, Iterable):
         return effects
-    if isinstance(effects, Mapping):
-        return {name: as_tables(keys) for name, keys in effects.items()}
-    tables: dict[str, Any] = {}
+    named: dict[str, EffectKeys] = {}
     for number, effect in enumerate(effects):  # an iterable of typed effects
         if isinstance(effect, type) and issubclass(effect, EffectKeys):
             raise InputError(f"effects[{number}] is the class {effect.__name__}.", f"Write {effect.__name__}().")
@@ -291,7 +289,7 @@ def effect_tables(effects: Any) -> Any:
                 f"effects[{number}] is {shown(effect)}, which is no effect.",
                 'Write effects=[clothsim.Gravity(), ...] or effects={"gravity": {}, ...}.',
             )
-        if effect.name in tables:
+        if effect.name in named:
             raise InputError(f"effects[{number}] gives {effect.name} again.", "Give each effect once.")
-        tables[effect.name] = effect.as_table()
-    return tables
+        named[effect.name] = effect
+    return named

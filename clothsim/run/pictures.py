@@ -139,11 +139,9 @@ def draw_failure(directory: Path, failure: dict[str, Any], world: World, target:
 def upright(directory: Path) -> tuple[float, ...] | str:
     """The direction against the gravity of a run's scene; "z" where its checkpoint gives none."""
     try:
-        scene = scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text)
+        return scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text).up
     except InputError:  # no checkpoint, or one of another version: a picture does not need it
         return "z"
-    acceleration = scene.effects.get("gravity", {}).get("acceleration", (0.0, 0.0, -1.0))
-    return tuple(-float(a) for a in acceleration) if any(acceleration) else "z"
 
 
 def _title(trajectory: Trajectory, frame: int) -> str:

@@ -33,7 +33,6 @@ from clothsim.run.session import Session, prepare
 from clothsim.run.simulation_state import SimulationError, SimulationState, starting_state, state_after
 from clothsim.run.step_lengths import refuse_leaps
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene
 from clothsim.solve.stepping.failure import Failure
 from clothsim.solve.stepping.state import Rest, State, first_state
@@ -237,7 +236,7 @@ class Simulation:
 
     def _key(self, effect: str, key: str) -> Any:
         refuse_absent("effect", effect, self.scene.effects)
-        return self.scene.effects[effect].get(key, EFFECTS[effect].keys()[key])
+        return getattr(self.scene.effects[effect], key)
 
     def set_fabric(self, fabric: str | None = None, *, cloth: str | None = None, **keys: float) -> None:
         """Give a cloth another fabric: its masses and all energies are made again, its shape at rest stays.

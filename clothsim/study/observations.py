@@ -129,11 +129,7 @@ class Observations:
 
 def observations(gatherer: Gatherer) -> Observations:
     """The runs so far, compared by positions."""
-    acceleration = gatherer.bench.base.effects.get("gravity", {}).get("acceleration", (0.0, 0.0, -9.81))
-    down = np.asarray(acceleration, float)
-    length = float(np.linalg.norm(down))
-    up = -down / length if "gravity" in gatherer.bench.base.effects and length else np.array([0.0, 0.0, 1.0])
-    return Observations(gatherer, point_areas(gatherer.material), up)
+    return Observations(gatherer, point_areas(gatherer.material), np.array(gatherer.bench.base.up))
 
 
 def with_twins(seen: Observations, needed: Sequence[Point]) -> Observations:

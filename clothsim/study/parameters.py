@@ -100,7 +100,7 @@ def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
 
 
 def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
-    value = base.effects.get("friction", {}).get("eps_v", "auto")
+    value = base.effects["friction"].eps_v if "friction" in base.effects else "auto"
     if isinstance(value, str):
         raise InputError("the scene has no friction that creeps")
     return value / 2.0**level, engine.replace(scene, "effects.friction.eps_v", value / 2.0**level)
@@ -109,7 +109,7 @@ def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
 def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
     if "friction" not in base.effects:
         raise InputError("the scene has no friction")
-    iterations = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
+    iterations = base.effects["friction"].iterations * Fraction(2) ** level
     if iterations.denominator != 1:
         raise InputError("friction is lagged once already")
     return int(iterations), engine.replace(scene, "effects.friction.iterations", int(iterations))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
-from clothsim import Bending, Scene, engine
+from clothsim import Scene, engine
 from clothsim.base.arrays import Floats
 from clothsim.engine import PRESETS, with_preset
 from clothsim.study.parameters import INTEGRATOR, TIME, Parameter, any_parameter, newton_parameter
@@ -75,7 +75,7 @@ class Bench:
     def convergent(self) -> bool:
         """True where the bending model converges to the fabric's own stiffness (docs/results/validation.md, A3)."""
         bending = self.given.effects.get("bending")
-        return bending is None or bending.get("model", Bending().model) == CONVERGENT
+        return bending is None or bending.model == CONVERGENT
 
     @property
     def in_time(self) -> str:

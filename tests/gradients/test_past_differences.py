@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import built
 from meshes import cloth, deformed, irregular_grid
 
 from clothsim.gradients.backward_pass import SLOTS, _values, _with, past_by_differences
@@ -32,9 +33,9 @@ def table_world():
 def unbound(name):
     """The effect on the table world, a step to bind it to, and positions at its end; None for a constraint."""
     world = table_world()
-    filled = {"contacts": ("body_contact",), "built": {"bending": EFFECTS["bending"].build(world, {}, {})}}
+    filled = {"contacts": ("body_contact",), "built": {"bending": built("bending", world)}}
     keys = KEYS.get(name, EFFECTS[name].example().keys)
-    energy = EFFECTS[name].build(world, keys, filled)
+    energy = built(name, world, **keys, **filled)
     if isinstance(energy, tuple):
         assert isinstance(energy[1], Constraint)
         return None
@@ -42,7 +43,7 @@ def unbound(name):
     rng = np.random.default_rng(7)
     x = world.start()
     velocities, before = rng.standard_normal((2, *x.shape))
-    contact = EFFECTS["body_contact"].build(world, EFFECTS["body_contact"].example().keys, {})
+    contact = built("body_contact", world, **EFFECTS["body_contact"].example().keys)
     past = Past(x + 0.05 * before, velocities + 0.3 * before, 0.7 * 0.8)  # BDF2 with r = 1/3, b = .8
     bound = {"body_contact": contact}
     step = Step(0.3, 0.7, x, velocities, 0.6, np.zeros_like(x), bound=bound, weighed=past)

@@ -1,5 +1,6 @@
 """Typed effects and settings: the builders' keys and defaults, the tables of a scene file, and no import."""
 
+import pickle
 import subprocess
 import sys
 from dataclasses import MISSING, FrozenInstanceError
@@ -118,6 +119,18 @@ def test_settings_are_parsed_once():
 def test_what_is_wrong_is_named(make, names):
     with pytest.raises(InputError, match=names):
         make()
+
+
+def test_a_section_knows_the_keys_that_were_given():
+    seam = clothsim.Seam(from_={"side": "left"}, to=clothsim.SeamLine(side="right"), end=1.0)
+    assert seam.given == ("from", "to", "end")
+    assert seam.from_ == clothsim.SeamLine(side="left")
+    assert seam.as_table() == {"from": {"side": "left"}, "to": {"side": "right"}, "end": 1.0}
+    later = seam.with_keys(end=2)
+    assert (later.end, later.given, seam.end) == (2.0, seam.given, 1.0)
+    assert pickle.loads(pickle.dumps(seam)).given == seam.given
+    gust = clothsim.Air.parsed("effects.air", {"wind": {"kind": "gust", "velocity": [1, 0, 0]}}).wind
+    assert (type(gust), gust.given, gust.period) == (Gust, ("velocity",), 1.0)
 
 
 def test_they_are_frozen():

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Pattern, Run
+from clothsim import Cloth, Pattern, Run
 from clothsim.base.errors import InputError
 from clothsim.base.renamed import renamed
 from clothsim.base.safe_files.directory import make_directory
@@ -84,7 +84,7 @@ def dress(
     output: str | Path | None = None,
     *,
     size: float = 0.02,
-    fabric: str = "cotton",
+    fabric: str | None = None,
     fabrics: Mapping[str, str] | None = None,
     made_for: str | Path | Any | None = None,
     grade: Mapping[str, float] | None = None,
@@ -111,8 +111,8 @@ def dress(
         Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
     size : float
         Distance of neighbouring vertices [m].
-    fabric : str
-        A named fabric.
+    fabric : str, optional
+        A named fabric; None: cotton.
     fabrics : mapping of str to str, optional
         Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
     made_for : str, Path, Body or mesh object, optional
@@ -155,7 +155,7 @@ def dress(
     'completed'
     """
     started = perf_counter()
-    chosen = Fabrics(fabric, fabrics or {})
+    chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
     directory = _directory(output, overwrite)
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")

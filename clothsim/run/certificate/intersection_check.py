@@ -91,7 +91,7 @@ class IntersectionCheck:
 
 
 def intersection_check_of(
-    surfaces: Sequence[Surface], effects: Mapping[str, Mapping[str, Any]], on: Collection[str]
+    surfaces: Sequence[Surface], effects: Mapping[str, Any], on: Collection[str]
 ) -> IntersectionCheck:
     """Make the check of a scene.
 
@@ -100,9 +100,9 @@ def intersection_check_of(
     surfaces : sequence of Surface
         Cloths and bodies.
     effects : mapping
-        {name: keys} as the scene gives them; `exclude` lists pairs of names.
+        The scene's; `exclude` of a contact lists pairs of names.
     on : collection of str
         Effects that are on.
     """
-    pairs = [pair for name in _EFFECT.values() for pair in effects.get(name, {}).get("exclude", ())]
+    pairs = [pair for name in _EFFECT.values() if name in effects for pair in effects[name].exclude]
     return IntersectionCheck(tuple(surfaces), frozenset(_EFFECT.values()) & set(on), frozenset(map(frozenset, pairs)))

@@ -32,5 +32,5 @@ def fixed(scene: Scene, built: Built) -> Scene:
 
 def d_hats(scene: Scene) -> dict[str, float]:
     """The d_hat of each contact effect that gives a number [m]."""
-    values = {name: scene.effects[name].get("d_hat", "auto") for name in CONTACTS if name in scene.effects}
+    values = {name: scene.effects[name].d_hat for name in CONTACTS if name in scene.effects}
     return {name: float(value) for name, value in values.items() if not isinstance(value, str)}

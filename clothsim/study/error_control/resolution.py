@@ -104,7 +104,7 @@ class Resolvable:
 
 def resolvable(given: Scene) -> Resolvable:
     """What can be refined of a scene with solver.error; it takes BDF2 unless the scene names its integrator."""
-    threads = given.solver.get("threads", 0)
+    threads = given.solver_settings.threads
     solver = {key: value for key, value in given.solver.items() if key != "error"}
     scene = replace(given, solver={"integrator": "bdf2", **solver})
     scene = engine.replace(fixed(scene, build(scene)), "solver.threads", threads)

@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import air, gravity, inertia, membrane
 from meshes import UNIT, cloth, deformed, grid, irregular_grid, random_rotation, small_world
 from solving import integrator_of, run_of, step_at
 
 from clothsim import InputError, Scene, resume, simulate
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.air import air
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from clothsim.physics.energies.step import Past
 from clothsim.physics.energies.wind import swing, wind_of
 

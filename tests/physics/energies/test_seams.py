@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, gravity, membrane, seams
 from meshes import UNIT, cloth, grid
 from small_scenes import SHEET, SOLVER, small_scene
 from solving import equilibrium, held, step_at
@@ -13,11 +14,7 @@ from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.hinge_kernels import angles
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.seams import seams
 
 LEFT, RIGHT = {"side": "left"}, {"side": "right"}
 

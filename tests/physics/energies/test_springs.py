@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import gravity, inertia, membrane, springs
 from meshes import cloth, grid
 from small_scenes import EFFECTS, SHEET, small_scene
 from solving import equilibrium, integrator_of, run_of, step_at, those_on
@@ -12,10 +13,6 @@ from clothsim import simulate
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.springs import springs
 from clothsim.scene.assembly.scene_world import build
 
 ALL = {"box": [[-9, -9, -9], [9, 9, 9]]}
