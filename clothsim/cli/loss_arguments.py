@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import clothsim
-from clothsim import engine, files, gradients, patterns
+from clothsim import gradients, patterns
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_length
 
@@ -60,7 +60,4 @@ def meshed(file: Path, size: str) -> "PatternMesh":
 
 def scene_or_run(path: Path) -> "Scene":
     """Return the scene of a file, of an installed name, or of the run in a directory."""
-    if not path.is_dir():
-        return clothsim.load_scene(path)
-
-    return engine.scene_from_text(files.read_checkpoint(path / files.CHECKPOINT_NAME).scene_text, path)
+    return clothsim.open_run(path).scene if path.is_dir() else clothsim.load_scene(path)

@@ -14,7 +14,7 @@ from clothsim.base.quantity_text import length
 from clothsim.cli.events import stream
 
 if TYPE_CHECKING:
-    from clothsim.engine import Progress
+    from clothsim import Progress
 
 SECONDS_BETWEEN_LINES = 5.0
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from clothsim import Run, Scene
     from clothsim.engine import Session
 
+ITERATES = "iterates_{}.npz"
+"""The file of --dump-iterates."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
@@ -129,7 +131,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     subject = arguments.scene if arguments.command == "run" else directory
     step = _dumped_step(arguments)
     if step is not None:
-        (directory / engine.iterates_name(step)).unlink(missing_ok=True)  # of an earlier run
+        (directory / ITERATES.format(step)).unlink(missing_ok=True)  # of an earlier run
     message = messages(arguments, subject)
     note = run_report.existing_files_note if arguments.command == "run" else run_report.resumption_note
     before = note(directory)
@@ -154,7 +156,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     except KeyboardInterrupt:
         print(run_report.stopped(directory), file=sys.stderr)
         return INTERRUPTED
-    if step is not None and not (run.directory / engine.iterates_name(step)).is_file():
-        trouble.append(f"No {engine.iterates_name(step)}: the run took {run.summary['steps']} steps.")
+    if step is not None and not (run.directory / ITERATES.format(step)).is_file():
+        trouble.append(f"No {ITERATES.format(step)}: the run took {run.summary['steps']} steps.")
     code = 0 if run.status == "completed" else 1
     return Report(run.summary, run_report.verdict(run, trouble), code, verdict=True).show(arguments)

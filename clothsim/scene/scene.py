@@ -174,8 +174,19 @@ class Scene:
         length = float(np.linalg.norm(acceleration))
         return tuple((-acceleration / length).tolist()) if length else (0.0, 0.0, 1.0)
 
+    @staticmethod
+    def from_text(text: str, here: Path = Path()) -> "Scene":
+        """The scene that `to_text` wrote; a relative directory, as in an archive, starts at `here`.
+
+        Raises
+        ------
+        InputError
+            Where the text is none of a scene.
+        """
+        return scene_from_text(text, here)
+
     def to_text(self, names_of_functions: bool = False) -> str:
-        """The scene as JSON text, which `scene_from_text` reads back; meshes in memory are in it.
+        """The scene as JSON text, which `from_text` reads back; meshes in memory are in it.
 
         Parameters
         ----------

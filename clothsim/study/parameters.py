@@ -4,14 +4,16 @@ A level is a number of refinements: 0 is the base, +1 one finer, -1 one coarser.
 PARAMETERS.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from math import ceil
 from typing import Any
 
 from clothsim import Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.engine import d_hats, refuse_unknown, steps_per_frame, with_cells
+from clothsim.base.inputs import refuse_unknown
+from clothsim.engine import d_hats, with_cells
 
 TIME, CELLS, D_HAT = "dt", "cells", "d_hat"
 """The parameters that a request for an error refines."""
@@ -54,6 +56,27 @@ class Parameter:
     def value(self, base: Scene, level: int) -> Any:
         """The parameter's value at a level of `base`."""
         return self.at(base, base, level)[0]
+
+
+def steps_per_frame(scene: Scene) -> tuple[int, float]:
+    """Number of steps a frame of `scene`, and duration of a frame [s]."""
+    run = scene.run_settings
+    frame = min(1 / run.frames_per_second, run.duration)
+    return max(1, ceil(frame / scene.solver_settings.dt - 1e-9)), frame
+
+
+def with_explicit_lengths(scene: Scene, energies: Mapping[str, Any]) -> Scene:
+    """`scene` with what it leaves to the mesh written out, so that a finer mesh changes the mesh alone.
+
+    The d_hat of each contact that is on, one of its `energies`; dt as the steps that a frame is divided into.
+    """
+    for name, energy in energies.items():
+        if hasattr(scene.effects.get(name), "d_hat"):
+            scene = engine.replace(scene, f"effects.{name}.d_hat", float(energy.d_hat))
+    if "error" not in scene.solver:
+        pieces, frame = steps_per_frame(scene)
+        scene = engine.replace(scene, "solver.dt", frame / pieces)
+    return engine.replace(scene, "solver.threads", 1)
 
 
 def _dt(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:

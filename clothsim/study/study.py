@@ -20,14 +20,14 @@ from clothsim.base.errors import InputError
 from clothsim.base.parallel import available_cores
 from clothsim.base.renamed import renamed
 from clothsim.base.safe_files.directory import make_directory
-from clothsim.engine import World, build, fixed
+from clothsim.engine import World, build
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
 from clothsim.study.error_control.resolution import Resolution, resolvable
 from clothsim.study.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
 from clothsim.study.goal_report import NamedGoal, goal_report, refuse_goal
 from clothsim.study.headline import UNFINISHED, headline, needed_seconds
-from clothsim.study.parameters import usable
+from clothsim.study.parameters import usable, with_explicit_lengths
 from clothsim.study.plan import gathered
 from clothsim.study.plot import draw
 from clothsim.study.points import BASE, Bench, Point, point
@@ -203,7 +203,7 @@ def study_accuracy(
     scene, found = searched_settings(scene, directory, seconds)
     if found is not None:
         built = build(scene)
-    base = fixed(scene, built)
+    base = with_explicit_lengths(scene, built.energies)
     used, missing = usable(base, None if parameters is None else list(parameters))
     bench = Bench(scene, base, used)
     if goal is not None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.engine import certificate_rows
 from clothsim.render import Scale
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ def certificate_text(run: "Run") -> str:
     """What the run certifies at its end."""
     if not run.summary:
         return "The certificate comes with the end of the run."
-    return table(certificate_rows(run.summary))
+    return table(run.certificate_rows)
 
 
 def solver_text(entries: Sequence[Mapping[str, Any]], time: float) -> str:

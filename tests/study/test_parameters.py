@@ -7,18 +7,17 @@ import pytest
 from small_scenes import SOLVER, small_scene, without
 
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.explicit_lengths import fixed
 from clothsim.scene.assembly.presets import PRESETS, with_preset
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.assembly.scene_world import build
-from clothsim.study.parameters import PARAMETERS, newton_parameter, usable
+from clothsim.study.parameters import PARAMETERS, newton_parameter, usable, with_explicit_lengths
 
 FRICTION = {"friction": {"coefficient": 0.2}}
 
 
 def base_of(**sections):
     scene = small_scene(**sections)
-    return fixed(scene, build(scene))
+    return with_explicit_lengths(scene, build(scene).energies)
 
 
 def test_what_the_mesh_chose_is_written_out():

@@ -10,8 +10,8 @@ from fractions import Fraction
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest
 from clothsim.scene import paths
-from clothsim.scene.assembly.explicit_lengths import d_hats
 from clothsim.scene.assembly.refinement import with_cells
+from clothsim.scene.effects import CONTACTS
 from clothsim.scene.scene import Scene
 from clothsim.solve.stepping.integrators import BDF2
 
@@ -92,3 +92,9 @@ def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, st
         scene = paths.replace(scene, "effects.bending.model", BENDING)
         settings.append(f"bending {BENDING}")
     return scene, ", ".join(settings)
+
+
+def d_hats(scene: Scene) -> dict[str, float]:
+    """The d_hat of each contact effect that gives a number [m]."""
+    values = {name: scene.effects[name].d_hat for name in CONTACTS if name in scene.effects}
+    return {name: float(value) for name, value in values.items() if not isinstance(value, str)}

@@ -9,12 +9,12 @@ from typing import Any
 
 from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
-from clothsim.engine import Session, steps_per_frame
+from clothsim.engine import Session
 from clothsim.study.error_control.parameter_errors import root_sum
 from clothsim.study.error_control.resolution import Resolution, Resolvable, has_cells_for, resolvable
 from clothsim.study.error_control.search import Message
 from clothsim.study.error_control.trial import Runs, Trial, another_shape, distance_at, pilot
-from clothsim.study.parameters import CELLS, D_HAT, TIME
+from clothsim.study.parameters import CELLS, D_HAT, TIME, steps_per_frame
 from clothsim.study.resample import world_material
 
 # Error of a run by two coarser ones: the differences tell whether an order of convergence may be assumed.

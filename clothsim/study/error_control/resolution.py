@@ -6,8 +6,8 @@ from fractions import Fraction
 
 from clothsim import Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.engine import build, d_hats, fixed, with_cells
-from clothsim.study.parameters import CELLS, D_HAT, TIME
+from clothsim.engine import build, d_hats, with_cells
+from clothsim.study.parameters import CELLS, D_HAT, TIME, with_explicit_lengths
 
 COARSEST_STEP = 0.01
 """Longest step of the first pilot run [s]. With 20 ms a strip under compression buckled to the other side."""
@@ -107,7 +107,7 @@ def resolvable(given: Scene) -> Resolvable:
     threads = given.solver_settings.threads
     solver = {key: value for key, value in given.solver.items() if key != "error"}
     scene = replace(given, solver={"integrator": "bdf2", **solver})
-    scene = engine.replace(fixed(scene, build(scene)), "solver.threads", threads)
+    scene = engine.replace(with_explicit_lengths(scene, build(scene).energies), "solver.threads", threads)
     run, missing = scene.run_settings, {}
     frame = min(1 / run.frames_per_second, run.duration)
     steps = max(1, -int(-frame // COARSEST_STEP))
