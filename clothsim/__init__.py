@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
     from clothsim.garments.fit.fit import Fit, fit
     from clothsim.gradients.design import Design, design
+    from clothsim.gradients.gradient import Gradient
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
     from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex

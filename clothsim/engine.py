@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from clothsim.scene.assembly.initial_positions import cloths_at_start
     from clothsim.scene.assembly.meshes import body_mesh, cloth_mesh
     from clothsim.scene.assembly.model_body import PlacedCharacter, character_of_scene
-    from clothsim.scene.assembly.presets import PRESETS, d_hats, with_preset
     from clothsim.scene.assembly.refinement import with_cells
     from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.assembly.worn_shape import refuse_unwearable, worn_shape

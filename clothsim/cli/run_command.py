@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import InputError
-from clothsim.cli import progress, run_report
+from clothsim.cli import on_demand, progress, run_report
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
 from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import Report, messages
@@ -107,7 +107,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
     """The scene with the settings of a preset, whose error is estimated; prints them."""
-    scene, settings_text = engine.with_preset(scene, arguments.preset)
+    scene, settings_text = on_demand.with_preset(scene, arguments.preset)
     messages(arguments)(f"preset {arguments.preset}: {settings_text}")
     return engine.replace(scene, "solver.estimate", True)
 

@@ -47,6 +47,15 @@ class PlaneMap:
         image = self.origin + np.outer(self.girth(t) * q, across) + np.outer(self.length(t), self.along)
         return np.asarray(image, np.float64)
 
+    def panel(self, panel: Panel) -> Panel:
+        """The image of a panel: corners, control points, and arcs through the images of their middles."""
+        corners = self(panel.vertices)
+        edges = tuple(
+            replace(edge, curve=_mapped_curve(edge.curve, panel.vertices[[edge.start, edge.end]], self))
+            for edge in panel.edges
+        )
+        return replace(panel, vertices=corners, edges=edges)
+
 
 class SeamsAlike(NamedTuple):
     """Pattern whose seams change alike, and factors of both sides of each seam, by name.
@@ -66,16 +75,6 @@ def seams_alike(graded: Pattern, original: Pattern) -> SeamsAlike:
     before = max((abs(a - b) for a, b in factors_of_seams(graded, original).values()), default=0.0)
     moved = [np.abs(alike.panels[name].vertices - panel.vertices).max() for name, panel in graded.panels.items()]
     return SeamsAlike(alike, factors_of_seams(alike, original), before, float(max(moved)))
-
-
-def mapped_panel(panel: Panel, image: PlaneMap) -> Panel:
-    """The panel under a map: corners, control points, and arcs through the images of their middles."""
-    corners = image(panel.vertices)
-    edges = tuple(
-        replace(edge, curve=_mapped_curve(edge.curve, panel.vertices[[edge.start, edge.end]], image))
-        for edge in panel.edges
-    )
-    return replace(panel, vertices=corners, edges=edges)
 
 
 def _mapped_curve(curve: Curve, ends: Floats, image: PlaneMap) -> Curve:

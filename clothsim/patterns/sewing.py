@@ -19,11 +19,14 @@ def sewn_vertices(mesh: PatternMesh, seams: Sequence[Seam]) -> Ints:
     return joined_vertices(mesh, np.concatenate([np.zeros((0, 2), np.int64), *(seam.pairs for seam in seams)]))
 
 
-def joined_vertices(mesh: PatternMesh, pairs: Ints) -> Ints:
+def joined_vertices(mesh: PatternMesh, pairs: Ints | None = None) -> Ints:
     """Number of each vertex after `pairs` (k, 2) are joined, (n,): ascending in the order of the first of each group.
 
+    None: those of all seams.
     InputError for pairs that join two corners of one triangle.
     """
+    if pairs is None:
+        return sewn_vertices(mesh, mesh.seams)
     number = _merged(len(mesh.positions), pairs)
     corners = number[mesh.triangles]
     collapsed = (corners == np.roll(corners, 1, axis=1)).any(axis=1)

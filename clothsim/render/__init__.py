@@ -10,7 +10,7 @@ from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from clothsim.render.camera import VIEWS, Camera
-    from clothsim.render.colour_scale import Quantity, Scale
+    from clothsim.render.colour_scale import Quantity
     from clothsim.render.marks import draw_marks
     from clothsim.render.movie import movie as write_movie
     from clothsim.render.movie import movie_file

@@ -13,8 +13,10 @@ from typing import Any
 from clothsim import Scene, engine
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import refuse_unknown
-from clothsim.engine import d_hats, with_cells
+from clothsim.engine import with_cells
 
+CONTACTS = ("body_contact", "self_contact")
+"""Effects that have a d_hat."""
 TIME, CELLS, D_HAT = "dt", "cells", "d_hat"
 """The parameters that a request for an error refines."""
 
@@ -56,6 +58,12 @@ class Parameter:
     def value(self, base: Scene, level: int) -> Any:
         """The parameter's value at a level of `base`."""
         return self.at(base, base, level)[0]
+
+
+def d_hats(scene: Scene) -> dict[str, float]:
+    """The d_hat of each contact effect that gives a number [m]."""
+    values = {name: scene.effects[name].d_hat for name in CONTACTS if name in scene.effects}
+    return {name: float(value) for name, value in values.items() if not isinstance(value, str)}
 
 
 def steps_per_frame(scene: Scene) -> tuple[int, float]:

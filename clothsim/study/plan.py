@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from clothsim.base.errors import InputError
-from clothsim.engine import PRESETS
 from clothsim.study.analysis import TOGETHER, next_points
 from clothsim.study.evaluation import Gatherer
 from clothsim.study.observations import (
@@ -18,6 +17,7 @@ from clothsim.study.observations import (
 )
 from clothsim.study.parameters import INTEGRATOR
 from clothsim.study.points import BASE, Bench, Point, point
+from clothsim.study.presets import PRESETS
 
 COMBINATIONS = 6
 LATE = 0.35

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.engine import PRESETS
 from clothsim.study.analysis import RESOLVED, Findings
 from clothsim.study.headline import MM
 from clothsim.study.parameters import written
 from clothsim.study.points import BASE, Point
+from clothsim.study.presets import PRESETS
 from clothsim.study.report import StudyData
 
 STYLES = (

@@ -7,8 +7,8 @@ from typing import Any
 
 from clothsim import Scene, engine
 from clothsim.base.arrays import Floats
-from clothsim.engine import PRESETS, with_preset
 from clothsim.study.parameters import INTEGRATOR, TIME, Parameter, any_parameter, newton_parameter
+from clothsim.study.presets import PRESETS, with_preset
 
 
 @dataclass(frozen=True)

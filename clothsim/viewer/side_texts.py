@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.render import Scale
+from clothsim.engine import Colouring
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -68,8 +68,9 @@ def speeds(places: Floats, times: Floats) -> Floats:
     return np.concatenate([[0.0], np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)])
 
 
-def legend_html(scale: Scale | None) -> str:
+def legend_html(colouring: Colouring) -> str:
     """Horizontal bar of a scale with its heading and ticks, as HTML; empty where the cloth is plain."""
+    scale = colouring.scale
     if scale is None:
         return ""
     painted = scale.colours(np.linspace(scale.low, scale.high, STOPS))

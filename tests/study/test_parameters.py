@@ -7,10 +7,10 @@ import pytest
 from small_scenes import SOLVER, small_scene, without
 
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.presets import PRESETS, with_preset
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.assembly.scene_world import build
 from clothsim.study.parameters import PARAMETERS, newton_parameter, usable, with_explicit_lengths
+from clothsim.study.presets import PRESETS, with_preset
 
 FRICTION = {"friction": {"coefficient": 0.2}}
 

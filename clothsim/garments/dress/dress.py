@@ -33,7 +33,7 @@ from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turn
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
 from clothsim.garments.stages import Announcement, Listener, PlannedStage, Stage, StageCallback, run_stages, staged
-from clothsim.patterns import TOUCHING, mesh_pattern, sewn_vertices
+from clothsim.patterns import TOUCHING, joined_vertices, mesh_pattern
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
@@ -170,7 +170,7 @@ def dress(
     if grading is not None:
         read, origin = grading.pattern, grading.origin
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
-    sewn_vertices(mesh, mesh.seams)  # an error now, not after the closing
+    joined_vertices(mesh)  # an error now, not after the closing
     surface = _surface(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
     mesh, leg_notes = turned_to_legs(mesh, body, surface)

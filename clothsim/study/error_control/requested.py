@@ -7,11 +7,11 @@ from typing import Any
 
 from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
-from clothsim.engine import Session, d_hats
+from clothsim.engine import Session
 from clothsim.study.error_control.resolution import Resolution
 from clothsim.study.error_control.search import Found, Message, Search, searched
 from clothsim.study.error_control.trial import Runs, Trial
-from clothsim.study.parameters import D_HAT
+from clothsim.study.parameters import D_HAT, d_hats
 from clothsim.study.resample import world_material
 
 

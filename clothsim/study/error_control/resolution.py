@@ -6,8 +6,8 @@ from fractions import Fraction
 
 from clothsim import Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.engine import build, d_hats, with_cells
-from clothsim.study.parameters import CELLS, D_HAT, TIME, with_explicit_lengths
+from clothsim.engine import build, with_cells
+from clothsim.study.parameters import CELLS, D_HAT, TIME, d_hats, with_explicit_lengths
 
 COARSEST_STEP = 0.01
 """Longest step of the first pilot run [s]. With 20 ms a strip under compression buckled to the other side."""
