@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.safe_files.record import GIF_NAME, MOVIE_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
@@ -57,11 +58,7 @@ def draw_pictures(
     world: of its scene; message: called with a line before each is drawn; progress: as of `draw_run`. Returns a line
     for each that could not be drawn, which does not change the status of the run.
     """
-    from clothsim.render.movie import GIF_NAME, MOVIE_NAME, movie_file
-
-    directory = run.directory
-    film, missing = movie_file(directory)
-    trouble = [missing] if movie and missing else []
+    directory, trouble = run.directory, list[str]()
     for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
         (directory / name).unlink(missing_ok=True)
     failure = run.summary.get("failure") or {}
@@ -71,6 +68,10 @@ def draw_pictures(
     if picture and failure.get("position") is not None:
         jobs.append((FAILURE_NAME, lambda: draw_failure(directory, failure, world, directory / FAILURE_NAME, run.up)))
     if movie:
+        from clothsim.render.movie import movie_file  # with what draws, which a run without pictures does not load
+
+        film, missing = movie_file(directory)
+        trouble += [missing] if missing else []
         jobs.append((film.name, lambda: draw_run(run, film, progress=progress)))
     for name, job in jobs:
         message(f"drawing {name}")

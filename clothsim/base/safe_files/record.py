@@ -15,6 +15,7 @@ from clothsim.base.safe_files.disk_space import writing
 from clothsim.base.safe_files.regular_file import read_regular_file
 
 RECORD_NAME = "record.jsonl"
+MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
 SUMMARY_NAME = "summary.json"
 FITTED_NAME = "fitted.obj"
 """Garment that a fit leaves."""
