@@ -44,7 +44,7 @@ NO_ANCHORS = anchors_from(())
 
 
 @dataclass(frozen=True)
-class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, Storing):
+class FrictionEnergy(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, Storing):
     """E = sum mu F f0(|u|), u = z + (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
     F [N], n and g: normal force, normal and weights of the closest points of each pair, lagged. f0 is |u| beyond e and

@@ -32,15 +32,15 @@ from clothsim.physics.energies.step import Step
 
 if TYPE_CHECKING:
     from clothsim.physics.contact.barrier import Barrier
-    from clothsim.physics.contact.friction import Friction
+    from clothsim.physics.contact.friction import FrictionEnergy
 
 
-def friction_sensitivity(friction: "Friction", step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+def friction_sensitivity(friction: "FrictionEnergy", step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
     """Return d(adjoint . friction gradient(x)) by the start of the step, for contacts that creep.
 
     Parameters
     ----------
-    friction : Friction
+    friction : FrictionEnergy
         Bound to `step`, with eps_v.
     step : Step
         Its start.
@@ -65,7 +65,7 @@ def friction_sensitivity(friction: "Friction", step: Step, x: Floats, adjoint: F
 
 
 def _by_lag(
-    friction: "Friction", barrier: "Barrier", stiffness: float, at: Floats, displacements: Floats, adjoint: Floats
+    friction: "FrictionEnergy", barrier: "Barrier", stiffness: float, at: Floats, displacements: Floats, adjoint: Floats
 ) -> Floats:
     """The derivative by the positions `at` the start from which the pairs of one barrier are lagged, (N, 3)."""
     pairs, least_gap = barrier.distinct(at), friction.contacts.least_gap * barrier.d_hat

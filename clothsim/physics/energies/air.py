@@ -15,13 +15,13 @@ dt, also with BDF2.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.typed_effects import Air
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
@@ -33,7 +33,7 @@ from clothsim.physics.energies.wind import Wind, wind_of
 
 
 @dataclass(frozen=True)
-class Air(Energy, Driven, Idling):
+class AirEnergy(Energy, Driven, Idling):
     """E = sum d.T d / (2 h), d = y - y_n - h w, y the centroid of a triangle, so that d / h = v_rel.
 
     With BDF2 x^ and b h replace x_n and h (docs/theory.md#time-integration).
@@ -116,45 +116,20 @@ class Air(Energy, Driven, Idling):
         return x[self.triangles].mean(axis=1) - self.drifted
 
 
-def air(
-    world: World,
-    *,
-    density: float = 1.2,
-    drag: Any = 1.0,
-    lift: Any = 0.9,
-    wind: ArrayLike | Any = (0.0, 0.0, 0.0),
-    strength: Any = 1.0,
-) -> Energy | Off:
-    """Drag and lift of all triangles in still air or wind.
-
-    Parameters
-    ----------
-    density : float
-        Density of the air [kg/m3].
-    drag : number or values over the cloth
-        Drag coefficient of a triangle face on (`energies.varying_values`).
-    lift : number or values over the cloth
-        From 0, drag along the wind alone, to 1, force along the normal alone.
-    wind : (3,) vector, table or function
-        Velocity of the air [m/s] (`energies.wind`).
-    strength : number, key frames or function
-        Factor on the wind over time.
-
-    Returns
-    -------
-    Air, or Off where the density or every drag is 0.
+def air(world: World, keys: Air) -> Energy | Off:
+    """Drag and lift of all triangles in still air or wind; off where the density or every drag is 0.
 
     Raises
     ------
     InputError
         For a value out of its range; names the key and the triangle.
     """
-    rho = as_positive("effects.air.density", density, zero=True)
-    across = over_cloth("effects.air.drag", drag, world, least=0.0)
-    lifts = over_cloth("effects.air.lift", lift, world, least=0.0)
+    rho = keys.density
+    across = over_cloth("effects.air.drag", keys.drag, world, least=0.0)
+    lifts = over_cloth("effects.air.lift", keys.lift, world, least=0.0)
     if (lifts > 1).any():
         raise InputError(f"effects.air.lift is {lifts.max():g} on triangle {lifts.argmax()}.", "Give it from 0 to 1.")
-    field, pace = wind_of("effects.air.wind", wind), schedule("effects.air.strength", strength)
+    field, pace = wind_of("effects.air.wind", keys.wind), schedule("effects.air.strength", keys.strength)
     if rho == 0:
         return Off("the density of the air is 0")
     selected = np.flatnonzero(across)
@@ -163,7 +138,7 @@ def air(
     across, along = rho / 2 * across[selected], rho / 2 * (across * (1 - lifts))[selected]
     none = np.zeros((len(selected), 3))
     tensors = np.zeros((len(selected), 3, 3))
-    return Air(world.triangles[selected], across, along, field, pace, world.origin, tensors, none, 1.0)
+    return AirEnergy(world.triangles[selected], across, along, field, pace, world.origin, tensors, none, 1.0)
 
 
 EXAMPLE = Example(

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, as_number, as_positive, as_vector
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.physics.energies.varying_values import FUNCTION, lost_function
+from clothsim.keys.effect_tables import Gust, Vortex
+from clothsim.physics.energies.varying_values import lost_function
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -44,7 +45,7 @@ class Uniform(Wind):
 
 
 @dataclass(frozen=True)
-class Gust(Wind):
+class GustField(Wind):
     """A mean velocity V with fluctuations of strength and direction that are convected by V (Taylor 1938).
 
     w = |V| (1 + amplitude g(u)) (cos a V/|V| + sin a side), a = sway g(u + 5), u = (t - x.V/|V|^2) / period, with a
@@ -80,7 +81,7 @@ class Gust(Wind):
 
 
 @dataclass(frozen=True)
-class Vortex(Wind):
+class VortexField(Wind):
     """A line vortex, v = circulation r / (2 pi (r^2 + core^2)) at the distance r from the line (Scully 1975).
 
     Parameters
@@ -133,66 +134,33 @@ def swing(u: Floats) -> Floats:
 
 
 def wind_of(name: str, value: Any) -> Wind:
-    """The wind of a scene's value: a vector, {kind = "gust" or "vortex", ...}, or in Python a function (`Field`).
+    """The wind of a scene's value: a vector, a `Gust`, a `Vortex`, or in Python a function (`Field`).
 
     Raises
     ------
     InputError
-        Names the unknown, missing or invalid key.
+        For a gust without a mean wind, a vortex without an axis, or a function that a scene file has lost.
     """
     if callable(value):
         return Field(name, value)
-    if not isinstance(value, Mapping):
-        return Uniform(as_vector(name, value))
-    if set(value) == {FUNCTION}:
+    if isinstance(value, Gust):
+        return _gust(name, value)
+    if isinstance(value, Vortex):
+        return _vortex(name, value)
+    if isinstance(value, Mapping):
         raise lost_function(name, value)
-    keys = dict(value)
-    kind = keys.pop("kind", None)
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"{name}.kind is {kind!r}.", f"Known: {', '.join(KINDS)}; or give a vector.")
-    build, known = KINDS[kind]
-    unknown = next((key for key in keys if key not in known), None)
-    if unknown is not None:
-        raise InputError(f"{name} ({kind}) has no key {unknown!r}.", f"Known: {', '.join(known)}.")
-    missing = next((key for key, default in known.items() if default is None and key not in keys), None)
-    if missing is not None:
-        raise InputError(f"{name} ({kind}) has no {missing}.", "Give it.")
-    return build(name, {**known, **keys})
+    return Uniform(np.array(value, np.float64))
 
 
-def _gust(name: str, keys: Mapping[str, Any]) -> Gust:
-    velocity = as_vector(f"{name}.velocity", keys["velocity"])
+def _gust(name: str, keys: Gust) -> GustField:
+    velocity = np.array(keys.velocity, np.float64)
     if not velocity.any():
         raise InputError(f"{name}.velocity is zero: a gust needs a mean wind.", "Give a velocity [m/s].")
-    return Gust(
-        velocity,
-        as_positive(f"{name}.amplitude", keys["amplitude"], zero=True),
-        as_positive(f"{name}.period", keys["period"]),
-        float(np.radians(as_positive(f"{name}.sway_degrees", keys["sway_degrees"], zero=True))),
-    )
+    return GustField(velocity, keys.amplitude, keys.period, float(np.radians(keys.sway_degrees)))
 
 
-def _vortex(name: str, keys: Mapping[str, Any]) -> Vortex:
-    axis = as_vector(f"{name}.axis", keys["axis"])
+def _vortex(name: str, keys: Vortex) -> VortexField:
+    centre, axis, velocity = (np.array(each, np.float64) for each in (keys.centre, keys.axis, keys.velocity))
     if not axis.any():
         raise InputError(f"{name}.axis is zero.", "Give the direction of the vortex line.")
-    circulation = as_number(f"{name}.circulation", keys["circulation"])
-    if not np.isfinite(circulation):
-        raise InputError(f"{name}.circulation is {circulation}, not a finite number.")
-    return Vortex(
-        as_vector(f"{name}.centre", keys["centre"]),
-        axis / np.linalg.norm(axis),
-        circulation,
-        as_positive(f"{name}.core", keys["core"]),
-        as_vector(f"{name}.velocity", keys["velocity"]),
-    )
-
-
-KINDS: dict[str, tuple[Callable[[str, Mapping[str, Any]], Wind], dict[str, Any]]] = {
-    "gust": (_gust, {"velocity": None, "amplitude": 0.5, "period": 1.0, "sway_degrees": 0.0}),
-    "vortex": (
-        _vortex,
-        {"circulation": None, "core": None, "centre": (0, 0, 0), "axis": UP, "velocity": (0, 0, 0)},
-    ),
-}
-"""Kinds of wind: builder, and keys with their defaults; None for a key that must be given."""
+    return VortexField(centre, axis / np.linalg.norm(axis), keys.circulation, keys.core, velocity)
