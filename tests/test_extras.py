@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-EXTRAS = ("ipctk", "skfem", "imageio", "imageio_ffmpeg", "hypothesis", "pytest", "nvmath")
+EXTRAS = ("ipctk", "skfem", "imageio", "imageio_ffmpeg", "hypothesis", "pytest")
 LATE = ("pyvista", "vtkmodules", "matplotlib", "embreex", "igl", "meshio", "trimesh", "PIL")
 RUN = """
 import json, sys

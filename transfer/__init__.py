@@ -8,7 +8,9 @@ skinning to points off it, and `PosedBody` poses and unposes a garment with it. 
 triangles (m, 3). The package imports nothing of clothsim; its names are loaded when they are used.
 """
 
+import ast as _ast
 from importlib import import_module as _import_module
+from pathlib import Path as _Path
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 if _TYPE_CHECKING:
@@ -30,73 +32,22 @@ if _TYPE_CHECKING:
     from transfer.signed_distance import BodySurface, body_surface
 
 _HOMES = {
-    "BodyModel": "transfer.body_model",
-    "BodySurface": "transfer.signed_distance",
-    "Correspondence": "transfer.correspond",
-    "DeformationTransfer": "transfer.deform",
-    "FollowedSource": "transfer.follow",
-    "PosedBody": "transfer.canonical",
-    "Refined": "transfer.refine",
-    "Similarity": "transfer.align",
-    "TransferError": "transfer.errors",
-    "Unposed": "transfer.canonical",
-    "body_surface": "transfer.signed_distance",
-    "by_boxes": "transfer.align",
-    "by_points": "transfer.align",
-    "closest_average": "transfer.diffuse",
-    "correspond_bodies": "transfer.correspond:correspond",
-    "deformation_transfer": "transfer.deform",
-    "derive_markers": "transfer.landmarks",
-    "followed_source": "transfer.follow",
-    "garment_transfer": "transfer.garment",
-    "kernel_average": "transfer.diffuse",
-    "make_body_model": "transfer.body_file:body_model",
-    "posed_body": "transfer.canonical",
-    "read_body_model": "transfer.body_file",
-    "refine_garment": "transfer.refine:refine",
-    "sampled_average": "transfer.diffuse",
-    "transfer_garment": "transfer.garment",
-    "unposed_in_field": "transfer.canonical",
+    alias.asname or alias.name: (node.module, alias.name)
+    for node in _ast.walk(_ast.parse(_Path(__file__).read_text(encoding="utf-8")))
+    if isinstance(node, _ast.ImportFrom) and node.module and node.module.startswith("transfer.")
+    for alias in node.names
 }
-"""The module of each public name, and its name there where that is also the name of a module."""
+"""The module of each public name, and its name there: the imports above, which type checkers read."""
 
-__all__ = [
-    "BodyModel",
-    "BodySurface",
-    "Correspondence",
-    "DeformationTransfer",
-    "FollowedSource",
-    "PosedBody",
-    "Refined",
-    "Similarity",
-    "TransferError",
-    "Unposed",
-    "body_surface",
-    "by_boxes",
-    "by_points",
-    "closest_average",
-    "correspond_bodies",
-    "deformation_transfer",
-    "derive_markers",
-    "followed_source",
-    "garment_transfer",
-    "kernel_average",
-    "make_body_model",
-    "posed_body",
-    "read_body_model",
-    "refine_garment",
-    "sampled_average",
-    "transfer_garment",
-    "unposed_in_field",
-]
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'transfer' has no attribute {name!r}")
-    module, _, other = _HOMES[name].partition(":")
-    return getattr(_import_module(module), other or name)
+    module, original = _HOMES[name]
+    return getattr(_import_module(module), original)
 
 
 def __dir__() -> list[str]:
-    return list(__all__)
+    return sorted(_HOMES)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from transfer.errors import TransferError
 from transfer.level_sets import level_set, loops
@@ -164,8 +165,6 @@ def from_leg_to_leg(
 
 def mirror_normal(points: Floats, axis: Floats, across: Floats, middle: Floats) -> Floats:
     """Normal (3,) of the vertical plane through the body's middle with the best mirror image, near `across`."""
-    from scipy.spatial import cKDTree
-
     some, sampled = (points[:: max(1, len(points) // count)] for count in (COARSELY, SAMPLED))
     other = np.cross(axis, across)
     centre = (points.max(axis=0) + points.min(axis=0)) / 2.0

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from transfer.adjacency import largest_component, vertex_components
 from transfer.body_frame import BodyFrame, body_frame
 from transfer.landmarks import bend, tips
 from transfer.level_sets import Ring, girth, level_set
-from transfer.triangle_surface import Floats, Ints
+from transfer.triangle_surface import Floats, Ints, largest_component, vertex_components
 
 SECTIONS = 24
 """Sections of the trunk, of a leg and of an arm."""

@@ -10,17 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from transfer.adjacency import largest_component, vertex_components
 from transfer.align import by_boxes, by_points, span_a_plane
 from transfer.body_parts import BodyParts, body_parts
-from transfer.closest_surface_point import facing_surface
 from transfer.deform import deformation_transfer
 from transfer.errors import TransferError
 from transfer.gradients import centroids, mean_edge
 from transfer.landmarks import derive_markers
-from transfer.overlay import lay_over
+from transfer.overlay import facing_surface, lay_over
 from transfer.part_warp import warped_onto
-from transfer.triangle_surface import Floats, Ints, as_surface, triangle_normals
+from transfer.triangle_surface import Floats, Ints, as_surface, largest_component, triangle_normals, vertex_components
 
 Mesh = tuple[Floats, Ints]
 

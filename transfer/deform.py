@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, diags_array, eye_array
 from scipy.spatial import cKDTree
 
-from transfer.adjacency import vertex_components
 from transfer.errors import TransferError
 from transfer.follow import AveragedMotion, followed_source
 from transfer.gradients import (
@@ -23,7 +22,7 @@ from transfer.gradients import (
     inverse_frames,
     plane_operator,
 )
-from transfer.triangle_surface import Floats, Ints, as_surface
+from transfer.triangle_surface import Floats, Ints, as_surface, vertex_components
 
 WEAK = 1e-3
 """Weight of a triangle without a pair, which follows its nearest paired triangle."""

@@ -15,8 +15,11 @@ one linear operator: rows A(p) >= 0 of sum 1 over the body's vertices, W~ = A W,
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import igl
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array, vstack
+from scipy.spatial import cKDTree
 
 from transfer.errors import TransferError
 from transfer.signed_distance import barycentric
@@ -85,8 +88,6 @@ class SampledAverage:
 
     def averaging(self, points: ArrayLike) -> Any:
         """Rows of equation 4, a csr_array (k, n)."""
-        from scipy.sparse import vstack
-
         queries, count = as_points("points", points), len(self.samples)
         step = max(CHUNK // count, 1)
         parts = [self._part(queries[low : low + step]) for low in range(0, len(queries), step)]
@@ -121,8 +122,6 @@ class KernelAverage:
 
     def averaging(self, points: ArrayLike) -> Any:
         """Rows of the kernel, a csr_array (k, n)."""
-        from scipy.sparse import vstack
-
         queries = as_points("points", points)
         parts = [self._part(queries[low : low + CHUNK]) for low in range(0, len(queries), CHUNK)]
         return vstack(parts, format="csr") if parts else self.surface.averaging(queries)
@@ -148,8 +147,6 @@ def closest_average(positions: ArrayLike, triangles: ArrayLike) -> ClosestAverag
     TransferError
         Invalid arrays.
     """
-    import igl
-
     points, faces = as_surface("body", positions, triangles)
     points, faces = np.ascontiguousarray(points), np.ascontiguousarray(faces)
     tree = igl.AABB()
@@ -179,8 +176,6 @@ def kernel_average(positions: ArrayLike, triangles: ArrayLike) -> KernelAverage:
     >>> average.averaging([[0.3, 0.3, 0.3]]).sum(axis=1).round(12).tolist()
     [1.0]
     """
-    from scipy.spatial import cKDTree
-
     surface = closest_average(positions, triangles)
     corners = surface.positions[surface.triangles]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
@@ -192,8 +187,6 @@ def kernel_average(positions: ArrayLike, triangles: ArrayLike) -> KernelAverage:
 
 def _rows(rows: int, columns: int, lengths: Ints, column: Ints, values: Floats) -> Any:
     """csr_array (rows, columns) with `lengths` entries a row, those of one column added up."""
-    from scipy.sparse import csr_array
-
     starts = np.concatenate([[0], np.cumsum(lengths)])
     made = csr_array((values, column, starts), shape=(rows, columns))
     made.sum_duplicates()

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from transfer.adjacency import vertex_components
 from transfer.deform import DeformationTransfer, deformation_transfer
 from transfer.errors import TransferError
 from transfer.gradients import centroids, mean_edge, without_area
-from transfer.triangle_surface import Floats, Ints, as_surface, triangle_normals
+from transfer.triangle_surface import Floats, Ints, as_surface, triangle_normals, vertex_components
 
 FOLLOWED, CANDIDATES = 16, 64
 """Most body triangles that a garment triangle follows, and nearest ones that are searched."""

@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
 
 from transfer.triangle_surface import Floats, Ints
 
@@ -66,9 +69,6 @@ def level_set(positions: Floats, triangles: Ints, field: Floats, level: float) -
 
 def loops(ring: Ring, triangles: Ints) -> list[Ring]:
     """Connected pieces of a level set, the longest first."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
     crossed = triangles[ring.triangles]
     other = crossed[:, [1, 2, 0]]
     keys = np.minimum(crossed, other) * (crossed.max(initial=0) + 1) + np.maximum(crossed, other)
@@ -83,8 +83,6 @@ def loops(ring: Ring, triangles: Ints) -> list[Ring]:
 
 def girth(ring: Ring) -> float:
     """Length of a tape about a ring: perimeter of its convex hull in its plane of least squares [m]."""
-    from scipy.spatial import ConvexHull, QhullError
-
     points = np.concatenate([ring.starts, ring.ends])
     if len(points) < 6:
         return 0.0

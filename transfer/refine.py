@@ -16,6 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array, diags_array, eye_array, hstack, kron, vstack
+from scipy.sparse.linalg import cg
 
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
@@ -212,9 +214,6 @@ def clearance(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clea
 
 def displacement(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -> Floats:
     """Displacement d of pass k, (n, 3) [m]: the solution of its normal equations."""
-    from scipy.sparse import diags_array
-    from scipy.sparse.linalg import cg
-
     matrix, right = normal_equations(weights, targets, smoothing, k)
     # The eigenvalues lie between lam_d and 4 lam_s + lam_d + the rows at a vertex: a factorization does not pay.
     solution, failed = cg(matrix, right, rtol=RESIDUAL, maxiter=ITERATIONS, M=diags_array(1 / matrix.diagonal()))
@@ -225,8 +224,6 @@ def displacement(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -
 
 def normal_equations(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -> tuple[Sparse, Floats]:
     """Symmetric positive definite matrix (3n, 3n) and right-hand side (3n,) of pass k: all x, then y, then z."""
-    from scipy.sparse import diags_array, eye_array, hstack, kron
-
     lam_s, lam_d = (schedule[min(k, len(schedule) - 1)] for schedule in (SMOOTHNESS, DAMPING))
     chosen = weights[targets.rows]
     along = hstack([diags_array(targets.normals[:, axis]) @ chosen for axis in range(3)]).tocsr()
@@ -236,7 +233,6 @@ def normal_equations(weights: Sparse, targets: Targets, smoothing: Sparse, k: in
 
 def sample_weights(triangles: Ints, edges: Ints, n_vertices: int) -> Sparse:
     """Sample operator B (n + e + m, n): vertices, then middles of edges, then of triangles."""
-    from scipy.sparse import csr_array, vstack
 
     def means(corners: Ints) -> Sparse:
         count, size = corners.shape
@@ -248,8 +244,6 @@ def sample_weights(triangles: Ints, edges: Ints, n_vertices: int) -> Sparse:
 
 def _deviation(edges: Ints, n_vertices: int) -> Sparse:
     """Operator L (n, n): value of a vertex minus the mean of its neighbours; zero for a vertex without any."""
-    from scipy.sparse import diags_array
-
     ring = adjacency(edges, n_vertices)
     degree = ring.sum(axis=1)
     joined = degree > 0
@@ -257,8 +251,6 @@ def _deviation(edges: Ints, n_vertices: int) -> Sparse:
 
 
 def _identity(n: int) -> Sparse:
-    from scipy.sparse import eye_array
-
     return eye_array(n).tocsr()
 
 

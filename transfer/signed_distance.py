@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import igl
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -100,8 +101,6 @@ class BodySurface:
         TransferError
             `points` has another shape or values that are not finite.
         """
-        import igl
-
         queries = as_points("points", points)
         if not len(queries):
             return Closest(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int64))
@@ -187,8 +186,6 @@ def body_surface(positions: ArrayLike, triangles: ArrayLike) -> BodySurface:
     """
     points, given = as_surface("body", positions, triangles)
     os.environ.setdefault("IGL_NUM_THREADS", str(min(THREADS, os.cpu_count() or 1)))
-    import igl
-
     faces = _turned_outward(points, given)
     normals = triangle_normals(points, faces)
     size = float(np.linalg.norm(np.ptp(points[faces.ravel()], axis=0)))
@@ -218,8 +215,6 @@ def barycentric(corners: Floats, points: Floats) -> Floats:
 
 def _turned_outward(points: Floats, given: Ints) -> Ints:
     """Triangles (m, 3) oriented consistently in each component, with positive volume."""
-    import igl
-
     faces, pieces = igl.bfs_orient(given)
     faces, pieces = np.ascontiguousarray(faces, np.int64), np.asarray(pieces).ravel()
     corners = points[faces]

@@ -1,9 +1,11 @@
-"""Triangle surfaces as arrays: input checks, edges, normals and curvature."""
+"""Triangle surfaces as arrays: input checks, edges, adjacency, components, normals and curvature."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from transfer.errors import TransferError
 
@@ -53,8 +55,6 @@ def edges_of(triangles: Ints) -> Ints:
 
 def adjacency(edges: Ints, n_vertices: int) -> Sparse:
     """Symmetric vertex adjacency matrix, (n, n): 1 where two vertices share an edge."""
-    from scipy.sparse import csr_array
-
     i, j = edges.T
     ones = np.ones(2 * len(edges))
     return csr_array((ones, (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n_vertices, n_vertices))
@@ -110,3 +110,29 @@ def unit(vectors: Floats) -> Floats:
     """Unit vectors of `vectors` (k, 3); zero stays zero."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+
+
+def adjacent_triangles(triangles: Ints) -> Ints:
+    """Pairs (p, 2) of triangles that share an edge, each once; an edge of k triangles gives a chain of k - 1."""
+    count = len(triangles)
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    owner = np.tile(np.arange(count), 3)
+    order = np.lexsort((owner, edges[:, 1], edges[:, 0]))
+    edges, owner = edges[order], owner[order]
+    same = (edges[1:] == edges[:-1]).all(axis=1)
+    return np.column_stack([owner[:-1][same], owner[1:][same]])
+
+
+def vertex_components(triangles: Ints, vertices: int) -> Ints:
+    """Label (n,) of each vertex's connected component; -1 where no triangle uses the vertex."""
+    _, labels = connected_components(adjacency(edges_of(triangles), vertices), directed=False)
+    used = np.zeros(vertices, bool)
+    used[triangles] = True
+    numbers = np.full(vertices, -1, np.int64)
+    numbers[used] = np.unique(labels[used], return_inverse=True)[1]
+    return numbers
+
+
+def largest_component(triangles: Ints, labels: Ints) -> int:
+    """Label of the component with the most triangles."""
+    return int(np.bincount(labels[triangles[:, 0]]).argmax())

@@ -6,6 +6,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+if sys.platform != "win32":
+    import resource
+
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 LARGEST_CACHED = 1 << 30
 
@@ -28,9 +31,7 @@ def keep_freed_memory() -> bool:
 
 def peak_memory() -> int:
     """Return the largest resident memory of this process so far [bytes]; 0 where the system has no such counter."""
-    try:
-        import resource
-    except ImportError:  # Windows
+    if sys.platform == "win32":
         return 0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak

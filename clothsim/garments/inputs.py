@@ -151,7 +151,7 @@ def read_garment(
     original = original_of(source, mesh, shape.sewn)
     every = len(np.unique(shape.triangles)) == len(shape.positions)
     division = divided(shape.positions, shape.triangles) if every else UNDIVIDED
-    if division.followers:
+    if division.embedded:
         shape = replace(shape, positions=shape.positions[division.vertices], triangles=division.triangles)
     warnings = refuse_unwearable(file.name, shape.positions, shape.triangles, sewn=bool(weld))
     remarks = (*shape.notes, *division.notes, *warnings)

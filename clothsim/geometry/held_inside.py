@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.mesh.topology import components
-from clothsim.mesh.winding_number import is_inside
+from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
 
 

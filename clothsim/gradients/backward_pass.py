@@ -6,6 +6,8 @@ Step k minimises E, so that G(x_k; past, lag, p) = dE/dx = 0 on the free rows, a
     w = lx + lv/past.dt,    H a = w on the free rows, a = 0 elsewhere
     d(past.x) = -lv/past.dt - d(a.G)/d(past.x),    d(past.v) = -d(a.G)/d(past.v),    d(x_(k-1)) = -d(a.G)/d(x_(k-1))
     d(prescribed rows of x_k) = w - H a,           dL/dp = -a . dG/dp
+
+The contact pairs of recorded states are remembered: the pass searches for none.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +31,6 @@ from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.stepping import Integrator
 
-# Contact pairs of recorded states, for a pass over the steps of a run that searches for none.
 
 class RememberedPairs(Candidates):
     """Candidates that know the active pairs of the last two states, the ends of a step."""

@@ -74,8 +74,6 @@ def refuse(session: Session) -> None:
         raise InputError('contact.pinch = "carry" has no gradient.', "Leave it out.")
     if session.built.world.rigid:
         raise InputError("Rigid bodies have no gradient.", "Make them bodies with a motion: [[body]].")
-    if scene.contact_settings.backend == "ipctk":
-        raise InputError('contact.backend = "ipctk" has no gradient.', 'Take "numba".')
 
 
 def pilot_stiffness(session: Session, names: Sequence[str]) -> dict[str, float]:

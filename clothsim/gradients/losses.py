@@ -4,6 +4,7 @@ import abc
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import igl
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_points, as_vector
@@ -92,8 +93,6 @@ class Scan(Loss):
 
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
         """Return mean |q - p(q)|^2, p(q) the closest point; its barycentric weights need no derivative (envelope)."""
-        import igl
-
         points, normals = as_points("points", self.points), as_points("normals", self.normals)
         face, closest = igl.point_mesh_squared_distance(points, positions, triangles)[1:3]
         if len(normals):

@@ -2,6 +2,10 @@
 
 The loss is minimised over the logarithms of the numbers by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995, "A limited memory
 algorithm for bound constrained optimization"), from several starts, each evaluation a whole run with its gradient.
+
+Standard errors: the Hessian of a sum of squares at its minimum, by differences of its gradients, is 2 J'J over the
+logarithms of the numbers (J of the residuals; what is left of them adds little, Gauss-Newton), and the covariance of
+the logarithms sigma^2 (J'J)^-1, sigma^2 the misfit a residual (Seber & Wild 1989, Nonlinear Regression, section 2.1).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,12 +21,6 @@ from clothsim.gradients.losses import Distance, Loss, Scan
 from clothsim.gradients.recovery_problem import SPREAD, Evaluation, Problem, problem_of
 from clothsim.patterns.pattern_mesh import PatternMesh
 from clothsim.scene.scene import Scene
-
-# Standard errors of recovered numbers, and combinations of them that a target does not determine.
-#
-# The Hessian of a sum of squares at its minimum, by differences of its gradients, is 2 J'J over the logarithms of the
-# numbers (J of the residuals; what is left of them adds little, Gauss-Newton), and the covariance of the logarithms
-# sigma^2 (J'J)^-1, sigma^2 the misfit a residual (Seber & Wild 1989, Nonlinear Regression, section 2.1).
 
 UNDETERMINED = 1e-4
 """Curvature of the loss along a combination of logarithms, over the largest, below which it is not determined."""

@@ -10,9 +10,9 @@ from clothsim.keys.frozen import content_of, frozen
 from clothsim.keys.schema import Key
 from clothsim.keys.typed_effects import EffectKeys
 
-SUPPLIED = ("backend", "contacts", "built")
-"""Keywords of builders that no scene gives: the backend of [contact], the names of the contacts that are on, and the
-energies built so far, by name."""
+SUPPLIED = ("contacts", "built")
+"""Keywords of builders that no scene gives: the names of the contacts that are on, and the energies built so far, by
+name."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,6 @@ DEEPEST = 12
 """Largest depth of nested tables and lists."""
 
 
-
 def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
     """InputError for the first key of `given` that is not `known`, with the nearest known one."""
     names = list(known)
@@ -34,7 +33,6 @@ def _hint(where: str, key: str, names: list[str]) -> str:
 
     known = f"Known: {', '.join(names)}." if names else f"{where} takes no keys."
     return nearest(key, names, 0.75) or home_of(key) or nearest(key, names) or known
-
 
 
 def refuse_deep(where: str, value: Any) -> None:

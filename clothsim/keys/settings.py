@@ -1,6 +1,7 @@
 """The sections [solver], [contact], [run] and [seed]: plain numbers and names with their defaults."""
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
@@ -43,10 +44,9 @@ class Solver(KeyTable):
         Literal["bdf2", "backward_euler"], Key("Time integrator; backward Euler is of first order and damps more")
     ] = "bdf2"
     linear: Annotated[
-        Literal["auto", "mixed", "pardiso", "cholmod", "superlu", "cudss"],
-        Key("Linear solver; auto takes the fastest installed on the CPU, mixed is PARDISO in single precision with "
-            "refinement, cudss needs an NVIDIA GPU"),
-    ] = "auto"  # fmt: skip
+        Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
+        Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
+    ] = "auto"
     threads: Annotated[
         int,
         Key("Threads of a step; 1 repeats every bit; 0: one, from 20,000 vertices up to 4", "1", least=0),
@@ -103,12 +103,18 @@ class Contact(KeyTable):
     section: ClassVar[str] = "contact"
 
     backend: Annotated[
-        Literal["auto", "numba", "ipctk"], Key("Contact implementation; auto is numba, ipctk is the reference")
+        Literal["auto", "numba", "ipctk"], Key("Contact implementation; each is numba's, ipctk is deprecated")
     ] = "auto"
     pinch: Annotated[
         Literal["stop", "carry"],
         Key("Cloth between two closing parts of bodies: the run stops, or one of them carries it until they open"),
     ] = "stop"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.backend == "ipctk":
+            why = "the package's own contact is taken, to which ipctk is the oracle of the tests"
+            warnings.warn(f'contact.backend = "ipctk" is deprecated: {why}.', DeprecationWarning, stacklevel=3)
 
 
 FieldName: TypeAlias = Literal[

@@ -1,6 +1,8 @@
 """Shortest paths of vertices along mesh edges that follow a drawn polyline."""
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
@@ -35,9 +37,6 @@ def path_along(where: str, positions: Floats, edges: Ints, points: Floats) -> In
     InputError
         Where there are fewer than two points, one is further from the mesh than an edge is long, or no path joins two.
     """
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
     if len(points) < 2:
         raise InputError(f"{where} has {len(points)} points.", "A line has two or more: [[x, y, z], [x, y, z]].")
     if not len(edges):

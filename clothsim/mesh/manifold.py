@@ -4,6 +4,8 @@ Half-edge h = 3 t + k runs from corner k of triangle t to its next corner. No tr
 """
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from clothsim.base.arrays import Ints
 from clothsim.mesh.topology import half_edges
@@ -75,9 +77,6 @@ def turned_triangles(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> tuple[
 
 def one_sided_edge(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> Ints:
     """Return an edge (2,) of a non-orientable component whose triangles disagree after a flood fill of the others."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import breadth_first_order
-
     first, second, count = joined
     first, second = first[count == 2], second[count == 2]
     starts, m = triangles.ravel(), len(triangles)
@@ -102,8 +101,5 @@ def _next_corner(half_edge: Ints) -> Ints:
 
 def _connected(left: Ints, right: Ints, size: int) -> Ints:
     """Component of each of `size` nodes of which left[i] and right[i] are joined."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     graph = coo_array((np.ones(len(left), np.int8), (left, right)), shape=(size, size))
     return connected_components(graph, directed=False)[1].astype(np.int64)

@@ -10,6 +10,10 @@ with affine f_j that are orthogonal in the mass of the body, so that its kinetic
 sum_j mu_j |z_j'|^2 / 2: a free body moves as four points of a quarter of its mass each, at +-s along its principal
 axes, s^2 the covariance (c = 0, C = 0). A body that turns about a point keeps three f_j, those that vanish there, and
 one on a hinge two: what is held is left out of the coordinates, and holds exactly.
+
+Volume, centroid and covariance of the solid inside a closed surface are sums over the tetrahedra from a point near the
+surface to its triangles, with the sign of their volumes (Mirtich 1996, "Fast and accurate computation of polyhedral
+mass properties").
 """
 
 from dataclasses import dataclass, replace
@@ -20,10 +24,6 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.mesh.topology import border_edges
 
-# Volume moments of a closed surface: volume, centroid and covariance of the solid inside.
-#
-# Sums over the tetrahedra from a point near the surface to its triangles, with the sign of their volumes (Mirtich 1996,
-# "Fast and accurate computation of polyhedral mass properties").
 
 @dataclass(frozen=True)
 class VolumeMoments:

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Ints
 
@@ -67,9 +69,6 @@ def vertex_rings(triangles: Ints, n_vertices: int) -> tuple[Ints, Ints]:
 
 def components(triangles: Ints, n_vertices: int) -> Ints:
     """Return the connected component of every vertex, (n,), numbered by first appearance; isolated vertices count."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     edges = half_edges(triangles)
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n_vertices, n_vertices))
     return connected_components(graph, directed=False)[1].astype(np.int64)

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.patterns.curves import Arc, Bezier, Curve, Straight, along_chord, scaled_curve
+from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord, scaled_curve
 from clothsim.patterns.pattern import Panel, Pattern, Side
-from clothsim.patterns.polyline import Polyline
 
 STEPS = 50
 """Bound on the Gauss-Newton steps that make both sides of all seams alike."""

@@ -8,15 +8,14 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.patterns.borders import Border, borders
+from clothsim.patterns.borders import Border, borders, refuse_self_crossing
 from clothsim.patterns.curves import scaled_curve
 from clothsim.patterns.limits import refuse_too_fine
-from clothsim.patterns.panel_mesh import PanelMesh, mesh_panel
+from clothsim.patterns.panel_mesh import PanelMesh, mesh_panel, without_slivers
 from clothsim.patterns.pattern import Pattern, Side, Stitch
-from clothsim.patterns.self_crossing import refuse_self_crossing
-from clothsim.patterns.slivers import without_slivers
 
 # Orientation of panels: which of them are turned so that the sewn surface has one front.
+
 
 def turned_panels(pattern: Pattern) -> Mapping[str, bool]:
     """Panels whose front is turned over against the direction of their loop.

@@ -10,9 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.patterns.curves import Arc, Bezier, Curve, Straight, along_chord
+from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord
 from clothsim.patterns.pattern import Panel, Pattern, PatternEdge, Side, Stitch
-from clothsim.patterns.polyline import Polyline
 
 USUAL_UNITS = 100.0
 """Units of a file in a metre where it names none."""

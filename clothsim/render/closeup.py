@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from PIL import Image, ImageDraw
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.render.camera import Camera, Margins, three_quarter_view
@@ -42,8 +43,6 @@ def draw_closeup(
     The view is one from which nothing hides the point. Where there is none, the bodies in front of it are cut away, and
     the title names them. Other arguments as in `picture.draw`.
     """
-    from PIL import Image, ImageDraw
-
     view_radius = _view_radius([surface for surface in surfaces if surface.role == "cloth"])
     focus = point + view_radius * np.concatenate([np.eye(3), -np.eye(3)])
     settings = {"size": size, "colour": "stretch", "up": up, "renderer": renderer, "focus": focus}

@@ -1,10 +1,13 @@
-"""Availability of VTK, tested in another process, as VTK ends a process in which it cannot draw."""
+"""Choice of the renderer. VTK is tested in another process, as it ends a process in which it cannot draw."""
 
+import ctypes
 import os
 import subprocess
 import sys
 from functools import cache
 from importlib.util import find_spec
+
+from clothsim.base.errors import InputError
 
 _PROBE = """
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
@@ -16,6 +19,24 @@ window.AddRenderer(vtkRenderer())
 window.Render()
 raise SystemExit(0 if window.SupportsOpenGL() else 1)
 """
+
+
+def choose_renderer(renderer: str) -> tuple[str, str]:
+    """Name of the renderer, "vtk" or "ray", and a line of text that names it.
+
+    VTK is only tried where it is known to work, or asked for by name.
+    """
+    wanted = os.environ.get("CLOTHSIM_RENDERER", "auto") if renderer == "auto" else renderer
+    if wanted not in ("auto", "vtk", "ray"):
+        raise InputError(f'The renderer must be "auto", "vtk" or "ray", not {wanted!r}.')
+    if wanted == "ray":
+        return "ray", "Drawn by ray casting, as asked."
+    missing = why_not_vtk()
+    if not missing:
+        return "vtk", "Drawn by VTK."
+    if wanted == "vtk":
+        raise InputError(f"VTK cannot draw here: {missing}.", 'Or use the renderer "ray".')
+    return "ray", f"Drawn by ray casting, as {missing}."
 
 
 @cache
@@ -40,8 +61,6 @@ def why_not_vtk() -> str:
 
 def _any_library() -> bool:
     """True where one of the libraries through which VTK reaches OpenGL can be loaded."""
-    import ctypes
-
     names = ["libEGL.so.1", "libOSMesa.so", "libOSMesa.so.8", "libOSMesa.so.6"]
     for name in [*names, *(["libGL.so.1"] if os.environ.get("DISPLAY") else [])]:
         try:

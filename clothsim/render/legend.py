@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
 from clothsim.base.arrays import Floats
 from clothsim.render.camera import Margins
@@ -19,14 +20,12 @@ def margins(size: tuple[int, int], with_bar: bool, title: str) -> Margins:
 
 def add_legend(image: Floats, scale: Scale | None, title: str) -> np.ndarray:
     """`image (h, w, 3)`, sRGB in [0, 1], as uint8 with a title and, unless `scale` is None, its bar."""
-    from PIL import Image, ImageDraw
-
     height, width = image.shape[:2]
     canvas = Image.fromarray(np.round(np.clip(image, 0, 1) * 255).astype(np.uint8))
     pen = ImageDraw.Draw(canvas)
     em = _em((width, height))
     if title:
-        pen.text((1.6 * em, 1.3 * em), title, fill=_INK, font=_font(1.25 * em), anchor="la")
+        pen.text((1.6 * em, 1.3 * em), title, fill=_INK, font=ImageFont.load_default(1.25 * em), anchor="la")
     if scale is not None:
         _bar(canvas, scale, em)
     return np.asarray(canvas)
@@ -34,12 +33,10 @@ def add_legend(image: Floats, scale: Scale | None, title: str) -> np.ndarray:
 
 def label(pen: Any, corner: tuple[float, float], text: str, em: float) -> None:
     """Write a line of letters `em` pixels tall, its upper left corner there."""
-    pen.text(corner, text, fill=_INK, font=_font(em), anchor="la")
+    pen.text(corner, text, fill=_INK, font=ImageFont.load_default(em), anchor="la")
 
 
 def _bar(canvas, scale: Scale, em: float) -> None:
-    from PIL import Image, ImageDraw
-
     width, height = canvas.size
     tall, wide = round(0.42 * height), max(4, round(0.62 * em))
     left, top = round(width - 5.2 * em), round(0.5 * (height - 0.42 * height) + 0.5 * em)
@@ -47,7 +44,7 @@ def _bar(canvas, scale: Scale, em: float) -> None:
     column = np.round(scale.colours(values) * 255).astype(np.uint8)
     canvas.paste(Image.fromarray(np.ascontiguousarray(np.broadcast_to(column[:, None], (tall, wide, 3)))), (left, top))
     pen = ImageDraw.Draw(canvas)
-    font = _font(em)
+    font = ImageFont.load_default(em)
     for value, text in scale.ticks:
         y = top + tall * (scale.high - value) / (scale.high - scale.low)
         pen.line((left + wide + 0.2 * em, y, left + wide + 0.5 * em, y), fill=_INK, width=max(1, round(em / 16)))
@@ -59,9 +56,3 @@ def _bar(canvas, scale: Scale, em: float) -> None:
 def _em(size: tuple[int, int]) -> float:
     """The height of the letters in pixels."""
     return max(9.0, min(size) / 48)
-
-
-def _font(pixels: float):
-    from PIL import ImageFont
-
-    return ImageFont.load_default(pixels)

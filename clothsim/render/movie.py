@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
+from PIL import Image
 
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError, MissingPackageError
@@ -134,8 +135,6 @@ def _write_mp4(target: Path, pictures: Iterator[np.ndarray], rate: float, size: 
 
 
 def _write_gif(target: Path, pictures: Iterator[np.ndarray], rate: float) -> None:
-    from PIL import Image
-
     frames = [Image.fromarray(picture).quantize(128, dither=Image.Dither.NONE) for picture in pictures]
     milliseconds = max(20, round(100 / rate) * 10)
     frames[0].save(

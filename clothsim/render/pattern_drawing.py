@@ -2,17 +2,18 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps, rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.patterns.borders import enclosed_area
 from clothsim.patterns.pattern import Panel, Pattern, Side
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 FORMATS = (".svg", ".png", ".pdf")
 SAMPLES = 33
@@ -55,10 +56,6 @@ def draw_pattern(file: str | Path, pattern: Pattern, title: str = "", edge_numbe
     path = Path(file)
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"{path} ends with {path.suffix!r}.", f"Known: {', '.join(FORMATS)}.")
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     outlines = {name: outline(panel) for name, panel in pattern.panels.items()}
     shifts, size = laid_out(outlines)
     figure = Figure(figsize=(WIDTH, max(2.5, WIDTH * size[1] / size[0])), layout="constrained")
@@ -107,8 +104,6 @@ def laid_out(outlines: Mapping[str, Floats]) -> tuple[dict[str, Floats], Floats]
 
 def seam_colours(pattern: Pattern) -> dict[Side, tuple[int, Any]]:
     """Number of the seam and its colour, for each edge that is sewn."""
-    from matplotlib import colormaps
-
     table = colormaps["tab20"]
     order = [*range(0, 20, 2), *range(1, 20, 2)]  # strong colours first
     return {
@@ -117,7 +112,7 @@ def seam_colours(pattern: Pattern) -> dict[Side, tuple[int, Any]]:
 
 
 def _draw_panel(
-    axes: "Axes", panel: Panel, points: Floats, shift: Floats, colours: Mapping[Side, Any], edge_numbers: bool
+    axes: Axes, panel: Panel, points: Floats, shift: Floats, colours: Mapping[Side, Any], edge_numbers: bool
 ) -> None:
     moved = points + shift
     axes.fill(*moved.T, facecolor=FABRIC, edgecolor="none", zorder=1)
@@ -144,7 +139,7 @@ def _draw_panel(
     )
 
 
-def _draw_edge_number(axes: "Axes", number: int, line: Floats, points: Floats) -> None:
+def _draw_edge_number(axes: Axes, number: int, line: Floats, points: Floats) -> None:
     """The number of an edge inside the panel beside its middle, and a dot at its start."""
     middle, along = line[SAMPLES // 2], line[SAMPLES // 2 + 1] - line[SAMPLES // 2 - 1]
     left = np.array([-along[1], along[0]]) / np.linalg.norm(along)

@@ -1,6 +1,5 @@
 """PNG of cloths and bodies at one time."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from PIL import Image
 
 from clothsim.base.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.base.errors import InputError
@@ -15,10 +15,11 @@ from clothsim.base.safe_files.atomic import replacing
 from clothsim.render.camera import VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
 from clothsim.render.colormap import log_stretch
 from clothsim.render.colour_scale import Quantity, Scale, limits_of, sequential_scale, stretch_scale
+from clothsim.render.display import choose_renderer
 from clothsim.render.legend import add_legend, margins
-from clothsim.render.smooth_surface import smoothed
-from clothsim.render.style import STYLES, Style
-from clothsim.render.surface_look import Surface, looks
+from clothsim.render.pixel_geometry import pixel_geometry
+from clothsim.render.styles import STYLES, Style, backdrop, outlined, woven
+from clothsim.render.surface_look import Surface, looks, smoothed
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _SMALLEST = 64
@@ -124,8 +125,6 @@ def draw(
     InputError
         For a bad argument, or a renderer that does not work here.
     """
-    from PIL import Image
-
     look = {"colour": colour, "title": title, "smooth": smooth, "style": style, "limits": limits}
     setup = picture_setup([surfaces], size=size, up=up, view=view, renderer=renderer, **look)  # type: ignore[arg-type]
     written = {"dpi": (dots_per_inch, dots_per_inch)} if dots_per_inch else {}
@@ -258,10 +257,6 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
         image = style.body_opacity * image + (1.0 - style.body_opacity) * behind
     if not style.needs_geometry:
         return image
-    from clothsim.render.outlines import outlined
-    from clothsim.render.pixel_geometry import pixel_geometry
-    from clothsim.render.weave import woven
-
     geometry = pixel_geometry(drawn, camera, (setup.size[0] * setup.samples, setup.size[1] * setup.samples))
     if style.woven:
         image = woven(image, geometry, np.array([each.role == "cloth" for each in drawn]), setup.samples)
@@ -270,8 +265,6 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
 
 def _shaded(setup: PictureSetup, camera: Camera, drawn: Sequence[Surface], surfaces: Sequence[Surface]) -> np.ndarray:
     """Surfaces under light before the background; `surfaces`: those that throw a soft shadow on the floor."""
-    from clothsim.render.backdrop import backdrop
-
     if setup.renderer == "vtk":
         from clothsim.render.vtk_scene import render
     else:
@@ -284,26 +277,6 @@ def _shaded(setup: PictureSetup, camera: Camera, drawn: Sequence[Surface], surfa
         )  # soft: it needs no finer ones
         behind = backdrop(triangles, camera, setup.size, setup.up)
     return np.asarray(seen[:, :, :3] + (1 - seen[:, :, 3:]) * behind)
-
-
-def choose_renderer(renderer: str) -> tuple[str, str]:
-    """Name of the renderer, "vtk" or "ray", and a line of text that names it.
-
-    VTK is only tried where it is known to work, or asked for by name.
-    """
-    from clothsim.render.display import why_not_vtk
-
-    wanted = os.environ.get("CLOTHSIM_RENDERER", "auto") if renderer == "auto" else renderer
-    if wanted not in ("auto", "vtk", "ray"):
-        raise InputError(f'The renderer must be "auto", "vtk" or "ray", not {wanted!r}.')
-    if wanted == "ray":
-        return "ray", "Drawn by ray casting, as asked."
-    missing = why_not_vtk()
-    if not missing:
-        return "vtk", "Drawn by VTK."
-    if wanted == "vtk":
-        raise InputError(f"VTK cannot draw here: {missing}.", 'Or use the renderer "ray".')
-    return "ray", f"Drawn by ray casting, as {missing}."
 
 
 def scale_of(

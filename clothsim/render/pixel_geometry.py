@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -77,21 +78,32 @@ def pixel_geometry(surfaces: Sequence[Surface], camera: Camera, size: tuple[int,
     )
 
 
-def _cast(corners: Floats, camera: Camera, size: tuple[int, int]) -> tuple[dict[str, Floats], Floats]:
-    """First hit of the ray through each pixel, and the unit rays (pixels, 3)."""
+def caster_over(corners: Floats) -> Any:
+    """Embree's ray caster over triangles (m, 3, 3).
+
+    Raises
+    ------
+    MissingPackageError
+        Without embreex.
+    """
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
     except ImportError as error:
         raise MissingPackageError(
-            "Outlines and woven fabric need embreex, which is not installed.",
-            'Run: pip install embreex, or take the style "fields".',
+            "Ray casting, outlines and woven fabric need embreex, which is not installed.",
+            'Run: pip install embreex, or take the renderer "vtk" with the style "fields".',
         ) from error
+    scene, vertices = EmbreeScene(), corners.reshape(-1, 3).astype(np.float32)
+    TriangleMesh(scene, vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
+    return scene
+
+
+def _cast(corners: Floats, camera: Camera, size: tuple[int, int]) -> tuple[dict[str, Floats], Floats]:
+    """First hit of the ray through each pixel, and the unit rays (pixels, 3)."""
     low, high = seen_box(corners.reshape(-1, 3), camera)
     scale = 1.0 / (float((high - low).max()) or 1.0)  # embree computes in single precision
-    vertices = ((corners - 0.5 * (low + high)) * scale).reshape(-1, 3).astype(np.float32)
-    scene = EmbreeScene()
-    TriangleMesh(scene, vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
+    scene = caster_over((corners - 0.5 * (low + high)) * scale)
     rays = camera.directions(*size).reshape(-1, 3)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     eye = ((camera.position - 0.5 * (low + high)) * scale).astype(np.float32)

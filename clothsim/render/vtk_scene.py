@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pyvista
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkFloatArray, vtkLogger
 
 from clothsim.base.arrays import Floats
 from clothsim.render.camera import Camera, seen_box
@@ -19,9 +22,6 @@ _LIGHTS = (((-0.70, 0.85, 0.40), 0.88), ((0.80, 0.15, 0.60), 0.22), ((0.10, 0.90
 
 def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats, samples: int = 2) -> Floats:
     """Rendered image, (height, width, 4): sRGB times coverage, and the coverage."""
-    import pyvista
-    from vtkmodules.vtkCommonCore import vtkLogger
-
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # it warns of a missing X server before it takes EGL
     low, high = seen_box(np.concatenate([look.corners for look in made]).reshape(-1, 3), camera)
     scale = 1.0 / (float((high - low).max()) or 1.0)
@@ -44,9 +44,6 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
 
 def _covered(plotter: Any, window: Sequence[int]) -> np.ndarray:
     """True where a surface was drawn, (height, width): from the depth buffer, without a copy of the picture."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkFloatArray
-
     depth = vtkFloatArray()
     plotter.render_window.GetZbufferData(0, 0, window[0] - 1, window[1] - 1, depth)
     return vtk_to_numpy(depth).reshape(window[1], window[0])[::-1] < 1.0
@@ -68,8 +65,6 @@ def _sampled(image: np.ndarray, covered: np.ndarray, samples: int) -> Floats:
 
 def _add_two_sided(plotter: Any, look: Look, centre: Floats, scale: float) -> None:
     """One actor for each side, as VTK gives both sides of an actor the same colours."""
-    import pyvista
-
     points = ((look.corners - centre) * scale).reshape(-1, 3)
     for hidden, paint in (("back", look.front), ("front", look.back)):
         mesh = pyvista.PolyData.from_regular_faces(points, np.arange(len(points)).reshape(-1, 3))
@@ -82,8 +77,6 @@ def _add_two_sided(plotter: Any, look: Look, centre: Floats, scale: float) -> No
 
 
 def _aim(plotter: Any, camera: Camera, eye: Floats, up: Floats) -> None:
-    import pyvista
-
     right, picture_up, backward = camera.axes
     plotter.camera.position = eye
     plotter.camera.focal_point = eye - backward

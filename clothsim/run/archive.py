@@ -27,7 +27,7 @@ TOP = (README_NAME, SCENE_NAME, VERSIONS_NAME, CHECKPOINT_NAME, RECORD_NAME, SUM
 
 PACKAGES = (
     *("clothsim", "numpy", "scipy", "numba", "h5py", "meshio", "trimesh"),
-    *("pypardiso", "mkl", "py-mkl-pardiso", "scikit-sparse", "ipctk"),
+    *("pypardiso", "mkl", "py-mkl-pardiso", "scikit-sparse"),
 )
 """Distributions whose versions an archive states."""
 

@@ -1,12 +1,10 @@
 """Session: a scene prepared for stepping, with sparsity pattern, linear solver and integrator."""
 
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.base.parallel import available_cores
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import Solver
 from clothsim.mesh.motion import RigidMotion
@@ -60,7 +58,6 @@ class Session:
 def prepare(scene: Scene, built: Built) -> Session:
     """Prepare a built scene for stepping. InputError for settings that conflict."""
     settings = scene.solver_settings
-    _set_threads(settings.threads)
     reproducible = _make_reproducible() if settings.repeatable else ""
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
@@ -152,8 +149,6 @@ def _carries_pinched(scene: Scene, built: Built) -> bool:
     """True where the scene asks that cloth in a pinch is carried. InputError where contact cannot do it."""
     if scene.contact_settings.pinch == "stop":
         return False
-    if scene.contact_settings.backend == "ipctk":
-        raise InputError('contact.pinch = "carry" does not work with ipctk.', 'Use contact.backend = "numba".')
     if "body_contact" not in built.energies:
         raise InputError('contact.pinch = "carry" needs effects.body_contact.', "Add it, or leave the key out.")
     return True
@@ -215,13 +210,6 @@ def _gravity(built: Built) -> float:
     gravity = built.energies.get("gravity")
     size = float(np.linalg.norm(gravity.acceleration)) if isinstance(gravity, Gravity) else 0.0
     return size or STANDARD_GRAVITY
-
-
-def _set_threads(threads: int) -> None:
-    """Set the threads of ipctk, where a scene has loaded it; the linear solver gets them when it is made."""
-    ipctk = sys.modules.get("ipctk")
-    if ipctk is not None:
-        ipctk.set_num_threads(threads or available_cores())
 
 
 def _make_reproducible() -> str:

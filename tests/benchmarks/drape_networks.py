@@ -30,9 +30,8 @@ from clothsim.study.farm.publication import CLOTH
 from clothsim.study.farm.status import manifest
 from transfer.canonical import PosedBody
 from transfer.diffuse import kernel_average
-from transfer.distance_grid import distance_grid
 from transfer.drape_autoencoder import DrapeAutoencoder
-from transfer.drape_autoencoder_training import Training, trained_autoencoder
+from transfer.drape_autoencoder_training import Training, distance_grid, trained_autoencoder
 from transfer.signed_distance import BodySurface, body_surface
 from transfer.subspace import Subspace, metric_components, nearest, ridge
 

@@ -11,12 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs
-from clothsim.mesh.generators.garments.implicit import lattice_union, smooth_union
+from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs, skinning_weights
+from clothsim.mesh.generators.garments.implicit import half_surface, lattice_union, smooth_union
 from clothsim.mesh.generators.garments.relax import both_halves, relaxed
-from clothsim.mesh.generators.garments.skinning_weights import skinning_weights
-from clothsim.mesh.generators.garments.surface_nets import half_surface
-from clothsim.mesh.generators.mannequin.template import TEMPLATE_FILE, Template
+from clothsim.mesh.generators.mannequin.generator import TEMPLATE_FILE, Template
 
 CELL = 0.020
 """Cell width of the lattice [m]; finer at the hands, the toes and the soles."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.mesh.generators.mannequin.template import template
+from clothsim.mesh.generators.mannequin.generator import template
 from tests.benchmarks.make_mannequin import body_field, make_template, write_template
 
 

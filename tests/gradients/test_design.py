@@ -5,12 +5,11 @@ import pytest
 from small_skirt import LENGTH, hanging_skirt, skirt_mesh
 
 from clothsim import InputError
-from clothsim.gradients.design import design
+from clothsim.gradients.design import design, mirrored
 from clothsim.gradients.design_aims import HemAt, Measured, StretchBelow
 from clothsim.gradients.losses import Girth
 from clothsim.gradients.pattern_numbers import PatternNumbers
 from clothsim.gradients.scene_of_pattern import shaped_scene
-from clothsim.gradients.symmetry import mirrored
 
 CONTROLS = [f"pattern.{panel}.edge[0].control[{k}].y" for panel in ("front", "back") for k in (0, 1)]
 FREE = ["pattern.front+back.height", "pattern.front+back.flare", *CONTROLS]

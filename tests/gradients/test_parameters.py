@@ -103,7 +103,7 @@ def test_turn_of_a_body(case):
 
 
 def test_rest_shape_along_a_field(case):
-    from clothsim.gradients.rest_shape import _displaced
+    from clothsim.gradients.gradient import _displaced
     from clothsim.mesh.world import make_world
     from clothsim.scene.assembly.scene_world import build_effects
 
@@ -123,7 +123,7 @@ def test_contact_weights_follow_the_rest_shape(case, monkeypatch):
     field = np.zeros(case.run.session.built.world.cloths[0].rest_positions.shape)
     field[:, :2] = np.random.default_rng(3).standard_normal((len(field), 2))
     right = case.gradient.rest_along(field)
-    monkeypatch.setattr("clothsim.gradients.rest_shape.Variation", _without_contact)
+    monkeypatch.setattr("clothsim.gradients.gradient.Variation", _without_contact)
     assert abs(case.gradient.rest_along(field) - right) > 10 * BAR * abs(right)
 
 

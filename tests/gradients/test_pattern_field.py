@@ -6,7 +6,7 @@ from sewing_patterns import panel, skirt, specification
 
 from clothsim import Cloth, InputError, Scene
 from clothsim.gradients.losses import Height
-from clothsim.gradients.pattern_field import control_gradient, pattern_field, pattern_gradient
+from clothsim.gradients.pattern_numbers import control_gradient, pattern_field, pattern_gradient
 from clothsim.gradients.run import traced
 from clothsim.patterns.pattern import Side
 from clothsim.patterns.pattern_mesh import mesh_pattern

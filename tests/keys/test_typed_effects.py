@@ -13,6 +13,7 @@ from clothsim.keys.builder_keys import takes_keys
 from clothsim.keys.effect_tables import Gust
 from clothsim.keys.frozen import frozen
 from clothsim.keys.typed_effects import TYPED_EFFECTS
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 
 CLOTH = {"mesh": "rectangle", "cells": [2, 2]}
@@ -56,11 +57,17 @@ def test_typed_settings_are_their_tables():
         solver=clothsim.Solver(dt=0.02, threads=1),
         run=clothsim.RunSettings(duration=1),
         seed=clothsim.Seed(),
-        contact=clothsim.Contact(backend="ipctk"),
+        contact=clothsim.Contact(backend="numba"),
     )
     assert (scene.solver, scene.run, scene.seed) == ({"dt": 0.02, "threads": 1}, {"duration": 1.0}, {})
     assert scene.solver_settings == clothsim.Solver(dt=0.02, threads=1)
-    assert scene.contact_settings.backend == "ipctk"
+    assert scene.contact_settings.backend == "numba"
+
+
+def test_ipctk_is_deprecated_and_its_scenes_still_build():
+    with pytest.warns(DeprecationWarning, match=r"contact\.backend"):
+        scene = Scene(cloth=CLOTH, effects=[clothsim.Inertia()], contact={"backend": "ipctk"})
+    assert set(build(scene).energies) == {"inertia"}
 
 
 def test_settings_are_parsed_once():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from clothsim.mesh.generators.shapes import slab, sphere
-from clothsim.mesh.winding_number import is_inside, winding_number
+from clothsim.mesh.winding import is_inside, winding_number
 
 
 def test_a_closed_surface_goes_round_its_inside_once():

@@ -8,12 +8,12 @@ from render_scenes import NO_STRETCHES, ball, sheet
 
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.render import ray_caster
-from clothsim.render.backdrop import backdrop
 from clothsim.render.camera import Camera
 from clothsim.render.colormap import stretch_colours
 from clothsim.render.colour_scale import stretch_scale
 from clothsim.render.display import why_not_vtk
 from clothsim.render.picture import draw, picture_setup
+from clothsim.render.styles import backdrop
 from clothsim.render.surface_look import Surface, looks
 
 SIZE = (200, 150)

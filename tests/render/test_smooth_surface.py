@@ -5,8 +5,7 @@ import pytest
 import trimesh
 
 from clothsim.mesh.topology import border_edges
-from clothsim.render.smooth_surface import LEVELS, MOST_TRIANGLES, smoothed
-from clothsim.render.surface_look import Surface
+from clothsim.render.surface_look import LEVELS, MOST_TRIANGLES, Surface, smoothed
 
 NONE = np.zeros((0, 2))
 

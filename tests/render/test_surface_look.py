@@ -3,8 +3,7 @@ from meshes import grid
 from render_scenes import NO_STRETCHES, ball, sheet
 
 from clothsim.render.colour_scale import stretch_scale
-from clothsim.render.smooth_surface import smoothed
-from clothsim.render.surface_look import BODY_GREY, FABRICS, Surface, creased_normals, looks, vertex_normals
+from clothsim.render.surface_look import BODY_GREY, FABRICS, Surface, creased_normals, looks, smoothed, vertex_normals
 
 TENT = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0]], float)
 SIDES = np.array([[0, 1, 2], [0, 3, 1]])

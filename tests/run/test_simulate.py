@@ -134,20 +134,6 @@ def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(run, tmp_path, ste
         assert resumed.summary[key] == run.summary[key]
 
 
-def test_a_resumed_run_with_ipctk_has_the_bits_of_one_that_never_stopped(tmp_path):
-    cloth = [SHEET | {"name": "a"}, SHEET | {"name": "b", "position": [0.05, 0.0, 0.36], "cells": [5, 4]}]
-    scene = small_scene(
-        cloth,
-        BALL | {"motion": {"velocity": [0.3, 0.0, 0.5]}},
-        EFFECTS | {"self_contact": {}, "friction": {"coefficient": 0.4}},
-        run={"duration": 0.24, "frames_per_second": 25},
-        contact={"backend": "ipctk"},
-    )
-    whole = simulate(scene, tmp_path / "whole")
-    stopped_after(tmp_path / "stopped", scene, 5)
-    assert np.array_equal(frames(resume(tmp_path / "stopped")), frames(whole))
-
-
 @pytest.mark.parametrize("steps", [1, 5])
 def test_a_resumed_run_of_bdf2_has_the_bits_of_one_that_never_stopped(tmp_path, steps):
     """The checkpoint knows the state a step earlier; after the first step only the start is."""

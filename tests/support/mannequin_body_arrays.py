@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats
-from clothsim.mesh.generators.mannequin.proportions import Figure, warped, warped_joints
+from clothsim.mesh.generators.mannequin.generator import template
+from clothsim.mesh.generators.mannequin.proportions import Proportions, warped, warped_joints
 from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS
-from clothsim.mesh.generators.mannequin.template import template
 
-MEASURES: tuple[str, ...] = tuple(field.name for field in fields(Figure))
-"""What the shape parameters are: changes of these measures of a `Figure`."""
+MEASURES: tuple[str, ...] = tuple(field.name for field in fields(Proportions))
+"""What the shape parameters are: changes of these measures of a `Proportions`."""
 STEP = 0.05
 """The change of a measure over which its shape direction is taken."""
 NEIGHBOURS = 48
@@ -23,7 +23,7 @@ def body_arrays() -> dict[str, NDArray]:
 
     shapedirs (n, 3, 6): the change of the vertices with each of MEASURES (linear: exact for the height only).
     """
-    made, default = template(), Figure()
+    made, default = template(), Proportions()
     positions = warped(made.positions, made.weights, default)
     directions = []
     for name in MEASURES:

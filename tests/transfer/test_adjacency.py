@@ -3,7 +3,7 @@
 import numpy as np
 
 from clothsim.mesh.generators.table import GENERATORS
-from transfer.adjacency import adjacent_triangles, largest_component, vertex_components
+from transfer.triangle_surface import adjacent_triangles, largest_component, vertex_components
 
 BALL, TRIANGLES = GENERATORS["sphere"](radius=1.0, subdivisions=1)
 

@@ -121,11 +121,11 @@ def test_the_mannequin_is_such_a_body():
 
     from clothsim.mesh.generators.mannequin.generator import mannequin
     from clothsim.mesh.generators.mannequin.pose import POSES
-    from clothsim.mesh.generators.mannequin.proportions import Figure, warped_joints
+    from clothsim.mesh.generators.mannequin.proportions import Proportions, warped_joints
     from clothsim.mesh.generators.mannequin.skeleton import JOINTS
 
     model = body_model(body_arrays())
-    np.testing.assert_allclose(model.joints(), warped_joints(Figure()), atol=1e-9)
+    np.testing.assert_allclose(model.joints(), warped_joints(Proportions()), atol=1e-9)
     theta = np.array([POSES["walk"].get(name, np.zeros(3)) for name in JOINTS])
     posed = model.vertices((), theta)
     posed[:, 2] -= posed[:, 2].min()

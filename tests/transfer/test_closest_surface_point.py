@@ -3,8 +3,8 @@
 import numpy as np
 
 from clothsim.mesh.generators.table import GENERATORS
-from transfer.closest_surface_point import facing_surface
 from transfer.gradients import centroids
+from transfer.overlay import facing_surface
 from transfer.triangle_surface import triangle_normals
 
 BALL, TRIANGLES = GENERATORS["sphere"](radius=0.5, subdivisions=3)

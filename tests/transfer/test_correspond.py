@@ -6,11 +6,11 @@ from capsule_bodies import person
 from real_data import DATA, needs_data
 
 from clothsim.mesh.generators.table import GENERATORS
-from transfer.closest_surface_point import facing_surface
 from transfer.correspond import correspond
 from transfer.deform import deformation_transfer
 from transfer.errors import TransferError
 from transfer.gradients import centroids
+from transfer.overlay import facing_surface
 from transfer.triangle_surface import triangle_normals
 
 FOLDER = DATA / "bodies"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from transfer.distance_grid import distance_grid
+from transfer.drape_autoencoder_training import distance_grid
 from transfer.errors import TransferError
 from transfer.signed_distance import body_surface
 

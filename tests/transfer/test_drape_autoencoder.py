@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from transfer.distance_grid import distance_grid
 from transfer.drape_autoencoder import DrapeAutoencoder, drape_autoencoder, read_drape_autoencoder
+from transfer.drape_autoencoder_training import distance_grid
 from transfer.errors import TransferError
 from transfer.networks import network
 from transfer.signed_distance import body_surface

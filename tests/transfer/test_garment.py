@@ -6,11 +6,10 @@ from capsule_bodies import person
 from real_data import DATA, needs_data
 
 from clothsim.mesh.generators.table import GENERATORS
-from transfer.adjacency import largest_component, vertex_components
 from transfer.errors import TransferError
 from transfer.garment import followed, garment_transfer, transfer_garment
 from transfer.signed_distance import body_surface
-from transfer.triangle_surface import vertex_normals
+from transfer.triangle_surface import largest_component, vertex_components, vertex_normals
 
 FOLDER = DATA / "dress_on_body"
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from clothsim import InputError
-from clothsim.mesh.generators.mannequin.generator import mannequin
+from clothsim.mesh.generators.mannequin.generator import mannequin, template
 from clothsim.mesh.generators.mannequin.skeleton import JOINTS
-from clothsim.mesh.generators.mannequin.template import template
 from clothsim.scene.assembly.drape_model import DrapeModel, family
 from clothsim.scene.assembly.drape_prediction import Predictor
 from clothsim.scene.assembly.scene_world import world_of
@@ -80,7 +79,6 @@ def test_a_certificate_is_not_shown_beside_another_garment(tmp_path, monkeypatch
     pytest.importorskip("viser")
     from clothsim import simulate
     from clothsim.viewer.preview import CLEAR, preview
-
 
     def moved_meanwhile(*arguments):
         run = simulate(*arguments)

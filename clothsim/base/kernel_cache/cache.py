@@ -1,19 +1,199 @@
-"""The cache of one kernel, in the place where numba's dispatcher asks for one."""
+"""The cache of one kernel, in the place where numba's dispatcher asks for one, and the hash that names its entries.
 
+The hash is of the kernel's code, of all functions that it calls, and of the values that these use. It is taken from
+what is in memory, not from files: an editor may have changed a file since Python read it, and what is compiled is what
+Python read. Paths and comments therefore do not enter, and no file is needed (a notebook, an archive).
+
+Numba binds the names of a function when it compiles: a global is a constant. So the code of a kernel follows from the
+bytecode of the functions that are bound to their names, from the values that other names stand for, and from the
+options of the compiler. A value that has no lasting description (an object of an unknown class) makes the kernel
+`UnnameableError`: it is not cached rather than cached under an incomplete name. Not seen are extensions of
+numba's own types and of NumPy's functions by others (`overload_method`, `overload(numpy...)`); nothing here has one.
+"""
+
+import enum
 import functools
+import hashlib
 import pickle
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
+import numpy as np
+from llvmlite import ir
+from numba import types
 from numba.core import config
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
+from numba.extending import _Intrinsic
 
 from clothsim.base.kernel_cache import shipped, storage
 from clothsim.base.kernel_cache.compiler import identity
-from clothsim.base.kernel_cache.descriptions import UnnameableError, digest_of_types
-from clothsim.base.kernel_cache.digest import digest
+from clothsim.base.kernel_cache.descriptions import (
+    PLAIN,
+    UnnameableError,
+    array,
+    code_text,
+    digest_of_types,
+    named_type,
+    names_of,
+    plain,
+    unnameable,
+)
+from clothsim.base.kernel_cache.pipelines import KernelCompiler, PartCompiler
+
+VERSIONED = {"builtins", "math", "cmath", "typing", "collections", "numpy", "numba", "llvmlite"}
+"""Packages whose functions are identified by their version, or Python's, a part of `compiler.identity`."""
+
+
+def digest(kernel: Dispatcher, target_context: Any) -> str:
+    """A hash of 24 digits of all that a kernel is compiled from, its types apart.
+
+    Parameters
+    ----------
+    kernel : numba.core.dispatcher.Dispatcher
+        With the options of its compiler.
+    target_context : numba.core.cpu.CPUContext
+        It knows the compiler's options of functions made by numba's `register_jitable` and `overload`.
+
+    Raises
+    ------
+    UnnameableError
+        Where it uses a value without a lasting description.
+    """
+    target_context.refresh()  # takes in what was registered since
+    return _Walk(target_context.typing_context).hash_of(kernel)
+
+
+class _Walk:
+    """Traversal of the call graph: each function is described once, later named by its number."""
+
+    def __init__(self, typing_context: Any) -> None:
+        self._typing_context = typing_context
+        self._numbers: dict[FunctionType, int] = {}
+        self._functions: list[FunctionType] = []
+        self._kinds: list[tuple[Any, Callable[[Any], str]]] = [
+            ((enum.Enum, *PLAIN), plain),
+            ((tuple, list), self._each),
+            ((set, frozenset), self._set),
+            (dict, self._dict),
+            ((np.ndarray, np.generic), array),
+            ((types.Type, np.dtype, ir.Type, ir.Constant), named_type),
+        ]
+        self._callables: list[tuple[Any, Callable[[Any], str]]] = [
+            (CodeType, code_text),
+            (FunctionType, lambda value: f"function {self._number(value)}"),
+            (Dispatcher, self._dispatcher),
+            (_Intrinsic, self._intrinsic),
+            (type, self._class),
+        ]
+
+    def hash_of(self, kernel: Dispatcher) -> str:
+        hasher = hashlib.blake2b(self.describe(kernel).encode(), digest_size=12)
+        for function in self._functions:  # grows while they are described
+            hasher.update(self._describe_function(function).encode())
+        return hasher.hexdigest()
+
+    def _number(self, function: Any) -> int:
+        if function not in self._numbers:
+            self._numbers[function] = len(self._functions)
+            self._functions.append(function)
+        return self._numbers[function]
+
+    def _describe_function(self, function: FunctionType) -> str:
+        """Its code, its defaults, the values of its names, and the compiler's options that numba registered for it."""
+        code = function.__code__
+        names = frozenset(names_of(code))
+        values = function.__globals__
+        used = {name: self.describe(values[name], names) for name in sorted(names.intersection(values))}
+        cells = [self._cell(cell) for cell in function.__closure__ or ()]
+        defaults = self.describe((function.__defaults__, function.__kwdefaults__))
+        return repr((code_text(code), defaults, used, cells, self._overloads(function)))
+
+    def _cell(self, cell: Any) -> str:
+        try:
+            return self.describe(cell.cell_contents)
+        except ValueError:  # empty: the name is not bound yet
+            return "empty"
+
+    def _overloads(self, function: FunctionType) -> list[str]:
+        """Of a function that kernels can call: how it is compiled, and the functions that stand for it there."""
+        registered = self._typing_context._get_global_type(function)
+        return [
+            self.describe((template._jit_options, template._inline.value, template._overload_func))
+            for template in getattr(registered, "templates", ())
+            if hasattr(template, "_overload_func")
+        ]
+
+    def describe(self, value: Any, names: frozenset[str] = frozenset()) -> str:
+        """A text that is the same for the same value in each process.
+
+        names: those that the code mentions, attributes included: of a module only they are looked at.
+        """
+        for kinds, described in self._kinds:
+            if isinstance(value, kinds):
+                return described(value)
+        if isinstance(value, ModuleType):
+            return self._module(value, names)
+        if callable(value) and (name := _versioned_name(value)):
+            return name
+        for kinds, described in self._callables:
+            if isinstance(value, kinds):
+                return described(value)
+        return unnameable(value)
+
+    def _module(self, module: ModuleType, names: frozenset[str]) -> str:
+        if _is_versioned(module.__name__):
+            return f"module {module.__name__}"
+        used = sorted(names.intersection(vars(module)))
+        return f"module {[(name, self.describe(vars(module)[name], names - {name})) for name in used]}"
+
+    def _each(self, values: tuple[Any, ...] | list[Any]) -> str:
+        return f"{type(values).__qualname__} {[self.describe(value) for value in values]}"
+
+    def _set(self, values: set[Any] | frozenset[Any]) -> str:
+        return f"set {sorted(self.describe(value) for value in values)}"
+
+    def _dict(self, values: dict[Any, Any]) -> str:
+        return f"dict {sorted((self.describe(key), self.describe(value)) for key, value in values.items())}"
+
+    def _dispatcher(self, value: Any) -> str:
+        options = self.describe((value.targetoptions, value.locals, value._compiler.pipeline_class))
+        return f"compiled {self._number(value.py_func)} {options}"
+
+    def _intrinsic(self, value: _Intrinsic) -> str:
+        return f"intrinsic {self._number(value._defn)} {value._prefer_literal}"
+
+    def _class(self, value: type) -> str:
+        if value in (KernelCompiler, PartCompiler):  # their code is a matter of `compiler.FORMAT`
+            return value.__qualname__
+        if issubclass(value, enum.Enum):
+            return f"enum {[(name, self.describe(member.value)) for name, member in value.__members__.items()]}"
+        if issubclass(value, tuple) and hasattr(value, "_fields"):
+            return f"fields {value._fields}"
+        return unnameable(value)
+
+
+def _versioned_name(value: Any) -> str:
+    """Qualified name of a function or class of a versioned package; empty for all others.
+
+    An object that only looks like a function, as numba's `vectorize` makes, has the module of its class for its own.
+    """
+    name, module = getattr(value, "__name__", None), getattr(value, "__module__", None)
+    if not (isinstance(name, str) and isinstance(module, str) and _is_versioned(module)):
+        return ""
+    own = isinstance(value, FunctionType | BuiltinFunctionType | type)
+    found = own or getattr(sys.modules.get(module), name, None) is value
+    return f"{module}.{getattr(value, '__qualname__', name)}" if found else ""
+
+
+def _is_versioned(module: str) -> bool:
+    return module.partition(".")[0] in VERSIONED
+
 
 LONGEST = 100
 """Characters of a kernel's name in the names of its files; Windows limits a path to 260."""

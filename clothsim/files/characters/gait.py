@@ -4,6 +4,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.files.characters.clip import Clip, uniform_clip
+from clothsim.files.characters.known_bodies import mannequin_character
 from clothsim.files.characters.quaternions import from_matrices, from_rotation_vectors, to_matrices, to_rotation_vectors
 from clothsim.files.characters.skeleton import Pose, Skeleton
 
@@ -29,8 +30,6 @@ def shipped_clip(name: str) -> Clip:
     >>> shipped_clip("walk").duration
     1.1
     """
-    from clothsim.files.characters.known_bodies import mannequin_character
-
     return {"walk": walk, "turn": turn}[name](mannequin_character().skeleton)
 
 

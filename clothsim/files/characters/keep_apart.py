@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import nnls
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.files.characters.character import Character
@@ -82,8 +84,6 @@ def kept_apart(character: Character, motion: Motion, first: Pose, span: tuple[fl
     loop : bool
         That part is repeated.
     """
-    from scipy.interpolate import PchipInterpolator
-
     names, parents = character.skeleton.names, character.skeleton.parents.tolist()
     roles = joint_roles(names, parents)
     limbs = [limb for limb, root in LIMB_ROOTS.items() if root in roles]
@@ -163,8 +163,6 @@ class _Apart:
 
 def _least(rows: Floats, bounds: Floats) -> Floats:
     """The shortest vector w (n,) with rows w >= bounds (r,); where there is none, least squares of those violated."""
-    from scipy.optimize import nnls
-
     if (bounds <= 0).all():
         return np.zeros(rows.shape[1])
     stacked = np.vstack([rows.T, bounds])

@@ -10,6 +10,10 @@ from clothsim.base.arrays import Ints
 from clothsim.base.errors import InputError
 from clothsim.files.characters.character import Character, bound_at_rest
 from clothsim.files.characters.skeleton import skeleton_at
+from clothsim.mesh.generators.mannequin.generator import template
+from clothsim.mesh.generators.mannequin.proportions import RANGES, Proportions, warped, warped_joints
+from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS
+from transfer.body_file import read_body_model
 from transfer.body_model import BodyModel
 from transfer.errors import TransferError
 
@@ -34,16 +38,12 @@ def mannequin_character(**measures: float) -> Character:
     >>> mannequin_character(height=1.8).skeleton.names[:3]
     ('pelvis', 'spine', 'chest')
     """
-    from clothsim.mesh.generators.mannequin.proportions import RANGES, Figure, warped, warped_joints
-    from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS
-    from clothsim.mesh.generators.mannequin.template import template
-
     unknown = [name for name in measures if name not in RANGES]
     if unknown:
         raise InputError(f"The mannequin has no measure {unknown[0]!r}.", f"Known: {', '.join(RANGES)}.")
-    figure, made = Figure(**measures), template()
-    positions = warped(made.positions, made.weights, figure)
-    skeleton = skeleton_at(JOINTS, PARENTS, warped_joints(figure))
+    proportions, made = Proportions(**measures), template()
+    positions = warped(made.positions, made.weights, proportions)
+    skeleton = skeleton_at(JOINTS, PARENTS, warped_joints(proportions))
     return bound_at_rest(positions, made.triangles.copy(), made.weights.copy(), skeleton, "z")
 
 
@@ -65,8 +65,6 @@ def smpl_character(path: Path, beta: Sequence[float] = ()) -> Character:
     InputError
         The file is missing, broken or pickled, or `beta` has too many numbers.
     """
-    from transfer.body_file import read_body_model
-
     try:
         model = read_body_model(path)
     except TransferError as error:

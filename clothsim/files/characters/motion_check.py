@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+import igl
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
@@ -106,8 +107,6 @@ class PartPair:
 
     def closest(self, points: Floats) -> tuple[Floats, Floats]:
         """Signed distances (k,) of the vertices to the other part, and the closest points there (k, 3) [m]."""
-        import igl
-
         own, tree = np.ascontiguousarray(points[self.vertices]), igl.AABB()
         tree.init(points, self.triangles)
         squared, _, closest = tree.squared_distance(points, self.triangles, own)

@@ -52,8 +52,8 @@ class Format:
 FORMATS: dict[str, Format] = {
     ".obj": Format("obj_sequence", "Wavefront OBJ, a file a frame"),
     ".ply": Format("ply_sequence", "Stanford PLY, a file a frame, with stretch and colours"),
-    ".pc2": Format("pc2", "point cache 2 of Blender, 3ds Max and Houdini, with the mesh as OBJ"),
-    ".mdd": Format("mdd", "point cache MDD of Blender, Houdini and LightWave, with the mesh as OBJ"),
+    ".pc2": Format("point_cache", "point cache 2 of Blender, 3ds Max and Houdini, with the mesh as OBJ"),
+    ".mdd": Format("point_cache", "point cache MDD of Blender, Houdini and LightWave, with the mesh as OBJ"),
     ".glb": Format("glb", "binary glTF 2.0 with morph targets", up="y", metres=True, relative=True),
     ".usdc": Format("usd", "binary USD with time samples", relative=True),
     ".usda": Format("usd", "USD as text with time samples", relative=True),

@@ -22,8 +22,6 @@ from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.files.exchange.animation import Animation, Part, PartFrame, linear_rgb, split_vertices
 
-# Binary buffer of a glTF file: accessors into one chunk, and the container of both chunks.
-
 FLOAT, UNSIGNED_INT, UNSIGNED_BYTE = 5126, 5125, 5121
 VERTICES, INDICES = 34962, 34963
 """Targets of buffer views: vertex attributes, and indices."""

@@ -1,4 +1,4 @@
-"""Universal Scene Description: a UsdGeomMesh a surface, its points as time samples; needs usd-core (`clothsim[usd]`).
+"""Universal Scene Description: a UsdGeomMesh a surface, its points as time samples; needs usd-core.
 
 Stage: metersPerUnit, upAxis, a time code a frame (timeCodesPerSecond is the rate). Mesh: points, normals and extent
 sampled over time, no subdivision; texture coordinates `primvars:st` by corner; panels as GeomSubsets of the family
@@ -22,6 +22,11 @@ from clothsim.files.exchange.animation import (
     linear_rgb,
 )
 
+try:
+    from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
+except ImportError as error:
+    raise MissingPackageError("USD files need the package usd-core.", "Run: pip install 'clothsim[usd]'") from error
+
 ROOT = "/World"
 BODY_COLOUR = (0.2, 0.2, 0.2)
 
@@ -32,13 +37,7 @@ def files(animation: Animation, target: Path) -> list[Path]:
 
 
 def write(animation: Animation, target: Path) -> None:
-    """Write the file. MissingPackageError without usd-core."""
-    try:
-        from pxr import Sdf, Tf, Usd, UsdGeom
-    except ImportError as error:
-        raise MissingPackageError(
-            f"{target.suffix} files need the package usd-core.", "Run: pip install 'clothsim[usd]'"
-        ) from error
+    """Write the file."""
     # Until every sample is there the layer lies in memory; its file needs the ending, which chooses text or binary.
     layer = Sdf.Layer.CreateAnonymous(f"clothsim{target.suffix}")
     stage = Usd.Stage.Open(layer)
@@ -75,8 +74,6 @@ def time_code(animation: Animation, time: float) -> float:
 
 def _describe(stage: Any, animation: Animation) -> None:
     """Unit, up axis and times of the stage."""
-    from pxr import UsdGeom
-
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y if animation.up == "y" else UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, animation.unit)
     stage.GetRootLayer().comment = "clothsim"
@@ -89,8 +86,6 @@ def _describe(stage: Any, animation: Animation) -> None:
 
 def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animation) -> Any:
     """A mesh with all that is the same at all times."""
-    from pxr import Gf, Sdf, UsdGeom, Vt
-
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(part.triangles), 3, np.int32)))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(part.triangles.astype(np.int32).ravel()))
@@ -122,8 +117,6 @@ def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animat
 
 def _sample(mesh: Any, shape: PartFrame, code: Any) -> None:
     """Write what changes at a time."""
-    from pxr import UsdGeom, Vt
-
     points = shape.points.astype(np.float32)
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(points), code)
     mesh.GetNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(shape.normals.astype(np.float32)), code)

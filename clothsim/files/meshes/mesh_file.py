@@ -1,4 +1,8 @@
-"""Mesh files, read as triangles in metres."""
+"""Mesh files, read as triangles in metres.
+
+OBJ, OFF, legacy VTK and Gmsh files are read here and beside, the others by meshio and trimesh, each imported when it is
+needed. A reader gets the bytes or the path of one local file; what a file names (a texture, a script) is not opened.
+"""
 
 import contextlib
 import io
@@ -18,14 +22,12 @@ from clothsim.files.meshes.gmsh import read_msh
 from clothsim.files.meshes.mesh_part import MeshFile, Part, choose
 from clothsim.files.meshes.obj import read_obj
 from clothsim.files.meshes.polygons import Polygons, cut_polygons
-from clothsim.files.meshes.usd_reader import USD_ENDINGS, read_usd
 from clothsim.files.meshes.vtk_legacy import read_vtk
 from clothsim.mesh.weld import merge_coincident
 
-# Object File Format, as text: `OFF`, the counts, then vertices and faces of any size; colours are ignored.
 
 def read_off(path: Path, text: str) -> Polygons:
-    """The polygons of `text`. InputError names `path` and the fault."""
+    """The polygons of an OFF text: `OFF`, the counts, vertices and faces of any size. InputError names the fault."""
     lines = [line.split("#", 1)[0].split() for line in text.splitlines()]
     lines = [words for words in lines if words]
     if not lines or lines[0][0].upper() != "OFF":
@@ -47,10 +49,6 @@ def read_off(path: Path, text: str) -> Polygons:
     except (ValueError, IndexError, OverflowError) as error:
         raise InputError(f"{path} cannot be read as OFF ({error}).") from error
 
-
-# Mesh formats read by meshio and trimesh, each imported when it is needed.
-#
-# Each reader gets the bytes or the path of one local file; nothing that a file names (a texture, a script) is opened.
 
 MOST_SHARED = 64
 """Largest number of elements per byte of a file, on average: accessors of a glb may overlap."""
@@ -158,6 +156,7 @@ def _of_trimesh(path: Path, content: bytes, file_type: str) -> Polygons:
     )
 
 
+USD_ENDINGS = (".usd", ".usda", ".usdc")
 TEXT_READERS = {".obj": read_obj, ".off": read_off}
 BYTE_READERS = {".vtk": read_vtk, ".msh": read_msh}
 ENDINGS = (*TEXT_READERS, *BYTE_READERS, *LIBRARY_READERS)
@@ -233,6 +232,8 @@ def _read(file: Path) -> Polygons:
     if not content.strip():
         raise InputError(f"{file} is empty.")
     if ending in USD_ENDINGS:
+        from clothsim.files.meshes.usd_reader import read_usd
+
         return read_usd(file)
     if ending in TEXT_READERS:
         if b"\0" in content:

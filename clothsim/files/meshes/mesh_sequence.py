@@ -11,10 +11,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.files.meshes.mesh_file import checked, read_polygons
+from clothsim.files.meshes.mesh_file import USD_ENDINGS, checked, read_polygons
 from clothsim.files.meshes.mesh_part import MeshFile, Part, choose
 from clothsim.files.meshes.polygons import Polygons, cut_polygons
-from clothsim.files.meshes.usd_reader import USD_ENDINGS, read_usd_frames
 
 MOST_FRAMES, MOST_BYTES = 20_000, 8 << 30
 """Largest number of frames, and largest memory of their positions [bytes]."""
@@ -65,6 +64,8 @@ def read_frames(files: Sequence[Path], part: Part, rate: float = 25.0) -> tuple[
         A file has other vertices or faces than the first.
     """
     if len(files) == 1 and files[0].suffix.lower() in USD_ENDINGS:
+        from clothsim.files.meshes.usd_reader import read_usd_frames
+
         states = [checked(files[0], each) for each in read_usd_frames(files[0], rate, MOST_FRAMES)]
         return _one_topology([files[0]] * len(states), iter(states), part)
     return _one_topology(files, (read_polygons(file) for file in files), part)

@@ -1,4 +1,4 @@
-"""Universal Scene Description: the meshes of a stage as polygons; needs usd-core (`clothsim[usd]`).
+"""Universal Scene Description: the meshes of a stage as polygons; imported where one is read, as it needs usd-core.
 
 Positions are those of the stage's first time, or of samples in time, in metres by its metersPerUnit and by the
 transforms of the prims.
@@ -13,7 +13,11 @@ import numpy as np
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.files.meshes.polygons import Polygons
 
-USD_ENDINGS = (".usd", ".usda", ".usdc")
+try:
+    from pxr import Sdf, Tf, Usd, UsdGeom
+except ImportError as error:
+    raise MissingPackageError("USD files need the package usd-core.", "Run: pip install 'clothsim[usd]'") from error
+
 _FLATTEN = "Flatten it with usdcat --flatten."
 
 
@@ -33,8 +37,6 @@ def read_usd(path: Path) -> Polygons:
     ------
     InputError
         The file is broken, or names other layers.
-    MissingPackageError
-        usd-core is not installed.
     """
     stage = _opened(path)
     return _at(path, stage, _range(stage)[0])
@@ -57,10 +59,6 @@ def read_usd_frames(path: Path, rate: float, most: int) -> list[Polygons]:
 def _opened(path: Path) -> Any:
     """The stage of a file that names no other."""
     try:
-        from pxr import Sdf, Tf, Usd
-    except ImportError as error:
-        raise MissingPackageError(f"{path} needs the package usd-core.", "Run: pip install 'clothsim[usd]'") from error
-    try:
         layer = Sdf.Layer.FindOrOpen(str(path))
     except Tf.ErrorException as error:
         raise _broken(path, str(error)) from error
@@ -80,8 +78,6 @@ def _range(stage: Any) -> tuple[float, float]:
 
 def _at(path: Path, stage: Any, code: float) -> Polygons:
     """The meshes of a stage at a time code."""
-    from pxr import Usd, UsdGeom
-
     meshes = [UsdGeom.Mesh(prim) for prim in stage.TraverseAll() if prim.IsA(UsdGeom.Mesh)]
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     try:
@@ -100,8 +96,6 @@ def _broken(path: Path, reason: str) -> InputError:
 
 def _part(path: Path, mesh: Any, time: Any, unit: float) -> Polygons:
     """One mesh."""
-    from pxr import UsdGeom
-
     name = mesh.GetPrim().GetName()
     points = np.array(mesh.GetPointsAttr().Get(time), float).reshape(-1, 3)
     corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64).ravel()
@@ -120,8 +114,6 @@ def _part(path: Path, mesh: Any, time: Any, unit: float) -> Polygons:
 
 def _texture(mesh: Any, time: Any, count: int, corners: np.ndarray) -> np.ndarray:
     """`primvars:st` of each corner, (c, 2); (0, 2) where it has none by corner or by vertex."""
-    from pxr import UsdGeom
-
     st = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st")
     if not st or not st.HasValue():
         return np.zeros((0, 2))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from clothsim.base.errors import InputError
+from clothsim.files.patterns.dxf.reader import read_dxf_pattern
 from clothsim.patterns.pattern import Pattern
 from clothsim.patterns.specification import read_specification
 
@@ -32,6 +33,4 @@ def read_pattern(path: str | Path, rotation_order: str = "zyx", seams: str | Pat
         if seams is not None:
             raise InputError(f"{path} names its own stitches.", "Seams by --seams are for DXF drawings.")
         return read_specification(path, rotation_order)
-    from clothsim.files.patterns.dxf.reader import read_dxf_pattern
-
     return read_dxf_pattern(path, seams)

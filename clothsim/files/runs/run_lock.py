@@ -12,6 +12,11 @@ from typing import Any
 
 from clothsim.base.errors import InputError
 
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
 LOCK_NAME = "run.lock"
 
 _ATTEMPTS = 5
@@ -79,13 +84,9 @@ def _exclusive(handle: int) -> bool:
     """True where the lock of the open file was free and is now held; threads of one process exclude each other too."""
     try:
         if sys.platform == "win32":
-            import msvcrt
-
             os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
             msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
         else:
-            import fcntl
-
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):
         return False

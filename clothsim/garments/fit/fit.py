@@ -276,7 +276,7 @@ def _finish_fit(task: Task, state: FitState, started: float) -> Fit:
 def _write(done: Fit, seconds: float) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
     division, positions = done.garment.division, done.complete_positions
-    whole = division.whole if division.followers else done.garment.triangles
+    whole = division.whole if division.embedded else done.garment.triangles
     text = fitted_text(done.garment.original, positions)
     if text:
         write_atomically(done.directory / FITTED_NAME, text.encode())

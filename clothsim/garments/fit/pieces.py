@@ -17,7 +17,7 @@ from clothsim.engine import components
 
 
 @dataclass(frozen=True)
-class Followers:
+class EmbeddedVertices:
     """A piece bound to triangles of its host.
 
     Parameters
@@ -40,7 +40,7 @@ class Followers:
     offsets: Floats
     shape: Floats
 
-    def on_one_side(self, clearance: float) -> "Followers":
+    def on_one_side(self, clearance: float) -> "EmbeddedVertices":
         """A copy whose vertices are all on the side of the host on which most are, `clearance` [m] from it at least."""
         height = self.offsets[:, 2]
         side = -1.0 if np.count_nonzero(height < 0) > len(height) / 2 else 1.0
@@ -55,9 +55,9 @@ class Followers:
         return _rigidly(self.shape, free) if len(self.shape) else free
 
 
-def followers_of(
+def embed(
     whole: Floats, own: Ints, corners: Ints, simulated: Ints, closest: Floats, is_rigid: bool
-) -> Followers:
+) -> EmbeddedVertices:
     """Return the vertices `own` of the `whole` (n, 3) bound to triangles `corners` (k, 3) of the `simulated` vertices.
 
     closest (k, 3): their closest points there [m].
@@ -66,15 +66,15 @@ def followers_of(
     weights = _barycentric(triangles, closest)
     points = np.einsum("ij,ijk->ik", weights, triangles)
     offsets = np.einsum("ijk,ik->ij", _frames(triangles), whole[own] - points)
-    return Followers(own, corners, weights, offsets, whole[own] if is_rigid else np.zeros((0, 3)))
+    return EmbeddedVertices(own, corners, weights, offsets, whole[own] if is_rigid else np.zeros((0, 3)))
 
 
-def completed(positions: Floats, vertices: Ints, followers: tuple[Followers, ...]) -> Floats:
-    """Return the positions of the whole garment, of its simulated `vertices` at `positions` and of the followers."""
-    size = max([vertices.max(initial=-1), *(piece.vertices.max() for piece in followers)]) + 1
+def completed(positions: Floats, vertices: Ints, embedded: tuple[EmbeddedVertices, ...]) -> Floats:
+    """Return the positions of the whole garment, of simulated `vertices` at `positions` and of embedded ones."""
+    size = max([vertices.max(initial=-1), *(piece.vertices.max() for piece in embedded)]) + 1
     whole = np.zeros((size, 3))
     whole[vertices] = positions
-    for piece in followers:
+    for piece in embedded:
         whole[piece.vertices] = piece.positions_on(positions)
     return whole
 
@@ -136,7 +136,7 @@ class Division:
         Triangles of the whole garment.
     rows : (j,) int64
         Those that are simulated.
-    followers : tuple of Followers
+    embedded : tuple of EmbeddedVertices
         Pieces that follow the simulated ones.
     stitched : tuple of (i,) int64
         Vertices of each stitched piece that touch another, in the numbering of `vertices`.
@@ -147,7 +147,7 @@ class Division:
     vertices: Ints
     whole: Ints
     rows: Ints
-    followers: tuple[Followers, ...] = ()
+    embedded: tuple[EmbeddedVertices, ...] = ()
     stitched: tuple[Ints, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -158,11 +158,11 @@ class Division:
 
     def complete(self, positions: Floats) -> Floats:
         """Positions (n, 3) of the whole garment where the simulated vertices are at `positions (k, 3)` [m]."""
-        return completed(positions, self.vertices, self.followers) if self.followers else positions
+        return completed(positions, self.vertices, self.embedded) if self.embedded else positions
 
     def as_dict(self) -> dict[str, int]:
         """Entry in summary.json."""
-        return {"following": len(self.followers), "stitched": len(self.stitched)}
+        return {"following": len(self.embedded), "stitched": len(self.stitched)}
 
 
 UNDIVIDED = Division(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros(0, np.int64))
@@ -231,17 +231,17 @@ def _fate(distance: Floats, is_small: bool) -> str:
 
 def _division(positions: Floats, triangles: Ints, rows: Ints, found: list[tuple[str, Ints, Ints, Floats]]) -> Division:
     vertices = np.unique(triangles[rows])
-    followers, stitched = [], []
+    embedded, stitched = [], []
     for fate, own, host, closest in found:
         if fate == "stitched":
             stitched.append(np.searchsorted(vertices, own))
             continue
         is_rigid = fate != "second side" and bool(np.ptp(positions[own], axis=0).max() < RIGID)
-        piece = followers_of(positions, own, np.searchsorted(vertices, host), vertices, closest, is_rigid)
-        followers.append(piece.on_one_side(CLEARANCE) if fate == "lying" and not is_rigid else piece)
+        piece = embed(positions, own, np.searchsorted(vertices, host), vertices, closest, is_rigid)
+        embedded.append(piece.on_one_side(CLEARANCE) if fate == "lying" and not is_rigid else piece)
     count = Counter(fate for fate, *_ in found)
     notes = tuple(f"{count[fate]} of its pieces {words}" for fate, words in WORDS.items() if count[fate])
-    return Division(vertices, triangles, rows, tuple(followers), tuple(stitched), notes)
+    return Division(vertices, triangles, rows, tuple(embedded), tuple(stitched), notes)
 
 
 OVERLAP = 0.02

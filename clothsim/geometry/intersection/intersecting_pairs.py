@@ -1,4 +1,8 @@
-"""Exact intersecting triangle pairs of one or two surfaces, and points near them."""
+"""Exact intersecting triangle pairs of one or two surfaces, and points near them.
+
+Candidates come from a balanced tree of axis-aligned boxes, split at the median of the longest side: depth log2(m)
+whatever the sizes and positions, memory O(m).
+"""
 
 import numpy as np
 
@@ -7,10 +11,6 @@ from clothsim.base.errors import InputError
 from clothsim.base.jit import kernel, part
 from clothsim.geometry.intersection.predicates import scaled
 from clothsim.geometry.intersection.triangle_pair import triangles_intersect
-
-# Balanced tree of axis-aligned boxes, split at the median of the longest side.
-#
-# Depth log2(m) whatever the sizes and positions; memory O(m).
 
 LEAF = 4
 """Approximate number of triangles in a leaf."""

@@ -2,18 +2,16 @@
 
 Points are rows of x (n, 3). The signs are exact where the largest |x| is about 2^200 (`scaled` scales any unit to it)
 and no coordinate but zero is below 2^-200, 1e-120 times the largest: nothing over- or underflows then.
+
+An expansion (Shewchuk 1997, "Adaptive precision floating-point arithmetic", section 2) is a sum of doubles
+e[0] + ... + e[n - 1] that do not overlap, of growing magnitude and none of them zero: its sign is that of its last. All
+operations are exact without over- and underflow, in IEEE doubles without fastmath.
 """
 
 import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.jit import part
-
-# Exact floating-point expansions (Shewchuk 1997, "Adaptive precision floating-point arithmetic", section 2).
-#
-# An expansion is a sum of doubles e[0] + ... + e[n - 1] that do not overlap, of growing magnitude and none of
-# them zero:
-# its sign is that of its last. All operations are exact without over- and underflow, in IEEE doubles without fastmath.
 
 SPLITTER = 2.0**27 + 1.0
 

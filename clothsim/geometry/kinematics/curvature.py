@@ -15,6 +15,15 @@ surface is exact on any mesh, and a deformation whose curvatures vanish is affin
 Free borders: m there belongs to one triangle alone and takes the value of least energy, which makes the bending moment
 across the border zero. The recovery beside a border uses that too. Clamps: m is the whole angle to the clamped plane.
 Everything is linear in the angles and relative to the rest shape: theta is the change of angle since rest.
+
+Kirchhoff plate laws are the bending energy per area of the curvature, isotropic or orthotropic. With curvatures
+k = (k_11, sqrt(2) k_12, k_22), 1 along the warp, it is k'Ck/2 with
+
+    C = [[D1, 0, D12], [0, T, 0], [D12, 0, D2]],  D12 = nu sqrt(D1 D2)
+
+so that strips cut along warp and weft bend with D1 (1 - nu^2) and D2 (1 - nu^2). D1 = D2 = D with the twisting
+stiffness T = (1 - nu) D is the isotropic plate, D/2 [(1 - nu) |S|^2 + nu tr(S)^2] (Timoshenko & Woinowsky-Krieger 1959,
+Theory of plates and shells, section 85).
 """
 
 from dataclasses import dataclass
@@ -28,17 +37,6 @@ from clothsim.geometry.kinematics.warp_weft import thread_axes
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.topology import half_edges
 from clothsim.mesh.world import World
-
-# Kirchhoff plate laws: bending energy per area of the curvature, isotropic or orthotropic.
-#
-# With curvatures k = (k_11, sqrt(2) k_12, k_22), 1 along the warp, the energy is k'Ck/2 per area with
-#
-#     C = [[D1, 0, D12], [0, T, 0], [D12, 0, D2]],  D12 = nu sqrt(D1 D2)
-#
-# so that strips cut along warp and weft bend with D1 (1 - nu^2) and D2 (1 - nu^2). D1 = D2 = D with the twisting
-# stiffness T = (1 - nu) D is the isotropic plate, D/2 [(1 - nu) |S|^2 + nu tr(S)^2] (Timoshenko &
-# Woinowsky-Krieger 1959,
-# Theory of plates and shells, section 85).
 
 ROOT2 = np.sqrt(2)
 

@@ -1,32 +1,131 @@
-"""Intersection contours, and the two curves that each makes on the surfaces (Baraff, Witkin & Kass 2003, section 4).
+"""Edge-triangle intersections, their contours, and the two curves that each contour makes on the surfaces.
 
-Two triangles intersect in a segment; segments that end in the same piercing are joined, and make a contour. On the
-surfaces a contour is two curves, one on either side of each segment; where neighbours pass through one another the two
-meet in the vertex that they share, and are one.
+Baraff, Witkin & Kass 2003, section 4. Which pairs of triangles intersect is decided by the exact check; where they do
+is needed to a few digits only, in doubles. Two triangles intersect in a segment; segments that end in the same
+edge-triangle intersection are joined, and make a contour. On the surfaces a contour is two curves, one on either side
+of each segment; where neighbours pass through one another the two meet in the vertex that they share, and are one.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from clothsim.base.arrays import Ints
-from clothsim.geometry.untangling.piercings import Piercings
+from clothsim.base.arrays import Floats, Ints
+
+SLACK = 1e-9
+"""Barycentric coordinates above minus this are inside a triangle."""
+
+
+@dataclass(frozen=True)
+class EdgeTriangleIntersections:
+    """Points where edges pierce triangles, each once, however many pairs it belongs to.
+
+    Parameters
+    ----------
+    edges : (k, 2) int64
+        Vertices of each edge, the lower first.
+    faces : (k,) int64
+        Triangle that it pierces.
+    along : (k,) float64
+        Position on the edge: 0 at its first vertex, 1 at its second.
+    barycentric : (k, 3) float64
+        Position in the triangle.
+    normals : (k, 3) float64
+        Unit normal of the triangle.
+    depths : (k, 2) float64
+        Signed distances of the ends of the edge from the plane of the triangle [m]: of opposite signs.
+    of_pair : (q, 3) int64
+        Incidences: intersection, pair, and which triangle of the pair the edge is of (0 or 1).
+    """
+
+    edges: Ints
+    faces: Ints
+    along: Floats
+    barycentric: Floats
+    normals: Floats
+    depths: Floats
+    of_pair: Ints
+
+
+def edge_triangle_intersections(x: Floats, triangles: Ints, pairs: Ints) -> EdgeTriangleIntersections:
+    """Return the intersections of intersecting `pairs (p, 2)` of `triangles (m, 3)`.
+
+    Parameters
+    ----------
+    x : (n, 3) array
+        Positions [m].
+    triangles : (m, 3) int array
+        Vertex indices.
+    pairs : (p, 2) int array
+        Triangles that intersect.
+
+    Examples
+    --------
+    >>> x = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0], [1, 1, -1], [1, 1, 1], [9, 9, 0]])
+    >>> found = edge_triangle_intersections(x, np.array([[0, 1, 2], [3, 4, 5]]), np.array([[0, 1]]))
+    >>> found.edges.tolist(), found.along.tolist()
+    ([[1, 2], [3, 4]], [0.5, 0.5])
+    """
+    edges, faces, origin = _candidates(triangles, pairs)
+    p, q = x[edges[:, 0]], x[edges[:, 1]]
+    a, b, c = (x[triangles[faces, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    size = np.linalg.norm(normals, axis=1)
+    normals /= np.where(size > 0, size, 1.0)[:, None]
+    depths = np.column_stack([np.einsum("ij,ij->i", normals, end - a) for end in (p, q)])
+    apart = depths[:, 0] - depths[:, 1]
+    along = depths[:, 0] / np.where(apart != 0, apart, 1.0)
+    point = p + along[:, None] * (q - p)
+    barycentric = _barycentric(point, a, b, c, normals, size)
+    there = (apart != 0) & (size > 0) & (along >= 0) & (along <= 1) & (barycentric >= -SLACK).all(axis=1)
+    key = np.column_stack([edges, faces])[there]
+    _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    rows = np.flatnonzero(there)[first]
+    incidences = np.column_stack([number.ravel(), origin[there]])
+    return EdgeTriangleIntersections(
+        edges[rows], faces[rows], along[rows], barycentric[rows], normals[rows], depths[rows], incidences
+    )
+
+
+def _candidates(triangles: Ints, pairs: Ints) -> tuple[Ints, Ints, Ints]:
+    """Edges of one triangle of each pair that have no vertex of the other, those others, and (pair, role) of each."""
+    edges, faces, origin = [], [], []
+    for role in (0, 1):
+        own, other = triangles[pairs[:, role]], pairs[:, 1 - role]
+        for k in range(3):
+            edge = np.sort(own[:, [k, (k + 1) % 3]], axis=1)
+            free = ~(edge[:, :, None] == triangles[other][:, None, :]).any(axis=(1, 2))
+            rows = np.flatnonzero(free)
+            edges.append(edge[rows])
+            faces.append(other[rows])
+            origin.append(np.column_stack([rows, np.full(len(rows), role)]))
+    return np.concatenate(edges), np.concatenate(faces), np.concatenate(origin)
+
+
+def _barycentric(point: Floats, a: Floats, b: Floats, c: Floats, normals: Floats, size: Floats) -> Floats:
+    """Barycentric coordinates (k, 3) of points in the planes of triangles of doubled area `size`."""
+    doubled = np.where(size > 0, size, 1.0)
+    at_b = np.einsum("ij,ij->i", np.cross(point - a, c - a), normals) / doubled
+    at_c = np.einsum("ij,ij->i", np.cross(b - a, point - a), normals) / doubled
+    return np.column_stack([1 - at_b - at_c, at_b, at_c])
 
 
 @dataclass(frozen=True)
 class Contours:
-    """Contours and curves of a set of piercings.
+    """Contours and curves of a set of intersections.
 
     Parameters
     ----------
     contour : (k,) int64
-        Contour of each piercing.
+        Contour of each intersection.
     edge_curve, face_curve : (k,) int64
         Curve on the surface of its edge, which cuts the edge, and on that of its triangle, which passes inside.
     n_contours, n_curves : int
         Their numbers.
     contour_of_curve : (n_curves,) int64
-        Contour that each curve is of; -1 for one without a piercing.
+        Contour that each curve is of; -1 for one without an intersection.
     """
 
     contour: Ints
@@ -37,21 +136,21 @@ class Contours:
     contour_of_curve: Ints
 
 
-def contours(found: Piercings, n_pairs: int) -> Contours:
-    """Return the contours of piercings of `n_pairs` pairs of triangles."""
-    piercing, pair, role = found.of_pair.T
+def contours(found: EdgeTriangleIntersections, n_pairs: int) -> Contours:
+    """Return the contours of intersections of `n_pairs` pairs of triangles."""
+    intersection, pair, role = found.of_pair.T
     k = len(found.edges)
-    contour = connected(piercing, k + pair, k + n_pairs)[:k]
-    # a node (pair, role) is a segment on one of its two surfaces; those at one piercing continue one another
-    order = np.argsort(piercing, kind="stable")
-    same = np.diff(piercing[order]) == 0
+    contour = connected(intersection, k + pair, k + n_pairs)[:k]
+    # a node (pair, role) is a segment on one of its two surfaces; those at one intersection continue one another
+    order = np.argsort(intersection, kind="stable")
+    same = np.diff(intersection[order]) == 0
     one, other = order[:-1][same], order[1:][same]
     own, opposite = 2 * pair + role, 2 * pair + 1 - role
     curve = connected(
         np.concatenate([own[one], opposite[one]]), np.concatenate([own[other], opposite[other]]), 2 * n_pairs
     )
     first = np.zeros(k, np.int64)
-    first[piercing[::-1]] = np.arange(len(piercing))[::-1]
+    first[intersection[::-1]] = np.arange(len(intersection))[::-1]
     edge_curve, face_curve = curve[own[first]], curve[opposite[first]]
     n_curves = int(curve.max(initial=-1)) + 1
     of_curve = np.full(n_curves, -1)
@@ -63,8 +162,5 @@ def contours(found: Piercings, n_pairs: int) -> Contours:
 
 def connected(left: Ints, right: Ints, n: int) -> Ints:
     """Return the connected component of each of n nodes of an undirected graph."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     graph = coo_array((np.ones(len(left)), (left, right)), shape=(n, n))
     return connected_components(graph, directed=False)[1].astype(np.int64)

@@ -1,9 +1,9 @@
-"""Smallest motion of a sheet that meets wished displacements: one global step of projective dynamics.
+"""Smallest motion of a sheet that meets displacement targets: one global step of projective dynamics.
 
     min over d:  1/2 sum_t A_t |grad d - (P_t - F_t)|^2 + alpha/2 |d|^2 + kappa/2 sum_c |sum_j w_cj d_j - s_c|^2
 
 P_t is F_t with its principal stretches clipped to limits (Bouaziz et al. 2014): the sheet resists strain beyond those
-alone, its displacement is smooth, and decays away from the wishes.
+alone, its displacement is smooth, and decays away from the targets.
 """
 
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ from clothsim.geometry.kinematics.deformation_gradient import deformation_gradie
 LIMITS, WIDEST = (0.6, 1.3), (0.3, 2.0)
 """Principal stretches that are not resisted, and how far those of the start widen them."""
 KAPPA = 30.0
-"""Weight of the wishes over the mean diagonal of the Laplacian."""
+"""Weight of the targets over the mean diagonal of the Laplacian."""
 SLACK = 1e-6
 """Stretches that far beyond their limits are not resisted: round-off."""
 RINGS = 3
-"""Vertices farther than that many times `spread` from a wish, or from a strained triangle, stay."""
+"""Vertices farther than that many times `spread` from a target, or from a strained triangle, stay."""
 LEAST_SPREAD = 3.0
 """Least `spread`."""
 
 
 @dataclass(frozen=True)
-class Wishes:
+class DisplacementTargets:
     """Displacements s (c, 3) [m] that sums of w x, over rows (c, j) with weights (c, j), are to make.
 
     spread: edges over which the displacement decays.
@@ -40,7 +40,7 @@ class Wishes:
     spread: float = LEAST_SPREAD
 
 
-NO_WISHES = Wishes(np.zeros((0, 1), np.int64), np.zeros((0, 1)), np.zeros((0, 3)))
+NO_TARGETS = DisplacementTargets(np.zeros((0, 1), np.int64), np.zeros((0, 1)), np.zeros((0, 3)))
 
 
 class Sheet:
@@ -89,28 +89,28 @@ class Sheet:
         np.add.at(forces, self.triangles[strained], parts.transpose(0, 2, 1))
         return forces, strained
 
-    def displacement(self, x: Floats, wishes: Wishes) -> Floats:
+    def displacement(self, x: Floats, targets: DisplacementTargets) -> Floats:
         """Return d (n, 3) [m]."""
         forces, strained = self.strain_forces(x)
-        n, c = len(x), len(wishes.rows)
+        n, c = len(x), len(targets.rows)
         here = np.zeros(n, bool)
-        here[wishes.rows[wishes.weights != 0]] = True
+        here[targets.rows[targets.weights != 0]] = True
         here[self.triangles[strained]] = True
         near = here.astype(np.float64)
-        for _ in range(int(RINGS * wishes.spread)):
+        for _ in range(int(RINGS * targets.spread)):
             near = (self.adjacency @ near > 0).astype(np.float64)
         free = np.flatnonzero((near > 0) & ~self.fixed)
         if not len(free):
             return np.zeros_like(x)
-        cells = (np.repeat(np.arange(c), wishes.rows.shape[1]), wishes.rows.ravel())
-        W = csr_array((wishes.weights.ravel(), cells), shape=(c, n))[:, free]
+        cells = (np.repeat(np.arange(c), targets.rows.shape[1]), targets.rows.ravel())
+        W = csr_array((targets.weights.ravel(), cells), shape=(c, n))[:, free]
         kappa = KAPPA * self.unit
         matrix = (
             self.laplacian[free][:, free]
-            + diags_array(np.full(len(free), self.unit / wishes.spread**2))
+            + diags_array(np.full(len(free), self.unit / targets.spread**2))
             + kappa * W.T @ W
         )
-        load = forces[free] + kappa * (W.T @ wishes.shifts)
+        load = forces[free] + kappa * (W.T @ targets.shifts)
         options = {"SymmetricMode": True}
         solver = splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         moved = np.zeros_like(x)

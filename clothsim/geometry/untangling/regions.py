@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.geometry.untangling.contours import Contours, connected
-from clothsim.geometry.untangling.piercings import Piercings
+from clothsim.geometry.untangling.contours import Contours, EdgeTriangleIntersections, connected
 from clothsim.mesh.topology import unique_edges
 
 Flags = NDArray[np.bool_]
@@ -45,9 +44,9 @@ class Sides:
     Parameters
     ----------
     inner : (k,) int64
-        Which end (0 or 1) of each piercing's edge is to move through its triangle; -1: none.
+        Which end (0 or 1) of each intersection's edge is to move through its triangle; -1: none.
     is_open : (k,) bool
-        Piercings of contours none of whose curves separates its surface.
+        Intersections of contours none of whose curves separates its surface.
     inside : (n,) bool
         Vertices of the regions that are to pass through the other surface.
     """
@@ -61,11 +60,11 @@ class Sides:
 class Region:
     """Inside of one curve.
 
-    piercings (k,) of the curve; inner (k,): the inner end of each edge; vertices (n,) bool; area [m2]; is_disc; is_old:
+    intersections (k,) of the curve; inner (k,): inner end of each edge; vertices (n,) bool; area [m2]; is_disc; is_old:
     True where most of it was inside before.
     """
 
-    piercings: Ints
+    intersections: Ints
     inner: Ints
     vertices: Flags
     area: float
@@ -73,8 +72,8 @@ class Region:
     is_old: bool
 
 
-def sides(mesh: Mesh, found: Piercings, graph: Contours, inside_before: Flags) -> Sides:
-    """Return the inside end of each piercing's edge: of one curve for each contour."""
+def sides(mesh: Mesh, found: EdgeTriangleIntersections, graph: Contours, inside_before: Flags) -> Sides:
+    """Return the inside end of each intersection's edge: of one curve for each contour."""
     n = len(mesh.areas)
     rows = np.searchsorted(mesh.edges[:, 0] * n + mesh.edges[:, 1], found.edges[:, 0] * n + found.edges[:, 1])
     uncut = np.ones(len(mesh.edges), bool)
@@ -89,13 +88,15 @@ def sides(mesh: Mesh, found: Piercings, graph: Contours, inside_before: Flags) -
     inner, inside = np.full(len(rows), -1), np.zeros(n, bool)
     for candidates in regions.values():
         chosen = _chosen(candidates)
-        inner[chosen.piercings] = chosen.inner
+        inner[chosen.intersections] = chosen.inner
         inside |= chosen.vertices
     return Sides(inner, ~np.isin(graph.contour, list(regions)), inside)
 
 
-def _region(mesh: Mesh, found: Piercings, patch: Ints, rows: Ints, own: Ints, before: Flags) -> Region | None:
-    """The smaller side of the curve with the piercings `own`, of edges `rows`; None for an open curve."""
+def _region(
+    mesh: Mesh, found: EdgeTriangleIntersections, patch: Ints, rows: Ints, own: Ints, before: Flags
+) -> Region | None:
+    """The smaller side of the curve with the intersections `own`, of edges `rows`; None for an open curve."""
     side = _filled(found.edges, patch, rows, own)[patch]
     one, other = (side[found.edges[own, end]] for end in (0, 1))
     cut = one != other
@@ -119,7 +120,7 @@ def _chosen(candidates: list[Region]) -> Region:
 
     An end of a tube can pass through the disc that it cuts out of a sheet, the disc cannot pass through the tube.
     """
-    return min(candidates, key=lambda region: (not region.is_old, region.is_disc, region.area, region.piercings[0]))
+    return min(candidates, key=lambda region: (not region.is_old, region.is_disc, region.area, region.intersections[0]))
 
 
 def _filled(edges: Ints, patch: Ints, rows: Ints, own: Ints) -> Ints:

@@ -4,6 +4,8 @@ In each round, for each intersection contour, the surface whose region is to pas
 (`regions`; Baraff, Witkin & Kass 2003), and the ends of its edges just inside the contour are drawn through what they
 pierce; contours without a region shrink along the gradient of their length (`contour_gradient`; Volino &
 Magnenat-Thalmann 2006). The sheets take the smallest smooth motion that does so (`motion`).
+
+An attempt ends where the intersecting pairs do not fall; the next starts again with shorter steps.
 """
 
 from dataclasses import dataclass, replace
@@ -13,17 +15,13 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints, as_points, as_triangles
 from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
-from clothsim.geometry.untangling.motion import NO_WISHES, Sheet
+from clothsim.geometry.untangling.displacement_targets import displacement_targets
+from clothsim.geometry.untangling.motion import NO_TARGETS, Sheet
 from clothsim.geometry.untangling.regions import Flags, Mesh, make_mesh
-from clothsim.geometry.untangling.wishes import wishes_of
 from clothsim.mesh.cloth import triangle_planes
 
-# Search for positions without intersections: rounds of smallest motions, checked exactly after each.
-#
-# An attempt ends where the intersecting pairs do not fall; the next starts again with shorter steps.
-
 ATTEMPTS = ((0.4, 2.5), (0.2, 1.5), (0.2, 2.5), (0.1, 1.5), (0.1, 2.5))
-"""Of each attempt: the longest wished displacement, over the mean edge, and the largest factor of its spread."""
+"""Of each attempt: the longest displacement target, over the mean edge, and the largest factor of its spread."""
 PATIENCE = 25
 """Rounds without fewer pairs, after which an attempt ends."""
 GROWTH, FEW = 1.5, 20
@@ -121,18 +119,20 @@ class Search:
         return State(x, intersecting_pairs(everything, faces), with_body, inside)
 
     def moved(self, state: State, step: float, wider: float) -> State:
-        """The state after a round whose wishes are at most `step` long [m]; wider: factor of their spread."""
+        """The state after a round whose targets are at most `step` long [m]; wider: factor of their spread."""
         everything, pairs = np.concatenate([state.x, self.obstacle]), (state.own, state.with_body)
-        wishes, inside = wishes_of(everything, self.mesh, self.solid, pairs, state.inside, self.layers, self.gap, step)
+        targets, inside = displacement_targets(
+            everything, self.mesh, self.solid, pairs, state.inside, self.layers, self.gap, step
+        )
         return self.at(
-            state.x + self.sheet.displacement(state.x, replace(wishes, spread=wider * wishes.spread)), inside
+            state.x + self.sheet.displacement(state.x, replace(targets, spread=wider * targets.spread)), inside
         )
 
     def relaxed(self, x: Floats) -> Floats:
         """Positions with less strain beyond the limits that are free too."""
         fraction = 1.0
         for _ in range(RELAXATIONS):
-            moved = self.sheet.displacement(x, NO_WISHES)
+            moved = self.sheet.displacement(x, NO_TARGETS)
             if not moved.any():
                 break
             while fraction > SHORTEST and self.at(x + fraction * moved, np.zeros(0, bool)).count:

@@ -1,1 +1,1 @@
-"""Contact: barrier, friction, candidate search, continuous collision detection. Only this folder imports ipctk."""
+"""Contact: barrier, friction, candidate search, continuous collision detection."""

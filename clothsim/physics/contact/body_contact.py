@@ -8,7 +8,7 @@ from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 
 
-def body_contact(world: World, keys: BodyContact, *, backend: str = "auto") -> Energy | Off:
+def body_contact(world: World, keys: BodyContact) -> Energy | Off:
     """Log-barrier contact between every cloth and every body, and of rigid bodies with bodies and each other.
 
     The offset is independent of the fabric's own thickness. Off where there is no body or every pair is excluded.
@@ -37,7 +37,7 @@ def body_contact(world: World, keys: BodyContact, *, backend: str = "auto") -> E
         contact_energy,  # after the last Off: no kernel is imported without a pair
     )
 
-    return contact_energy(world, keys, surface, backend)
+    return contact_energy(world, keys, surface)
 
 
 EXAMPLE = Example(

@@ -13,7 +13,7 @@ from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 
 
-def self_contact(world: World, keys: SelfContact, *, backend: str = "auto") -> Energy | Off:
+def self_contact(world: World, keys: SelfContact) -> Energy | Off:
     """Log-barrier contact of every cloth with itself and with every other cloth; off where every pair is excluded.
 
     d_hat = "auto": a tenth of the median cloth edge, but at most half of the smallest rest gap of parts of a cloth
@@ -43,7 +43,7 @@ def self_contact(world: World, keys: SelfContact, *, backend: str = "auto") -> E
 
     if keys.d_hat == "auto":
         keys = keys.with_keys(d_hat=_below_rest_gaps(world, surface))
-    return contact_energy(world, keys, surface, backend)
+    return contact_energy(world, keys, surface)
 
 
 def _below_rest_gaps(world: World, surface: ContactSurface) -> float:

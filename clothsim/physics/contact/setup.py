@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.errors import InputError, MissingPackageError
+from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.keys.typed_effects import ContactKeys
 from clothsim.mesh.world import World
@@ -13,7 +13,6 @@ from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.stiffness import HeavyBody, default_d_hat
 from clothsim.physics.contact.surface import ContactSurface, triangle_areas
-from clothsim.physics.energies.base import Energy
 
 CONTACT_ROUND_OFF = 64 * float(np.finfo(float).eps)
 """Fraction of the largest coordinate below which a gap at the start is round-off."""
@@ -24,15 +23,13 @@ then known to four digits; at 1e-9 m on a cloth of .5 m Newton's method did not 
 
 
 
-def contact_energy(world: World, keys: ContactKeys, surface: ContactSurface, backend: str) -> Energy:
-    """Barrier of a contact effect on the primitives that may touch, in the chosen implementation.
+def contact_energy(world: World, keys: ContactKeys, surface: ContactSurface) -> Barrier:
+    """Barrier of a contact effect on the primitives that may touch.
 
     Raises
     ------
     InputError
         d_hat does not suit the mesh, or surfaces intersect or touch at the start.
-    MissingPackageError
-        The ipctk backend without ipctk.
     """
     name, offset = keys.name, keys.offset
     d_hat = _resolved_d_hat(name, world, keys.d_hat)
@@ -42,21 +39,6 @@ def contact_energy(world: World, keys: ContactKeys, surface: ContactSurface, bac
     _refuse_intersections(world, surface, start)
     candidates = Candidates(surface, d_hat + offset, skin=0.7 * d_hat, offset=offset)
     _refuse_initial_contact(world, candidates, start, offset)
-    if backend == "ipctk":
-        try:
-            from clothsim.physics.contact.ipctk_barrier import IpctkBarrier, IpctkCandidates
-        except ImportError as error:
-            raise MissingPackageError(
-                'contact.backend = "ipctk" needs ipctk, which is not installed.',
-                "Run: pip install 'clothsim[oracle]', or take contact.backend = \"numba\".",
-            ) from error
-        if world.rigid:
-            raise InputError("Rigid bodies do not work with ipctk.", 'Use contact.backend = "numba".')
-        if offset or not surface.complete:
-            key = "offset" if offset else "exclude"
-            raise InputError(f"effects.{name}.{key} does not work with ipctk.", 'Use contact.backend = "numba".')
-        candidates = IpctkCandidates(surface, d_hat, skin=d_hat)
-        return IpctkBarrier(candidates, d_hat, 0.0, world.vertex_areas, world.masses, kappa, adaptive, name)
     heavy = _heavy_bodies(world) if surface.n_shared else ()
     return Barrier(candidates, d_hat, offset, world.vertex_areas, world.masses, kappa, adaptive, name, heavy)
 

@@ -117,12 +117,6 @@ class ContactSurface:
         """True where the two groups are one."""
         return self.second is self.first
 
-    @property
-    def complete(self) -> bool:
-        """True where no pair of objects of the two groups is excluded."""
-        first, second = np.unique(self.labels[self.first.points]), np.unique(self.labels[self.second.points])
-        return bool(self.allowed[np.ix_(first, second)].all())
-
     @cached_property
     def triangles(self) -> Ints:
         """All triangles, (m, 3)."""

@@ -220,7 +220,7 @@ class SumHessian:
 
 
 Hessian: TypeAlias = ByElement | SumHessian | sparse.csr_array
-"""Hessian of an energy: by element, a sum of such and of implicit ones, or (of ipctk) a sparse matrix."""
+"""Hessian of an energy: by element, a sum of such and of implicit ones, or a sparse matrix."""
 
 
 def explicit(hessians: Iterable[Hessian]) -> list[ByElement | sparse.csr_array]:

@@ -44,7 +44,7 @@ def rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) -
     Raises
     ------
     InputError
-        The scene has no inertia, a backend or policy that does not know rigid bodies, or a tie without a stiffness.
+        The scene has no inertia, a policy of pinches that does not know rigid bodies, or a tie without a stiffness.
     """
     if not world.rigid:
         return {}

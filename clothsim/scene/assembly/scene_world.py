@@ -180,7 +180,6 @@ def build_effects(
     energies: dict[str, Energy] = {}
     constraints: dict[str, Constraint] = {}
     off: dict[str, str] = {}
-    backend = scene.contact_settings.backend
     for name, effect in EFFECTS.items():
         if name not in scene.effects:
             continue
@@ -188,7 +187,7 @@ def build_effects(
         if before is not None and name not in changed and not effect.sees_others:
             _take_over(name, before, energies, constraints, off)
             continue
-        supplied = {"backend": backend, "contacts": contacts, "built": energies}
+        supplied = {"contacts": contacts, "built": energies}
         where = f"effects.{name}"
         keys = with_arrays(where, scene.effects[name], scene.directory)
         try:

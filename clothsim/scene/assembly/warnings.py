@@ -9,7 +9,7 @@ from clothsim.geometry.held_inside import held_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
 from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.topology import components
-from clothsim.mesh.winding_number import is_inside
+from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.protocols import ContactGap

@@ -8,7 +8,6 @@ from scipy.sparse import linalg
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError, MissingPackageError
-from clothsim.solve.linear.cudss import CuDss
 from clothsim.solve.linear.direct_solver import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear.pardiso import Mixed, Pardiso
 from clothsim.solve.linear.sparsity import Pattern
@@ -74,15 +73,11 @@ SOLVERS: dict[str, type[LinearSolver]] = {
     "pardiso": Pardiso,
     "cholmod": Cholmod,
     "superlu": SuperLU,
-    "cudss": CuDss,
 }
-ON_REQUEST = ("cudss",)
-"""Solvers that "auto" leaves out: nobody has seen yet where they win."""
 REMEDIES = {
     "mixed": "clothsim[mkl]",
     "pardiso": "clothsim[mkl]",
     "cholmod": "clothsim[cholmod]",
-    "cudss": "clothsim[cuda]",
 }
 """Commands that install the library of a solver."""
 
@@ -109,7 +104,7 @@ def make_solver(name: str, pattern: Pattern, threads: int = 0, dissected: bool =
         For a solver whose package is not installed.
     """
     if name == "auto":
-        for kind in (kind for known, kind in SOLVERS.items() if known not in ON_REQUEST):
+        for kind in SOLVERS.values():
             try:
                 return kind(pattern, threads, dissected)
             except (ImportError, OSError):

@@ -18,7 +18,7 @@ from clothsim.physics.energies.hessians import ByElement, ElementHessian, LowRan
 from clothsim.solve.linear import assembly
 
 Explicit: TypeAlias = ByElement | sparse.csr_array
-"""Hessian with entries: blocks, low-rank factors or lanes by element, or (from ipctk) a sparse matrix."""
+"""Hessian with entries: blocks, low-rank factors or lanes by element, or a sparse matrix."""
 
 
 @dataclass(frozen=True)

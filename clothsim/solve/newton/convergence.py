@@ -32,8 +32,8 @@ of a buckle or of friction that is about to slip.
 FEWEST_UNSTABLE = 3
 """The same where the last step followed negative curvature: a buckle grows for some iterations before it shows."""
 LONGEST_END = 0.03
-"""Longest root mean square of a step that may end a solve, in cells: where a cloth hits a plate at 50 m/s the time error
-is a quarter of a metre, and at .1 cells the impulse of the impact was lost.
+"""Longest root mean square of a step that may end a solve, in cells. Where a cloth hits a plate at 50 m/s the time
+error is a quarter of a metre; at .1 cells the impulse of the impact was lost.
 """
 
 TimeError = Callable[[Floats], tuple[float, float]]

@@ -310,8 +310,9 @@ class Newton:
                 x, cached, speed = eliminated.x, NO_FACTOR, np.inf
                 elimination_iterations += eliminated.iterations
                 self.observe(Iterate(x, np.nan))
-        numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
-        end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
+        end = _at_fastest(
+            Ending.ITERATION_LIMIT, x, dx, tolerance=settings.tolerance, limit=settings.max_iterations, speed=speed
+        )
         return ended(self._named(end, x, speed, model), iterations + settings.max_iterations)
 
     def _named(self, end: Outcome, x: Floats, speed: float, model: QuadraticModel) -> Outcome:

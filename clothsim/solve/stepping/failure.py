@@ -25,6 +25,7 @@ from clothsim.base.arrays import Ints
 
 # Names of rows of x as the scene gives them: "vertex 17 of cloth (pins)", "triangle 4 of ball".
 
+
 def vertex_name(world: World, constraints: Iterable[Constraint], row: int) -> str:
     """Return the name of a row of x: its number in its object, and the constraint that prescribes it in brackets."""
     label = int(world.labels[row])

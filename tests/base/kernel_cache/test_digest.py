@@ -8,8 +8,8 @@ from numba import float32, njit, vectorize
 from numba.core.registry import cpu_target
 
 from clothsim.base.jit import kernel
+from clothsim.base.kernel_cache.cache import digest
 from clothsim.base.kernel_cache.descriptions import UnnameableError
-from clothsim.base.kernel_cache.digest import digest
 
 
 def digest_of(compiled):
@@ -79,7 +79,7 @@ def test_a_docstring_that_is_also_read_counts():
 def test_it_is_the_same_in_each_process(request):
     code = (
         "from numba.core.registry import cpu_target; from kernel_sources import module_of;"
-        "from clothsim.base.kernel_cache.digest import digest;"
+        "from clothsim.base.kernel_cache.cache import digest;"
         "print(digest(module_of().outer, cpu_target.target_context))"
     )
     paths = os.pathsep.join([str(request.config.rootpath), str(request.config.rootpath / "tests" / "support")])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from real_data import DATA, needs_data
 
-from clothsim.files.meshes import obj, obj_columns
-from clothsim.files.meshes.obj_columns import polygons_by_columns
+from clothsim.files.meshes import obj
+from clothsim.files.meshes.obj import polygons_by_columns
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0.5\n"
 ALIKE = {
@@ -56,7 +56,7 @@ def same(a, b):
 
 @pytest.mark.parametrize("name", ALIKE)
 def test_what_is_alike_is_read_to_the_same_bits(name, monkeypatch):
-    monkeypatch.setattr(obj_columns, "FEWEST", 1)
+    monkeypatch.setattr(obj, "FEWEST", 1)
     found = polygons_by_columns(ALIKE[name])
     assert found is not None
     assert same(found, by_lines(ALIKE[name], monkeypatch))
@@ -64,7 +64,7 @@ def test_what_is_alike_is_read_to_the_same_bits(name, monkeypatch):
 
 @pytest.mark.parametrize("name", NOT_ALIKE)
 def test_what_is_not_is_left_to_the_other_reader(name, monkeypatch):
-    monkeypatch.setattr(obj_columns, "FEWEST", 1)
+    monkeypatch.setattr(obj, "FEWEST", 1)
     assert polygons_by_columns(NOT_ALIKE[name]) is None
 
 

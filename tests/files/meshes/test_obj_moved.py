@@ -5,7 +5,7 @@ import pytest
 
 from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import read_mesh, read_polygons
-from clothsim.files.meshes.obj_moved import moved_obj
+from clothsim.files.meshes.obj_writer import moved_obj
 
 OBJ = """# a shirt
 mtllib shirt.mtl

@@ -9,7 +9,7 @@ from tangles import joined
 import clothsim
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments.fit.moving_body import StageSettings, draped
-from clothsim.garments.fit.pieces import UNDIVIDED, divided, followers_of
+from clothsim.garments.fit.pieces import UNDIVIDED, divided, embed
 from clothsim.garments.fit.pipeline import seed_fit
 from clothsim.garments.inputs import read_garment
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
@@ -74,7 +74,7 @@ def test_what_follows_moves_with_its_host_and_a_button_stays_rigid():
     np.testing.assert_allclose(np.linalg.norm(whole[pocket][:, :2], axis=1), 1.3 * HOST + 0.003, atol=0.002)
 
 
-def test_followers_turn_with_the_frames_of_their_triangles():
+def test_embedded_vertices_turn_with_the_frames_of_their_triangles():
     rng = np.random.default_rng(1)
     host, points = rng.normal(size=(9, 3)), rng.normal(size=(4, 3))
     corners, whole = np.array([[0, 1, 2], [3, 4, 5], [6, 7, 8], [0, 4, 8]]), np.concatenate([host, points])
@@ -82,7 +82,7 @@ def test_followers_turn_with_the_frames_of_their_triangles():
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     for is_rigid in (False, True):
-        piece = followers_of(whole, np.arange(9, 13), corners, np.arange(9), closest, is_rigid)
+        piece = embed(whole, np.arange(9, 13), corners, np.arange(9), closest, is_rigid)
         np.testing.assert_allclose(piece.positions_on(host @ turn.T + 2.0), points @ turn.T + 2.0, atol=1e-12)
 
 
@@ -132,7 +132,7 @@ def test_a_flat_pocket_partly_sunk_into_a_curved_front_follows_on_one_side():
     division = divided(x, triangles)
     assert division.as_dict() == {"following": 1, "stitched": 0}
     placed = division.complete(x[division.vertices])
-    normal = division.followers[0].offsets[:, 2]
+    normal = division.embedded[0].offsets[:, 2]
     assert np.abs(normal).min() >= 0.0005
     assert len(np.unique(np.sign(normal))) == 1
     assert np.linalg.norm(placed[len(SHIRT[0]) :] - pocket, axis=1).max() < 0.004

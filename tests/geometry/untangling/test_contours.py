@@ -1,19 +1,18 @@
-"""Piercings, contours and regions of two crossing surfaces whose answer is known."""
+"""Edge-triangle intersections, contours and regions of two crossing surfaces whose answer is known."""
 
 import numpy as np
 from tangles import crossing_sheets, joined, sleeve_through_sheet
 
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.geometry.untangling.contours import contours
-from clothsim.geometry.untangling.piercings import piercings
+from clothsim.geometry.untangling.contours import contours, edge_triangle_intersections
+from clothsim.geometry.untangling.displacement_targets import contour_gradients, slides
 from clothsim.geometry.untangling.regions import make_mesh, sides
-from clothsim.geometry.untangling.wishes import contour_gradients, slides
 from clothsim.mesh.generators.sheets import rectangle
 
 
 def analysed(x, triangles):
     pairs = intersecting_pairs(x, triangles)
-    found = piercings(x, triangles, pairs)
+    found = edge_triangle_intersections(x, triangles, pairs)
     mesh = make_mesh(triangles, np.ones(len(triangles)), len(x))
     graph = contours(found, len(pairs))
     return pairs, found, graph, sides(mesh, found, graph, np.zeros(len(x), bool))
@@ -69,7 +68,7 @@ def test_the_gradient_at_the_end_of_a_contour_points_into_the_surface():
     strip = np.array([[0.0, 0.1, -1], [1.0, 0.1, -1], [0.0, 0.1, 1], [1.0, 0.1, 1]])
     x, triangles = joined(sheet, (strip, np.array([[0, 1, 3], [0, 3, 2]])))
     pairs = intersecting_pairs(x, triangles)
-    found = piercings(x, triangles, pairs)
+    found = edge_triangle_intersections(x, triangles, pairs)
     gradient = contour_gradients(x, triangles, pairs, found)
     n = len(sheet[0])
     left = np.flatnonzero((found.edges == [n, n + 2]).all(axis=1))

@@ -14,8 +14,7 @@ PACKAGE = "clothsim.mesh.generators."
 OWN = {
     "rectangle": {"sheets", "argument_checks", "lattice"},
     "sphere": {"shapes", "argument_checks", "lattice"},
-    "mannequin": {"mannequin", *(f"mannequin.{name}" for name in ("generator", "pose", "proportions", "skeleton"))}
-    | {"mannequin.template"},
+    "mannequin": {"mannequin", *(f"mannequin.{name}" for name in ("generator", "pose", "proportions", "skeleton"))},
 }
 
 

@@ -27,7 +27,6 @@ from clothsim.physics.energies.base import Off
         ({"exclude": "sheet"}, r"contact\.exclude .*'sheet'"),
         ({"exclude": [["sheet"]]}, r"contact\.exclude\[0\] .*'sheet'"),
         ({"exclude": [["sheet", "moon"]]}, r"exclude\[0\].*'moon'.*sheet, ball"),
-        ({"backend": "ipctk", "offset": 1e-3}, r"contact\.offset .*ipctk"),
     ],
 )
 def test_bad_keys_are_refused_by_name(builder, keys, words):

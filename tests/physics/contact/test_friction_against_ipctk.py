@@ -17,6 +17,7 @@ import pytest
 from contact_configurations import adversarial, at_random, close
 from differences import dense_hessian
 from effect_builders import friction
+from ipctk_barrier import by_ipctk
 from solving import step_at
 
 from clothsim.base.indexing import four_points
@@ -60,7 +61,7 @@ class Oracle:
     """ipctk's friction of the same pose; it takes displacements, and eps_v dt in their unit."""
 
     def __init__(self, pose):
-        contact = pose.contact(backend="ipctk")
+        contact = by_ipctk(pose.contact())
         self.candidates, self.start = contact.candidates, pose.x
         potential = ipctk.BarrierPotential(contact.d_hat, contact.stiffness, True)
         self.collisions = [ipctk.TangentialCollisions() for _ in range(2)]

@@ -4,6 +4,7 @@ import ipctk
 import numpy as np
 import pytest
 from contact_configurations import GAP, adversarial, at_random, close, rotated
+from ipctk_barrier import by_ipctk
 
 POSES = {**at_random(), **adversarial(), **close()}
 
@@ -29,7 +30,7 @@ def motions(pose):
 def test_step_limit_is_at_most_that_of_tight_inclusion(name):
     """Its tolerance is a hundredth of the gap and its own rescaling 1: the time of impact itself."""
     pose = POSES[name]
-    mine, oracle = pose.contact(), pose.contact(backend="ipctk").candidates
+    mine, oracle = pose.contact(), by_ipctk(pose.contact()).candidates
     tolerance = 1e-2 * mine.minimum_gap(pose.x)
     tight = ipctk.TightInclusionCCD(tolerance=tolerance, max_iterations=100_000, conservative_rescaling=1.0)
     shortened = 0
@@ -47,7 +48,7 @@ def test_step_limit_is_at_most_that_of_tight_inclusion(name):
 def test_step_keeps_a_tenth_of_the_gap(name):
     """By ipctk's distances; and nothing intersects."""
     pose = POSES[name]
-    mine, oracle = pose.contact(), pose.contact(backend="ipctk").candidates
+    mine, oracle = pose.contact(), by_ipctk(pose.contact()).candidates
     for dx in motions(pose):
         there = pose.x + mine.step_limit(pose.x, dx) * dx
         assert oracle.minimum_gap(there) >= 0.1 * oracle.minimum_gap(pose.x) * (1 - 1e-6)

@@ -18,7 +18,6 @@ def test_allowed_pairs_of_objects():
     expected = np.zeros((4, 4), bool)
     expected[:2, 2:] = expected[2:, :2] = True
     assert (surface.allowed == expected).all()
-    assert surface.complete
     assert not surface.is_self_contact
     is_self_contact = cloth_surface(world)
     assert is_self_contact.allowed[:2, :2].all()
@@ -35,7 +34,6 @@ def test_excluded_pairs_are_not_allowed():
     surface = cloth_body_surface(world, excluded)
     assert not surface.allowed[0, 2]
     assert surface.allowed[1, 2]
-    assert not surface.complete
 
 
 def test_only_cloth_and_body_rows_collide_and_ghosts_do_not():

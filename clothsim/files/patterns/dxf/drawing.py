@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,6 @@ from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.base.safe_files.regular_file import read_regular_file
 from clothsim.files.patterns.dxf.outline import Part, parts_of_bezier, straight_parts
 from clothsim.patterns.curves import Arc, Straight
-
-# Curves of a drawing: lines, arcs, splines and polylines of ezdxf as parts of outlines.
 
 FLAT = 1e-5
 """Distance of chords from the spline that they stand for [m]."""
@@ -156,8 +155,6 @@ def _document(path: Path) -> Any:
         from ezdxf import DXFError, recover
     except ImportError as error:
         raise MissingPackageError("A DXF pattern needs the package ezdxf.", "pip install 'clothsim[dxf]'") from error
-    from io import BytesIO
-
     try:
         data = read_regular_file(path, LARGEST)
     except FileNotFoundError as error:

@@ -8,8 +8,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.patterns.borders import enclosed_area
-from clothsim.patterns.curves import Arc, Bezier, Curve, Straight, along_chord
-from clothsim.patterns.polyline import Polyline
+from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord
 
 JOINED = 1e-4
 """Distance of two ends that are one point [m]."""

@@ -1,4 +1,7 @@
-"""Sewing pattern of a DXF drawing and its sewing file."""
+"""Sewing pattern of a DXF drawing and its sewing file.
+
+The outline of a piece is divided into edges at corners and at notches.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,12 +14,9 @@ from clothsim.base.errors import InputError
 from clothsim.files.patterns.dxf.drawing import SEW, Drawing, Piece, read_drawing
 from clothsim.files.patterns.dxf.outline import JOINED, Part, divided, loop_of, polygon, reflected, unfolded
 from clothsim.files.patterns.dxf.sewing_file import PanelKeys, SewingFile, read_sewing_file
-from clothsim.patterns.curves import Arc, Bezier, Curve, Straight, along_chord
+from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord
 from clothsim.patterns.pattern import Panel, Pattern, PatternEdge
-from clothsim.patterns.polyline import Polyline
 from clothsim.patterns.specification import USUAL_UNITS
-
-# Edges of a piece: its outline divided at corners and at notches.
 
 NEAR = 2e-3
 """Distance of a notch from a corner or another notch at which it divides nothing [m]."""

@@ -10,8 +10,6 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.topology import border_edges, half_edges, interior_edges, unique_edges, vertex_rings
 
-# Edge collapse: short edges of a half mesh merged into one vertex.
-
 SHORT = 0.5
 """An edge is short below this fraction of the mean length of the edges at its ends."""
 

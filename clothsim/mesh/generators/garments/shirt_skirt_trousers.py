@@ -1,4 +1,4 @@
-"""Generators "shirt", "skirt" and "trousers", for the mannequin of the same figure in its "a" pose."""
+"""Generators "shirt", "skirt" and "trousers", for the mannequin of the same proportions in its "a" pose."""
 
 from dataclasses import dataclass
 
@@ -6,16 +6,15 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs
-from clothsim.mesh.generators.garments.implicit import Limb, lattice_union, limb, smooth_union
+from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs, skinning_weights
+from clothsim.mesh.generators.garments.implicit import Limb, half_surface, lattice_union, limb, smooth_union
 from clothsim.mesh.generators.garments.relax import both_halves, relaxed
-from clothsim.mesh.generators.garments.skinning_weights import skinning_weights
-from clothsim.mesh.generators.garments.surface_nets import half_surface
-from clothsim.mesh.generators.mannequin.proportions import Figure, warped
+from clothsim.mesh.generators.mannequin.proportions import Proportions, warped
 from clothsim.mesh.generators.mannequin.skeleton import ARM, JOINT_POSITIONS, joint
 from clothsim.mesh.topology import border_edges, components
 
 # Borders of a garment: unions of half spaces to cut away, and the mesh trimmed to them.
+
 
 @dataclass(frozen=True)
 class Cut:
@@ -100,14 +99,14 @@ class Pattern:
     high: tuple[float, float, float]
 
 
-def garment_mesh(pattern: Pattern, figure: Figure, ease: float, edge: float) -> tuple[Floats, Ints]:
-    """Mesh a garment on the mannequin of `figure`.
+def garment_mesh(pattern: Pattern, proportions: Proportions, ease: float, edge: float) -> tuple[Floats, Ints]:
+    """Mesh a garment on the mannequin of `proportions`.
 
     Parameters
     ----------
     pattern : Pattern
         Construction on the template.
-    figure : Figure
+    proportions : Proportions
         Proportions to which the mesh is warped.
     ease : float
         Distance from the surface of the pattern on the template [m]; it grows with the figure.
@@ -135,7 +134,7 @@ def garment_mesh(pattern: Pattern, figure: Figure, ease: float, edge: float) -> 
         return smooth_union(limbs, points, SMOOTHING)
 
     positions, triangles = both_halves(*relaxed(positions, triangles, field, ease, cut=border))
-    return warped(positions, skinning_weights(positions), figure), triangles
+    return warped(positions, skinning_weights(positions), proportions), triangles
 
 
 def _lattice(pattern: Pattern, ease: float, edge: float) -> tuple[Floats, Floats, Floats]:
@@ -194,7 +193,7 @@ def shirt(
     Parameters
     ----------
     height, chest, waist, hips, shoulder_width, limb_girth : float
-        Figure, see `mannequin`.
+        Proportions, see `mannequin`.
     ease : float
         Smallest distance from the body [m].
     edge : float
@@ -207,7 +206,7 @@ def shirt(
     InputError
         Naming a bad key.
     """
-    figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
     length = _within("sleeve", sleeve, 0.13, 0.46)
     trunk = tube_limb((0.83, 0.010, 0.164, 0.114), (1.04, 0.010, 0.150, 0.105), (1.25, 0.010, 0.143, 0.103))
     wide = [(0.0, 0.050, 0.048), (0.5, 0.056, 0.052), (1.0, 0.050, 0.048)]
@@ -222,7 +221,7 @@ def shirt(
     pattern = Pattern(
         _TRUNK + _ARMS, (trunk, *both_sides(sleeve_limb)), cuts, (0, -0.13, 0.82), (wrist[0] + 0.05, 0.14, 1.50)
     )
-    return garment_mesh(pattern, figure, ease, edge)
+    return garment_mesh(pattern, proportions, ease, edge)
 
 
 def skirt(
@@ -237,12 +236,12 @@ def skirt(
     hem: float = 0.50,
 ) -> tuple[Floats, Ints]:
     """Flared skirt from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
-    figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
     low = _within("hem", hem, 0.15, 0.75)
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.055))))
     pattern = Pattern(("pelvis", "spine", *_LEGS), (cone,), cuts, (0, -0.24, low - 0.02), (0.30, 0.26, 1.08))
-    return garment_mesh(pattern, figure, ease, edge)
+    return garment_mesh(pattern, proportions, ease, edge)
 
 
 def trousers(
@@ -257,7 +256,7 @@ def trousers(
     hem: float = 0.12,
 ) -> tuple[Floats, Ints]:
     """Trousers from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
-    figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
     low = _within("hem", hem, 0.10, 0.60)
     profile = [(0.0, 0.060, 0.070), (0.5, 0.056, 0.064), (1.0, 0.054, 0.058)]
     leg = limb(
@@ -265,7 +264,7 @@ def trousers(
     )
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.045))))
     pattern = Pattern(("pelvis", "spine", *_LEGS), both_sides(leg), cuts, (0, -0.13, low - 0.02), (0.19, 0.15, 1.07))
-    return garment_mesh(pattern, figure, ease, edge)
+    return garment_mesh(pattern, proportions, ease, edge)
 
 
 def _within(name: str, value: float, least: float, most: float) -> float:

@@ -1,1 +1,1 @@
-"""Mannequin: a shipped template mesh, warped to a figure and posed by linear blend skinning."""
+"""Mannequin: a shipped template mesh, warped to proportions and posed by linear blend skinning."""

@@ -23,7 +23,7 @@ LEVELS = {
     "shoulders": 1.362,
     "neck": 1.43,
 }
-"""Heights on the template [m] at which the factors of a figure hold, with smooth steps in between."""
+"""Heights on the template [m] at which the factors of the proportions hold, with smooth steps in between."""
 ARMS_WITH_CHEST = 0.8
 """Fraction of the growth of the chest that the shoulders follow, so that the arms stay outside of it."""
 TRUNK_AXIS = 0.006
@@ -31,7 +31,7 @@ TRUNK_AXIS = 0.006
 
 
 @dataclass(frozen=True)
-class Figure:
+class Proportions:
     """Height [m], and factors of the measures that the template has at that height.
 
     chest, waist, hips: girths; shoulder_width: between the shoulder joints, which a wider chest moves out as well;
@@ -65,47 +65,57 @@ RANGES = {
 """Bounds of each measure: beyond them the warped template would fold."""
 
 
-def warped(points: Floats, weights: Floats, figure: Figure) -> Floats:
-    """Warp `points (n, 3)` of the template [m] with skinning `weights (n, j)` to a figure, in the rest pose.
+def warped(points: Floats, weights: Floats, proportions: Proportions) -> Floats:
+    """Warp `points (n, 3)` of the template [m] with skinning `weights (n, j)` to proportions, in the rest pose.
 
     Trunk and legs grow about the middle plane by factors of their height above the ground, arms about their axes; head,
-    hands and feet keep their shape. The weights blend these maps; then all is scaled to the height of the figure.
+    hands and feet keep their shape. The weights blend these maps; then all is scaled to their height.
     """
     moved = np.zeros_like(points)
     for name, weight in zip(JOINTS, weights.T, strict=True):
         near = np.flatnonzero(weight)
-        moved[near] += weight[near, None] * _map_of(name)(points[near], figure)
-    return (moved - (0.0, 0.0, TEMPLATE_SOLE)) * (figure.height / TEMPLATE_HEIGHT)
+        moved[near] += weight[near, None] * _choose_warp(name)(points[near], proportions)
+    return (moved - (0.0, 0.0, TEMPLATE_SOLE)) * (proportions.height / TEMPLATE_HEIGHT)
 
 
-def warped_joints(figure: Figure) -> Floats:
-    """Return the joints of a figure, (j, 3) [m]."""
-    return warped(JOINT_POSITIONS, np.eye(len(JOINTS)), figure)
+def warped_joints(proportions: Proportions) -> Floats:
+    """Return the joints of a mannequin, (j, 3) [m]."""
+    return warped(JOINT_POSITIONS, np.eye(len(JOINTS)), proportions)
 
 
-def _map_of(name: str) -> Callable[[Floats, Figure], Floats]:
+def _choose_warp(name: str) -> Callable[[Floats, Proportions], Floats]:
     """Warp of the part of the body that the joint `name` moves."""
     part = name.removeprefix("left_").removeprefix("right_")
     side = name.removesuffix(part)
     if part in ("shoulder", "elbow"):
         return partial(_arm, side=side)
     if part == "wrist":
-        return partial(_moved_with, joint(name), partial(_arm, side=side))
+        return partial(_follow_joint, joint(name), partial(_arm, side=side))
     if part in ("neck", "head"):
-        return partial(_moved_with, joint("neck"), _column)
-    return partial(_moved_with, joint(name), _column) if part == "ankle" else _column
+        return partial(_follow_joint, joint("neck"), _column)
+    return partial(_follow_joint, joint(name), _column) if part == "ankle" else _column
 
 
-def _moved_with(row: int, warp: Callable[[Floats, Figure], Floats], points: Floats, figure: Figure) -> Floats:
+def _follow_joint(
+    row: int, warp: Callable[[Floats, Proportions], Floats], points: Floats, proportions: Proportions
+) -> Floats:
     """`points` translated with the joint in row `row`."""
-    return points + warp(JOINT_POSITIONS[row : row + 1], figure) - JOINT_POSITIONS[row]
+    return points + warp(JOINT_POSITIONS[row : row + 1], proportions) - JOINT_POSITIONS[row]
 
 
-def _column(points: Floats, figure: Figure) -> Floats:
+def _column(points: Floats, proportions: Proportions) -> Floats:
     """Trunk and legs: x and y times factors of z."""
-    shoulders = figure.shoulder_width + ARMS_WITH_CHEST * (figure.chest - 1)
-    wide = [figure.limb_girth, figure.limb_girth, figure.hips, figure.waist, figure.chest, shoulders, 1.0]
-    deep = [*wide[:5], 0.5 * (1 + figure.chest), 1.0]
+    shoulders = proportions.shoulder_width + ARMS_WITH_CHEST * (proportions.chest - 1)
+    wide = [
+        proportions.limb_girth,
+        proportions.limb_girth,
+        proportions.hips,
+        proportions.waist,
+        proportions.chest,
+        shoulders,
+        1.0,
+    ]
+    deep = [*wide[:5], 0.5 * (1 + proportions.chest), 1.0]
     z = points[:, 2]
     moved = points.copy()
     moved[:, 0] *= _steps(z, wide)
@@ -113,13 +123,13 @@ def _column(points: Floats, figure: Figure) -> Floats:
     return moved
 
 
-def _arm(points: Floats, figure: Figure, side: str) -> Floats:
+def _arm(points: Floats, proportions: Proportions, side: str) -> Floats:
     """Arm: moved with its shoulder, its section times limb_girth."""
     shoulder, wrist = JOINT_POSITIONS[joint(f"{side}shoulder")], JOINT_POSITIONS[joint(f"{side}wrist")]
     along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
     offset = points - shoulder
     axial = (offset @ along)[:, None] * along
-    return _column(shoulder[None], figure) + axial + figure.limb_girth * (offset - axial)
+    return _column(shoulder[None], proportions) + axial + proportions.limb_girth * (offset - axial)
 
 
 def _steps(z: Floats, factors: list[float]) -> Floats:

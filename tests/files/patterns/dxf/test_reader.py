@@ -8,10 +8,9 @@ from sewing_patterns import skirt
 
 from clothsim.base.errors import InputError
 from clothsim.files.patterns.dxf.reader import read_dxf_pattern
-from clothsim.patterns.curves import Straight
+from clothsim.patterns.curves import Polyline, Straight
 from clothsim.patterns.pattern import Pattern
 from clothsim.patterns.pattern_mesh import mesh_pattern
-from clothsim.patterns.polyline import Polyline
 from clothsim.patterns.sewing import sewn_vertices
 from clothsim.patterns.specification import entries_of, pattern_of, read_specification
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from clothsim.mesh.checks import examine
+from clothsim.mesh.generators.garments.implicit import half_surface
 from clothsim.mesh.generators.garments.relax import both_halves, relaxed
-from clothsim.mesh.generators.garments.surface_nets import half_surface
 from clothsim.mesh.topology import unique_edges
 
 

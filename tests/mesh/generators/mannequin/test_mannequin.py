@@ -5,18 +5,17 @@ import pytest
 
 from clothsim.base.errors import InputError
 from clothsim.mesh.checks import examine
-from clothsim.mesh.generators.garments.skinning_weights import skinning_weights
-from clothsim.mesh.generators.mannequin.generator import mannequin
+from clothsim.mesh.generators.garments.body_limbs import skinning_weights
+from clothsim.mesh.generators.mannequin.generator import mannequin, template
 from clothsim.mesh.generators.mannequin.pose import POSES
 from clothsim.mesh.generators.mannequin.proportions import (
     LEVELS,
     TEMPLATE_HEIGHT,
     TEMPLATE_SOLE,
-    Figure,
+    Proportions,
     warped_joints,
 )
 from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, JOINTS, PARENTS, joint, mirrored, other_side
-from clothsim.mesh.generators.mannequin.template import template
 from clothsim.mesh.topology import unique_edges
 
 STOUT = {"height": 1.6, "chest": 1.3, "waist": 1.5, "hips": 1.3, "shoulder_width": 1.1, "limb_girth": 1.2}
@@ -94,7 +93,7 @@ def test_it_faces_forward_and_holds_its_left_hand_at_plus_x():
     toes = positions[positions[:, 2] < 0.03]
     assert toes[:, 1].min() < -0.13
     assert toes[:, 1].max() < 0.09
-    assert warped_joints(Figure())[joint("left_wrist"), 0] > 0.4
+    assert warped_joints(Proportions())[joint("left_wrist"), 0] > 0.4
 
 
 @pytest.mark.parametrize("pose", POSES)
@@ -141,9 +140,9 @@ def test_limbs_and_shoulders_follow_their_factors():
     knee = (JOINT_POSITIONS[joint("left_knee"), 2] - TEMPLATE_SOLE) * 1.7 / TEMPLATE_HEIGHT
     ratio = girth(*mannequin(limb_girth=1.2), knee) / girth(*mannequin(), knee)
     assert ratio == pytest.approx(1.2, rel=0.01)
-    wide = warped_joints(Figure(shoulder_width=1.1))
+    wide = warped_joints(Proportions(shoulder_width=1.1))
     shoulders = wide[joint("left_shoulder")] - wide[joint("right_shoulder")]
-    before = warped_joints(Figure())
+    before = warped_joints(Proportions())
     assert shoulders[0] == pytest.approx(
         1.1 * (before[joint("left_shoulder")] - before[joint("right_shoulder")])[0], rel=1e-9
     )
@@ -170,7 +169,7 @@ def test_a_turned_elbow_turns_the_hand_rigidly_and_nothing_else():
     turned, _ = mannequin(joints_degrees={"left_elbow": [0, 0, 90]})
     weights = template().weights
     hand = weights[:, joint("left_wrist")] == 1
-    pivot = warped_joints(Figure())[joint("left_elbow")]
+    pivot = warped_joints(Proportions())[joint("left_elbow")]
     offset = rest[hand] - pivot
     np.testing.assert_allclose(turned[hand] - pivot, offset[:, [1, 0, 2]] * (-1, 1, 1), atol=1e-9)
     others = weights[:, [joint("left_elbow"), joint("left_wrist")]].sum(axis=1) == 0
@@ -180,7 +179,7 @@ def test_a_turned_elbow_turns_the_hand_rigidly_and_nothing_else():
 def test_the_t_pose_has_level_arms_and_symmetric_poses_are_symmetric():
     positions, _ = mannequin(pose="t")
     hands = template().weights[:, joint("left_wrist")] == 1
-    shoulder = warped_joints(Figure())[joint("left_shoulder"), 2]
+    shoulder = warped_joints(Proportions())[joint("left_shoulder"), 2]
     assert positions[hands, 2].mean() == pytest.approx(shoulder, abs=0.01)
     np.testing.assert_allclose(positions[:, 0].min(), -positions[:, 0].max(), atol=1e-9)
 

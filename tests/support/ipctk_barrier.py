@@ -1,4 +1,4 @@
-"""ipctk backend of the barrier (`contact.backend = "ipctk"`): the oracle of the numba path and an alternative to it."""
+"""Barrier with sums, derivatives, candidates and collision detection by ipctk: the oracle of contact."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -215,6 +215,17 @@ class IpctkBarrier(Barrier):
     @property
     def _potential(self) -> ipctk.BarrierPotential:
         return ipctk.BarrierPotential(self.d_hat, self.stiffness, True)
+
+
+def by_ipctk(contact: Barrier) -> IpctkBarrier:
+    """The same barrier by ipctk; it knows no offset and no excluded pairs."""
+    surface = contact.candidates.surface
+    first, second = np.unique(surface.labels[surface.first.points]), np.unique(surface.labels[surface.second.points])
+    assert not contact.offset
+    assert surface.allowed[np.ix_(first, second)].all()
+    candidates = IpctkCandidates(surface, contact.d_hat, skin=contact.d_hat)
+    scales = contact.areas, contact.masses, contact.stiffness, contact.adaptive
+    return IpctkBarrier(candidates, contact.d_hat, 0.0, *scales, contact.name)
 
 
 def collision_mesh(surface: ContactSurface) -> ipctk.CollisionMesh:

@@ -1,18 +1,22 @@
-"""Wished displacements of one round of untangling: of edges through the triangles that they pierce."""
+"""Displacement targets of one round of untangling: of edges through the triangles that they pierce.
+
+Contours that end inside both surfaces, where no region tells inside from outside (two hems that interlock), follow the
+gradient of their length (Volino & Magnenat-Thalmann 2006, "Resolving surface collisions through intersection contour
+minimization", section 3).
+"""
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.geometry.untangling.contours import Contours, contours
-from clothsim.geometry.untangling.motion import LEAST_SPREAD, Wishes
-from clothsim.geometry.untangling.piercings import Piercings, piercings
+from clothsim.geometry.untangling.contours import (
+    Contours,
+    EdgeTriangleIntersections,
+    contours,
+    edge_triangle_intersections,
+)
+from clothsim.geometry.untangling.motion import LEAST_SPREAD, DisplacementTargets
 from clothsim.geometry.untangling.regions import Flags, Mesh, sides
 from clothsim.mesh.topology import half_edges
-
-# Gradient of the length of intersection contours.
-#
-# Volino & Magnenat-Thalmann 2006, "Resolving surface collisions through intersection contour minimization", section 3.
-# It frees contours that end inside both surfaces, where no region tells inside from outside: two hems that interlock.
 
 FLAT = 0.1
 """Least |cosine| of edge and normal that is divided by."""
@@ -20,7 +24,7 @@ LEAST = 0.5
 """Least length of the sum of the gradients of a contour that gives its direction."""
 
 
-def contour_gradients(x: Floats, triangles: Ints, pairs: Ints, found: Piercings) -> Floats:
+def contour_gradients(x: Floats, triangles: Ints, pairs: Ints, found: EdgeTriangleIntersections) -> Floats:
     """Return the motion of each edge, relative to the triangle that it pierces, which shortens the contour fastest.
 
     Returns
@@ -29,15 +33,15 @@ def contour_gradients(x: Floats, triangles: Ints, pairs: Ints, found: Piercings)
         G = sum_i (R_i - 2 (E.R_i)/(E.N) N) over the triangles i beside the edge: E its unit vector, N the normal of the
         triangle that is pierced, R_i the direction of the contour into triangle i.
     """
-    piercing, pair, role = found.of_pair.T
+    intersection, pair, role = found.of_pair.T
     edge = x[found.edges[:, 1]] - x[found.edges[:, 0]]
     edge /= np.linalg.norm(edge, axis=1, keepdims=True)
     owner = triangles[pairs[pair, role]]
     corners = x[owner]
-    N, E = found.normals[piercing], edge[piercing]
+    N, E = found.normals[intersection], edge[intersection]
     R = np.cross(N, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    opposite = owner.sum(axis=1) - found.edges[piercing].sum(axis=1)
-    inward = x[opposite] - x[found.edges[piercing, 0]]
+    opposite = owner.sum(axis=1) - found.edges[intersection].sum(axis=1)
+    inward = x[opposite] - x[found.edges[intersection, 0]]
     inward -= np.einsum("ij,ij->i", inward, E)[:, None] * E
     R *= np.sign(np.einsum("ij,ij->i", R, inward))[:, None]
     size = np.linalg.norm(R, axis=1, keepdims=True)
@@ -45,9 +49,9 @@ def contour_gradients(x: Floats, triangles: Ints, pairs: Ints, found: Piercings)
     cosine = np.einsum("ij,ij->i", E, N)
     cosine = np.where(cosine < 0, -1.0, 1.0) * np.maximum(np.abs(cosine), FLAT)
     G = np.zeros((len(found.edges), 3))
-    np.add.at(G, piercing, R - (2 * np.einsum("ij,ij->i", E, R) / cosine)[:, None] * N)
-    # where a piercing is on an edge of the other surface too, round-off may leave out one of its two segments
-    complete = np.bincount(piercing, minlength=len(G)) == _triangles_at(found.edges, triangles)
+    np.add.at(G, intersection, R - (2 * np.einsum("ij,ij->i", E, R) / cosine)[:, None] * N)
+    # where an intersection is on an edge of the other surface too, round-off may leave out one of its two segments
+    complete = np.bincount(intersection, minlength=len(G)) == _triangles_at(found.edges, triangles)
     return G * complete[:, None]
 
 
@@ -78,15 +82,15 @@ def slides(G: Floats, graph: Contours) -> Floats:
 
 
 SPREAD = 0.7
-"""Edges by which the motion spreads farther, over the square root of the number of vertices inside and of wishes."""
+"""Edges by which the motion spreads farther, over the square root of the number of vertices inside and of targets."""
 COPLANAR = 0.99
 """Cosine of the angle of two planes above which triangles count as coplanar."""
 JITTER = 1e-4
-"""Random displacement, over the longest wish, that takes vertices off the planes of triangles that they lie in."""
+"""Random displacement, over the longest target, that takes vertices off the planes of triangles that they lie in."""
 Part = tuple[Ints, Floats, Floats]
 
 
-def wishes_of(
+def displacement_targets(
     x: Floats,
     mesh: Mesh,
     solid: Ints,
@@ -95,29 +99,29 @@ def wishes_of(
     layers: Ints | None,
     gap: float,
     step: float,
-) -> tuple[Wishes, Flags]:
-    """Wished displacements for the pairs of cloth (p, 2), and of cloth and body (q, 2); and what is inside.
+) -> tuple[DisplacementTargets, Flags]:
+    """Displacement targets for the pairs of cloth (p, 2), and of cloth and body (q, 2); and what is inside.
 
     gap: distance beyond a triangle to which what pierced it is drawn [m]; step: longest displacement [m].
     """
     (own, with_body), inside, n = pairs, np.zeros(len(mesh.areas), bool), len(mesh.areas)
     parts: list[Part] = []
     if len(own):
-        parts, inside = _of_cloth(x, mesh, own, inside_before, layers, gap, step)
+        parts, inside = _cloth_targets(x, mesh, own, inside_before, layers, gap, step)
     if len(with_body):
-        parts += _of_body(x, mesh.triangles, solid, with_body, gap, step, n)
+        parts += _body_targets(x, mesh.triangles, solid, with_body, gap, step, n)
     rows, weights, shifts = (np.concatenate([part[k] for part in parts]) for k in range(3))
     held = rows >= n
     spread = LEAST_SPREAD + SPREAD * np.sqrt(np.count_nonzero(inside) + len(rows))
-    return Wishes(np.where(held, 0, rows), np.where(held, 0.0, weights), shifts, float(spread)), inside
+    return DisplacementTargets(np.where(held, 0, rows), np.where(held, 0.0, weights), shifts, float(spread)), inside
 
 
-def _of_cloth(
+def _cloth_targets(
     x: Floats, mesh: Mesh, own: Ints, inside_before: Flags, layers: Ints | None, gap: float, step: float
 ) -> tuple[list[Part], Flags]:
-    """Wishes for the contours of cloth with cloth, and the vertices inside."""
-    x = _off_planes(x, mesh.triangles, own, JITTER * step)
-    found = piercings(x, mesh.triangles, own)
+    """Targets for the contours of cloth with cloth, and the vertices inside."""
+    x = _leave_planes(x, mesh.triangles, own, JITTER * step)
+    found = edge_triangle_intersections(x, mesh.triangles, own)
     graph = contours(found, len(own))
     chosen = sides(mesh, found, graph, inside_before)
     inner, is_open = chosen.inner.copy(), chosen.is_open.copy()
@@ -128,7 +132,7 @@ def _of_cloth(
         outer_edge = below > above
         inner = np.where(ordered, np.where(first_is_lower == outer_edge, 0, 1), inner)
         is_open &= ~ordered
-    parts = [_through(mesh.triangles, found, inner, gap, step)]
+    parts = [_pull_through(mesh.triangles, found, inner, gap, step)]
     if is_open.any():
         shifts = step * slides(contour_gradients(x, mesh.triangles, own, found), graph)[is_open]
         edges, faces = found.edges[is_open], mesh.triangles[found.faces[is_open]]
@@ -136,11 +140,11 @@ def _of_cloth(
         parts.append((np.column_stack([edges, faces]), np.column_stack([1 - along, along, -at]), shifts))
     pierced = np.zeros(len(own), bool)
     pierced[found.of_pair[:, 1]] = True
-    parts.append(_of_touching(x, mesh, own[~pierced], gap))
+    parts.append(_part_touching(x, mesh, own[~pierced], gap))
     return parts, chosen.inside
 
 
-def _off_planes(x: Floats, triangles: Ints, pairs: Ints, distance: float) -> Floats:
+def _leave_planes(x: Floats, triangles: Ints, pairs: Ints, distance: float) -> Floats:
     """Positions in which the corners of pairs that are not nearly coplanar are displaced at random by `distance` [m].
 
     A vertex that lies in a triangle, or an edge in its plane, is on neither side of it.
@@ -155,7 +159,7 @@ def _off_planes(x: Floats, triangles: Ints, pairs: Ints, distance: float) -> Flo
     return moved
 
 
-def _through(triangles: Ints, found: Piercings, inner: Ints, gap: float, step: float) -> Part:
+def _pull_through(triangles: Ints, found: EdgeTriangleIntersections, inner: Ints, gap: float, step: float) -> Part:
     """The inner ends of edges go to the side of the outer ones of the triangles that they pierce, and `gap` beyond."""
     rows = np.flatnonzero(inner >= 0)
     end = inner[rows]
@@ -168,8 +172,8 @@ def _through(triangles: Ints, found: Piercings, inner: Ints, gap: float, step: f
     return doubled, np.column_stack([np.ones(len(rows)), np.zeros(len(rows)), -found.barycentric[rows]]), shifts
 
 
-def _of_touching(x: Floats, mesh: Mesh, pairs: Ints, gap: float) -> Part:
-    """Pairs without a piercing, coplanar or folded onto one another: their corners part along the mean normal."""
+def _part_touching(x: Floats, mesh: Mesh, pairs: Ints, gap: float) -> Part:
+    """Pairs without an intersection, coplanar or folded onto one another: their corners part along the mean normal."""
     one, other = mesh.triangles[pairs[:, 0]], mesh.triangles[pairs[:, 1]]
     normal = [np.cross(x[t[:, 1]] - x[t[:, 0]], x[t[:, 2]] - x[t[:, 0]]) for t in (one, other)]
     along = _unit(normal[0] + np.sign(np.einsum("ij,ij->i", *normal))[:, None] * normal[1])
@@ -179,15 +183,17 @@ def _of_touching(x: Floats, mesh: Mesh, pairs: Ints, gap: float) -> Part:
     middle = [np.einsum("ij,ijk->ik", w, x[t]) for w, t in zip(weights, (one, other), strict=True)]
     height = np.einsum("ij,ij->i", along, middle[0] - middle[1])
     half = (0.5 * gap * np.where(height < 0, -1.0, 1.0))[:, None] * along
-    parts = [_moved(t, w, shift) for t, w, shift in zip((one, other), weights, (half, -half), strict=True)]
+    parts = [_shift_corners(t, w, shift) for t, w, shift in zip((one, other), weights, (half, -half), strict=True)]
     rows, signed, shifts = (np.concatenate([part[k] for part in parts]) for k in range(3))
     return rows, signed, shifts
 
 
-def _of_body(x: Floats, triangles: Ints, solid: Ints, pairs: Ints, gap: float, step: float, n_cloth: int) -> list[Part]:
+def _body_targets(
+    x: Floats, triangles: Ints, solid: Ints, pairs: Ints, gap: float, step: float, n_cloth: int
+) -> list[Part]:
     """Ends of edges inside the body go out along the normals of its triangles; triangles go beyond its edges."""
     both = np.concatenate([triangles, solid])
-    found = piercings(x, both, pairs + np.array([0, len(triangles)]))
+    found = edge_triangle_intersections(x, both, pairs + np.array([0, len(triangles)]))
     of_cloth = found.edges[:, 0] < n_cloth
     inner = np.where(of_cloth, np.where(found.depths[:, 0] < found.depths[:, 1], 0, 1), -1)
     corners = x[solid]
@@ -203,14 +209,14 @@ def _of_body(x: Floats, triangles: Ints, solid: Ints, pairs: Ints, gap: float, s
     touching[found.of_pair[:, 1]] = False
     lifted = triangles[pairs[touching, 0]]
     return [
-        _through(both, found, inner, gap, step),
-        _moved(pierced, found.barycentric[rows], np.clip(highest + gap, 0.0, step)[:, None] * out),
-        _moved(lifted, np.full(lifted.shape, 1 / 3), gap * _unit(normals[pairs[touching, 1]])),
+        _pull_through(both, found, inner, gap, step),
+        _shift_corners(pierced, found.barycentric[rows], np.clip(highest + gap, 0.0, step)[:, None] * out),
+        _shift_corners(lifted, np.full(lifted.shape, 1 / 3), gap * _unit(normals[pairs[touching, 1]])),
     ]
 
 
-def _moved(corners: Ints, weights: Floats, shifts: Floats) -> Part:
-    """Displacements (k, 3) of points of triangles, in rows of five as `_through` has them."""
+def _shift_corners(corners: Ints, weights: Floats, shifts: Floats) -> Part:
+    """Displacements (k, 3) of points of triangles, in rows of five as `_pull_through` has them."""
     none = np.zeros((len(corners), 2))
     return np.column_stack([corners, corners[:, :2]]), np.column_stack([weights, none]), shifts
 

@@ -1,0 +1,200 @@
+"""Styles of a picture: background with a soft shadow, ink outlines, the ribs and sheen of a woven cloth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFilter
+from scipy.ndimage import map_coordinates
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.render.camera import Camera
+from clothsim.render.pixel_geometry import PixelGeometry
+
+
+@dataclass(frozen=True)
+class Style:
+    """What a picture adds to its surfaces and leaves out behind them.
+
+    Parameters
+    ----------
+    colour : str
+        Colour of the cloth where none is asked for, as of `picture.draw`.
+    paper : bool
+        White behind everything; else a light gradient with a soft shadow on the floor.
+    body_opacity : float
+        1: bodies hide what is behind them.
+    outlines : bool
+        Ink along borders, silhouettes and folds.
+    woven : bool
+        Ribs of a twill, fixed to the material, and the sheen of fibres seen at a grazing angle.
+    """
+
+    colour: str = "stretch"
+    paper: bool = False
+    body_opacity: float = 1.0
+    outlines: bool = False
+    woven: bool = False
+
+    @property
+    def needs_geometry(self) -> bool:
+        """True where pixels must know which surface they show."""
+        return self.outlines or self.woven
+
+
+STYLES = {
+    "fields": Style(),
+    "print": Style(paper=True, body_opacity=0.5, outlines=True),
+    "fabric": Style(colour="plain", woven=True),
+}
+"""Styles by name; the first is the default."""
+
+
+_TOP, _BOTTOM = np.array([0.975, 0.977, 0.98]), np.array([0.90, 0.905, 0.915])
+_TEXELS = 320
+_PAD = 0.55
+_BANDS = ((0.06, 0.012, 0.18), (0.2, 0.03, 0.16), (0.5, 0.06, 0.14), (np.inf, 0.11, 0.14))
+"""Height below which a triangle counts, blur, darkness; the first two relative to the scene's size: higher things blur
+more. Each stencil holds those of the ones before it, or the floor between them would be bright: rings under a ball."""
+
+
+def backdrop(triangles: Floats, camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
+    """The picture behind the `triangles` (m, 3, 3) [m], sRGB in [0, 1], (height, width, 3)."""
+    width, height = size
+    down = np.linspace(0, 1, height)[:, None, None]
+    gradient = np.broadcast_to(_TOP + (_BOTTOM - _TOP) * down**1.5, (height, width, 3))
+    return gradient * _floor_light(triangles, camera, size, up)[:, :, None]
+
+
+def _floor_light(triangles: Floats, camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
+    """Unoccluded fraction of light on the floor seen through each pixel, (height, width); 1 where none is seen."""
+    vertical = up / np.linalg.norm(up)
+    sideways = np.cross(vertical, np.roll(vertical, 1))
+    sideways /= np.linalg.norm(sideways)
+    plane = np.array([sideways, np.cross(vertical, sideways)])
+    heights = triangles @ vertical
+    floor = heights.min()
+    flat = triangles @ plane.T
+    low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
+    extent = float((high - low).max()) or 1.0
+    origin = 0.5 * (low + high) - (0.5 + _PAD) * extent
+    per_texel = (1 + 2 * _PAD) * extent / _TEXELS
+    texture = _shadow_texture((flat - origin) / per_texel, (heights.mean(axis=1) - floor) / extent, extent / per_texel)
+
+    rays = camera.directions(*size)
+    fall = -(rays @ vertical)
+    above = float(camera.position @ vertical - floor)
+    if above <= 0:
+        return np.ones(fall.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.where(fall > 1e-6, above / fall, 0.0)
+    on_plane = (camera.position @ plane.T + distance[:, :, None] * (rays @ plane.T) - origin) / per_texel - 0.5
+    light = map_coordinates(texture, [on_plane[:, :, 1], on_plane[:, :, 0]], order=1, mode="constant", cval=1.0)
+    return np.where(fall > 1e-6, light, 1.0)
+
+
+def _shadow_texture(flat: Floats, heights: Floats, texels_per_size: float) -> Floats:
+    """Light on the floor from straight above, (texels, texels): one blurred stencil for each band of height."""
+    light = np.ones((_TEXELS, _TEXELS))
+    for end, blur, dark in _BANDS:
+        stencil = Image.new("L", (_TEXELS, _TEXELS), 0)
+        pen = ImageDraw.Draw(stencil)
+        for corners in flat[heights < end].reshape(-1, 6).tolist():
+            pen.polygon(corners, fill=255)
+        soft = stencil.filter(ImageFilter.GaussianBlur(blur * texels_per_size))
+        light *= 1 - dark * np.asarray(soft, float) / 255
+    return light
+
+
+INK = np.array([0.13, 0.14, 0.17])
+JUMP = 0.012
+"""Second difference of the depth over the median depth from which on one sheet hides another: a fold seen from its
+side has none, two layers 1 cm apart at a metre's distance do."""
+
+
+def outlined(image: Floats, geometry: PixelGeometry, samples: int) -> Floats:
+    """Return the picture (h, w, 3), sRGB, with outlines; geometry: of its samples."""
+    height, width = geometry.surface.shape
+    edge = np.zeros((height, width), bool)
+    seen = np.isfinite(geometry.depth)
+    far = float(np.median(geometry.depth[seen])) if seen.any() else 1.0
+    depth = np.where(seen, geometry.depth, 10.0 * far)
+    _mark(edge, geometry.surface, depth, JUMP * far)
+    _mark(edge.T, geometry.surface.T, depth.T, JUMP * far)
+    parts = edge.reshape(height // samples, samples, width // samples, samples)
+    share = parts.mean(axis=(1, 3))[..., None]
+    return image * (1.0 - share) + share * INK
+
+
+def _mark(edge: np.ndarray, surface: Ints, depth: Floats, jump: float) -> None:
+    """Mark in `edge` (h, w) the samples between which the surface changes along a column, or the depth bends."""
+    changes = surface[1:] != surface[:-1]
+    edge[:-1] |= changes
+    edge[1:] |= changes
+    edge[1:-1] |= np.abs(np.diff(depth, n=2, axis=0)) > jump
+
+
+RIB_PIXELS = 6.0
+"""Width of a rib where the cloth is nearest to the median distance: real threads are far finer than a pixel."""
+RIB_DEPTH, THREAD_DEPTH = 0.10, 0.05
+"""Amplitudes of the brightness across ribs, and along them between threads."""
+FINEST = 0.35
+"""Periods a sample from which on a rib is not drawn: it would alias."""
+SHEEN = 0.22
+"""Brightness that fibres add where they are seen at a grazing angle."""
+
+
+def woven(image: Floats, geometry: PixelGeometry, cloths: np.ndarray, samples: int) -> Floats:
+    """Return the picture (h, w, 3) with its cloths woven.
+
+    Parameters
+    ----------
+    image : (h, w, 3) float64
+        sRGB in [0, 1].
+    geometry : PixelGeometry
+        Of its samples, (h samples, w samples).
+    cloths : (k,) bool
+        True for the surfaces that are cloths.
+    samples : int
+        Samples of a pixel in each direction.
+    """
+    on_cloth = (geometry.surface >= 0) & cloths[geometry.surface]
+    if not on_cloth.any():
+        return image
+    along, across = _plane_coordinates(geometry)
+    pitch = _pitch(geometry, along, across, on_cloth) * samples * RIB_PIXELS
+    factor = 1.0 + RIB_DEPTH * _wave((along + across) / pitch, geometry, on_cloth)
+    factor += THREAD_DEPTH * _wave((along - across) / (0.5 * pitch), geometry, on_cloth)
+    sheen = np.where(on_cloth, SHEEN * (1.0 - geometry.facing) ** 3, 0.0)
+    return np.clip(image * _mean(factor, samples) + _mean(sheen, samples) * (1.0 - image), 0.0, 1.0)
+
+
+def _plane_coordinates(geometry: PixelGeometry) -> tuple[Floats, Floats]:
+    """Two coordinates of the material in the plane of the axes that its side faces least [m]."""
+    x, facing = geometry.material, np.abs(geometry.side).argmax(axis=2)
+    first, second = np.array([1, 0, 0])[facing], np.array([2, 2, 1])[facing]
+    return tuple(np.take_along_axis(x, axes[..., None], axis=2)[..., 0] for axes in (first, second))  # type: ignore[return-value]
+
+
+def _pitch(geometry: PixelGeometry, along: Floats, across: Floats, on_cloth: np.ndarray) -> float:
+    """Median distance in the material between neighbouring samples [m]."""
+    both = on_cloth[:, 1:] & on_cloth[:, :-1] & (geometry.surface[:, 1:] == geometry.surface[:, :-1])
+    steps = np.hypot(np.diff(along, axis=1), np.diff(across, axis=1))[both]
+    return float(np.median(steps)) if len(steps) else 1.0
+
+
+def _wave(phase: Floats, geometry: PixelGeometry, on_cloth: np.ndarray) -> Floats:
+    """cos(2 pi phase), fading to 0 where a period spans few samples or the surface changes."""
+    steps = np.zeros(phase.shape)
+    for axis in (0, 1):
+        change = np.abs(np.diff(phase, axis=axis))
+        same = np.diff(geometry.surface, axis=axis) == 0
+        pad = ((0, 1), (0, 0)) if axis == 0 else ((0, 0), (0, 1))
+        steps = np.maximum(steps, np.pad(np.where(same, change, 1.0), pad, mode="edge"))
+    visible = np.clip(1.0 - steps / FINEST, 0.0, 1.0)
+    return np.where(on_cloth, visible * np.cos(2.0 * np.pi * phase), 0.0)
+
+
+def _mean(values: Floats, samples: int) -> Floats:
+    """Mean over the samples of each pixel, (h, w, 1)."""
+    height, width = values.shape[0] // samples, values.shape[1] // samples
+    return values.reshape(height, samples, width, samples).mean(axis=(1, 3))[..., None]
