@@ -122,6 +122,7 @@ class KeyTable(Locked, Mapping[str, Any]):
         values = {name: check_value(f"{where}.{name}", value, known[name]) for name, value in keys.items()}
         fixed = _fixed(cls)  # such as the kind of a wind
         made = cls(**{known[name].field: value for name, value in values.items() if known[name].field not in fixed})
+        object.__setattr__(made, "_given", tuple(name for name in keys if known[name].field not in fixed))
         object.__setattr__(made, "_written", frozen(dict(keys)))
         return made
 
@@ -160,6 +161,7 @@ def _restored(
 ) -> KeyTable:
     """A section from its pickle."""
     made = (composed(kind) if isinstance(kind, tuple) else kind)(**given)
+    object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in given))
     object.__setattr__(made, "_written", written)
     return made
 

@@ -139,6 +139,9 @@ def test_a_replaced_field_gives_its_key_alone():
     assert Scene(cloth=SHEET, solver=solver).solver == {"dt": 0.02, "threads": 1}
     assert replace(Gravity(), acceleration=(0, 0, -1)).given == ("acceleration",)
     assert Solver(dt=0.01).given == ("dt",)
+    still = {"velocity": [0, 0, 0], "rotate_degrees_per_second": [0, 0, 0], "centre": [0, 0, 0]}
+    assert Motion.parsed("motion", still).given == tuple(still)
+    assert pickle.loads(pickle.dumps(Motion.parsed("motion", still))).given == tuple(still)
 
 
 def test_a_section_of_the_same_kind_is_taken_as_it_is():
