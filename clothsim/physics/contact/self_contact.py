@@ -1,14 +1,11 @@
 """The effect `self_contact`: intersection-free contact of cloth with itself and other cloth."""
 
-from dataclasses import replace
 
-import numpy as np
 
 from clothsim.keys.typed_effects import SelfContact
 from clothsim.mesh.world import World
 from clothsim.physics.contact.excluded_pairs import excluded_pairs
-from clothsim.physics.contact.stiffness import default_d_hat
-from clothsim.physics.contact.surface import ContactSurface, cloth_surface
+from clothsim.physics.contact.surface import cloth_surface
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 
@@ -37,24 +34,14 @@ def self_contact(world: World, keys: SelfContact) -> Energy | Off:
     surface = cloth_surface(world, excluded_pairs(world, keys))
     if not surface.allowed.any():
         return Off("every pair is excluded")
-    from clothsim.physics.contact.setup import (
-        contact_energy,  # after the last Off: no kernel is imported without a pair
+    from clothsim.physics.contact.setup import (  # after the last Off: no kernel is imported without a pair
+        contact_energy,
+        d_hat_below_rest_gaps,
     )
 
     if keys.d_hat == "auto":
-        keys = keys.with_keys(d_hat=_below_rest_gaps(world, surface))
+        keys = keys.with_keys(d_hat=d_hat_below_rest_gaps(world, surface))
     return contact_energy(world, keys, surface)
-
-
-def _below_rest_gaps(world: World, surface: ContactSurface) -> float:
-    """A tenth of the median edge, or half of the smallest rest gap of parts of one cloth where that is less [m]."""
-    from clothsim.physics.contact.candidates import Candidates
-    from clothsim.physics.contact.setup import edge_lengths
-
-    default = default_d_hat(edge_lengths(world))
-    within_one_cloth = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
-    gap = Candidates(within_one_cloth, default, skin=0.0).minimum_gap(surface.rest_positions)
-    return default if gap > default else max(0.5 * gap, 0.1 * default)
 
 
 EXAMPLE = Example(

@@ -1,6 +1,7 @@
 """Setup of the contact effects: scales, and the refusal of a start in contact."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -71,6 +72,14 @@ def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:
             f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
         )
     return d_hat
+
+
+def d_hat_below_rest_gaps(world: World, surface: ContactSurface) -> float:
+    """A tenth of the median edge, or half of the smallest rest gap of parts of one cloth where that is less [m]."""
+    default = default_d_hat(edge_lengths(world))
+    within_one_cloth = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
+    gap = Candidates(within_one_cloth, default, skin=0.0).minimum_gap(surface.rest_positions)
+    return default if gap > default else max(0.5 * gap, 0.1 * default)
 
 
 def edge_lengths(world: World) -> Floats:

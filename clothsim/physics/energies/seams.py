@@ -10,7 +10,6 @@ the barrier is infinite and the cloth intersects itself.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,9 +30,6 @@ from clothsim.physics.energies.selection import (
     selected_vertices,
     vertex_numbers,
 )
-
-if TYPE_CHECKING:
-    from clothsim.physics.energies.seam_strings import StitchedSeam
 
 WAYS = ("side", "through", "vertices", "panel", "nearest")
 STIFFER = 100.0
@@ -57,6 +53,7 @@ def seams(world: World, keys: Seams, *, built: Mapping[str, Energy] | None = Non
         return Off("there is no seam")
     from clothsim.physics.energies.seam_strings import (  # after the last Off: no kernel for a zero
         SeamsEnergy,
+        StitchedSeam,
         bending_across,
         those,
     )
@@ -68,7 +65,7 @@ def seams(world: World, keys: Seams, *, built: Mapping[str, Energy] | None = Non
     gap = contact.activation_distance if isinstance(contact, ContactGap) else 0.0
     m, over = len(rows), bending_across(world, hinges, beside)
     links = rows, weights, np.zeros((m, 3)), np.full(m, gap), np.zeros(m), np.ones(m, bool)
-    made, none = tuple(part[0] for part in parts), np.zeros(0, np.int64)
+    made, none = tuple(StitchedSeam(*part[0]) for part in parts), np.zeros(0, np.int64)
     return SeamsEnergy(*links, made, stiffness, gap, over, those(over, none))
 
 
@@ -93,8 +90,8 @@ def pattern_seams(world: World, keys: PatternSeams) -> dict[str, Seam]:
 
 def _seam(
     name: str, world: World, keys: Seam, bending: bool
-) -> tuple["StitchedSeam", Ints, Floats, Floats, Ints, Ints]:
-    """A seam with its stitches (rows, weights, stiffnesses), its hinges and the triangles beside them."""
+) -> tuple[tuple[str, float, float, int, int], Ints, Floats, Floats, Ints, Ints]:
+    """What a `StitchedSeam` has, stitches (rows, weights, stiffnesses), hinges and the triangles beside them."""
     is_nearest, fewest = keys.to.nearest and keys.to.given == ("nearest",), 1 if keys.match == "vertices" else 2
     first = _line(f"{name}.from", world, keys.from_, fewest)
     second = first if is_nearest else _line(f"{name}.to", world, keys.to, fewest)
@@ -116,10 +113,8 @@ def _seam(
     if is_nearest:
         hinges, beside = hinges[:0], beside[:0]
     n = len(hinges) if bending and keys.bends else 0
-    from clothsim.physics.energies.seam_strings import StitchedSeam
-
-    made = StitchedSeam(name.removeprefix("effects.seams."), keys.start, keys.end, len(rows), n)
-    return made, rows, weights, np.full(len(rows), stiffness), hinges[:n], beside[:n]
+    numbers = name.removeprefix("effects.seams."), keys.start, keys.end, len(rows), n
+    return numbers, rows, weights, np.full(len(rows), stiffness), hinges[:n], beside[:n]
 
 
 def _nearest(world: World, line: Line) -> tuple[Ints, Floats]:
