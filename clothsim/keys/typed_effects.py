@@ -1,8 +1,8 @@
 """Effects as frozen dataclasses: the keys of each effect with default, unit, range and meaning.
 
 `effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` is the same as
-`effects={"gravity": {}, "bending": {"model": "midedge"}}`. Importing this module imports no effect: the fields repeat
-the keywords and defaults of the builders in `scene.effects`, and a test compares them.
+`effects={"gravity": {}, "bending": {"model": "midedge"}}`. The one place of a key: the table `scene.effects` names the
+class, a scene is checked by it, and the builder takes an object of it. Importing this module imports no effect.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
