@@ -71,17 +71,12 @@ def border_sides(rest: Floats, triangles: Ints) -> tuple[Ints, ...]:
     [5, 3, 5, 3]
     """
     edges = border_edges(triangles)[0]
-    turns = np.abs(np.pi - _angle_sums(rest, triangles))
+    corners = rest[triangles]
+    u, v = (np.roll(corners, -k, axis=1) - corners for k in (1, 2))
+    angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), (u * v).sum(axis=2))
+    turns = np.abs(np.pi - np.bincount(triangles.ravel(), angles.ravel(), len(rest)).astype(np.float64))
     at, ends = np.nonzero(turns[edges] <= CORNER)
     n = len(edges)
     graph = coo_array((np.ones(len(at)), (at, n + edges[at, ends])), shape=(n + len(rest),) * 2)
     labels = connected_components(graph, directed=False)[1][:n]
     return tuple(np.unique(edges[labels == label]) for label in np.unique(labels))
-
-
-def _angle_sums(rest: Floats, triangles: Ints) -> Floats:
-    """Sum of the angles of the triangles at each vertex, (n,) [rad]."""
-    corners = rest[triangles]
-    u, v = (np.roll(corners, -k, axis=1) - corners for k in (1, 2))
-    angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), (u * v).sum(axis=2))
-    return np.bincount(triangles.ravel(), angles.ravel(), len(rest)).astype(np.float64)

@@ -38,14 +38,10 @@ class Custom(Loss):
             value, derivative = self.function(positions)
         except (TypeError, ValueError) as error:
             raise InputError(f"The loss cannot be called with positions: {error}.", "Return (value, dL/dx).") from error
-        return float(value), _as_derivative(derivative, positions)
-
-
-def _as_derivative(derivative: Floats, positions: Floats) -> Floats:
-    rows = as_points("The derivative of the loss", derivative)
-    if rows.shape != positions.shape:
-        raise InputError(f"The derivative of the loss has the shape {rows.shape}, the positions {positions.shape}.")
-    return rows
+        rows = as_points("The derivative of the loss", derivative)
+        if rows.shape != positions.shape:
+            raise InputError(f"The derivative of the loss has the shape {rows.shape}, the positions {positions.shape}.")
+        return float(value), rows
 
 
 @dataclass(frozen=True)

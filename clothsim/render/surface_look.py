@@ -162,15 +162,10 @@ def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
     a, b, c = triangles.T
     ab, bc, ca = (number.reshape(-1, 3) + len(x)).T
     quarters = np.stack([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]], axis=0)
-    middles = _middles(x, vertex_normals(x, triangles), edges)
-    return np.concatenate([x, middles]), quarters.transpose(2, 0, 1).reshape(-1, 3), edges
-
-
-def _middles(x: Floats, normals: Floats, edges: Ints) -> Floats:
-    """Middles of edges on the smooth surface; of one along which it turns sharply its own."""
-    ends, n = x[edges], normals[edges]
+    ends, n = x[edges], vertex_normals(x, triangles)[edges]
     middle = ends.mean(axis=1)
     off = np.einsum("ijk,ijk->ij", middle[:, None] - ends, n)
     bulge = -(off[..., None] * n).mean(axis=1)
     turned = np.einsum("ik,ik->i", n[:, 0], n[:, 1]) < COS_SHARP
-    return middle + SHAPE * np.where(turned[:, None], 0.0, bulge)
+    middles = middle + SHAPE * np.where(turned[:, None], 0.0, bulge)
+    return np.concatenate([x, middles]), quarters.transpose(2, 0, 1).reshape(-1, 3), edges

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.base.arrays import Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.decompression import bounded_decompression
 from clothsim.base.safe_files.regular_file import read_regular_file
@@ -119,12 +118,8 @@ def _of_meshio(path: Path, mesh) -> Polygons:
             sizes.append(np.array([len(face) for face in block.data], np.int64))
         else:
             messages.append(f"{len(block.data)} {block.type} cells ignored")
-    return _polygons(points, np.concatenate(corners), np.concatenate(sizes), tuple(messages))
-
-
-def _polygons(points: np.ndarray, corners: Ints, sizes: Ints, messages: tuple[str, ...]) -> Polygons:
-    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-    return Polygons(points, corners, starts, messages=messages)
+    starts = np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64)
+    return Polygons(points, np.concatenate(corners), starts, messages=tuple(messages))
 
 
 def _of_trimesh(path: Path, content: bytes, file_type: str) -> Polygons:
