@@ -194,10 +194,6 @@ def recover(
     pattern : PatternMesh, optional
         The pattern of a cloth of arrays, where numbers of it are free.
 
-    Returns
-    -------
-    Recovery
-
     Raises
     ------
     InputError

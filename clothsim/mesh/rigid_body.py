@@ -54,10 +54,6 @@ def volume_moments(positions: Floats, triangles: Ints) -> VolumeMoments:
     triangles : (m, 3) int64
         Triangles that face outwards.
 
-    Returns
-    -------
-    VolumeMoments
-
     Examples
     --------
     A tetrahedron with three edges of 1 m along the axes:
@@ -194,10 +190,6 @@ def rigid_body(
         Of the energy that keeps it rigid [Pa].
     joint : Joint, optional
         What holds it; a free body has none.
-
-    Returns
-    -------
-    RigidBody
 
     Raises
     ------

@@ -278,12 +278,12 @@ def shaded(hits, light, smooth, paint, rays, up, to_key, to_fill):
         for k in range(3):
             ambient = (upward * _SKY[k] + (1 - upward) * _GROUND[k]) * (0.10 + 0.90 * sky)
             linear = paint[n, k] ** 2.2 * (_KEY[k] * lambert + _FILL[k] * fill + ambient) + rim
-            out[n, k] = _rolled_off(linear) ** (1 / 2.2)
+            out[n, k] = _compress_highlights(linear) ** (1 / 2.2)
     return out
 
 
 @part
-def _rolled_off(linear):
+def _compress_highlights(linear):
     """Smooth compression of the brightest fifth, without hard clipping."""
     if linear <= 0.8:
         return linear

@@ -144,13 +144,13 @@ def smoothed(surface: Surface) -> Surface:
         if 4 * len(triangles) > MOST_TRIANGLES:
             break
         x, triangles, edges = _halved(x, triangles)
-        values, material = _with_means(values, edges), _with_means(material, edges)
+        values, material = _append_means(values, edges), _append_means(material, edges)
     parts = len(triangles) // max(len(surface.triangles), 1)
     whole = replace(surface, positions=x, triangles=triangles, principal_stretches=np.zeros((0, 2)))
     return replace(whole, values=values, material=material, fabrics=np.repeat(surface.fabrics, parts))
 
 
-def _with_means(values: Floats, edges: Ints) -> Floats:
+def _append_means(values: Floats, edges: Ints) -> Floats:
     """Numbers at the vertices, if there are any, and at the middles of the edges."""
     return np.concatenate([values, values[edges].mean(axis=1)]) if len(values) else values
 

@@ -46,10 +46,6 @@ def read_amass(path: Path, skeleton: Skeleton | None = None) -> Clip:
         Of the body model that moves; None: a T of the 22 joints that all have. Of a model with another number of joints
         than the motion, the first 22 are moved.
 
-    Returns
-    -------
-    Clip
-
     Raises
     ------
     InputError

@@ -87,7 +87,7 @@ class GltfFile:
         else:
             values = np.zeros((count, width), dtype)
         if "sparse" in accessor:
-            values = self._with_sparse(accessor["sparse"], values, where)
+            values = self._replace_sparse(accessor["sparse"], values, where)
         return self._as_numbers(values, bool(accessor.get("normalized")), where)
 
     def _as_numbers(self, values: NDArray, normalized: bool, where: str) -> NDArray:
@@ -99,7 +99,7 @@ class GltfFile:
             return np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0)
         return values.astype(np.int64)
 
-    def _with_sparse(self, sparse: Any, values: NDArray, where: str) -> NDArray:
+    def _replace_sparse(self, sparse: Any, values: NDArray, where: str) -> NDArray:
         """`values` with the elements that a sparse accessor replaces."""
         try:
             count = self._whole(sparse, "count", f"{where}.sparse")
@@ -162,10 +162,6 @@ def read_gltf(path: Path) -> GltfFile:
     ----------
     path : Path
         The file; buffers of a .gltf file are beside it or below its folder.
-
-    Returns
-    -------
-    GltfFile
 
     Raises
     ------

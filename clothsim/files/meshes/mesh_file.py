@@ -67,7 +67,7 @@ def read_ply(path: Path, content: bytes) -> Polygons:
     _refuse_promises(
         path, [int(count) for count in re.findall(rb"^\s*element\s+\S+\s+(\d{1,40})", header, re.M)], content
     )
-    return _of_meshio(path, meshio.ply.read(str(path)))
+    return _convert_meshio(path, meshio.ply.read(str(path)))
 
 
 def read_vtu(path: Path, content: bytes) -> Polygons:
@@ -75,12 +75,12 @@ def read_vtu(path: Path, content: bytes) -> Polygons:
     import meshio.vtu
 
     with bounded_decompression(meshio.vtu._vtu, str(path), max(LEAST_UNPACKED, MOST_UNPACKED * len(content))):
-        return _of_meshio(path, meshio.vtu.read(str(path)))
+        return _convert_meshio(path, meshio.vtu.read(str(path)))
 
 
 def read_stl(path: Path, content: bytes) -> Polygons:
     """An STL file, which repeats the corners of every triangle: coincident ones are merged."""
-    return _of_trimesh(path, content, "stl")
+    return _convert_trimesh(path, content, "stl")
 
 
 def read_glb(path: Path, content: bytes) -> Polygons:
@@ -88,7 +88,7 @@ def read_glb(path: Path, content: bytes) -> Polygons:
     start, size = 20, int.from_bytes(content[12:16], "little")
     accessors = json.loads(content[start : start + size])["accessors"]
     _refuse_promises(path, [int(accessor["count"]) for accessor in accessors], content)
-    return _of_trimesh(path, content, "glb")
+    return _convert_trimesh(path, content, "glb")
 
 
 LIBRARY_READERS: dict[str, Callable[[Path, bytes], Polygons]] = {
@@ -105,7 +105,7 @@ def _refuse_promises(path: Path, counts: list[int], content: bytes) -> None:
         raise InputError(f"{path} promises {max(counts):,} elements in {len(content):,} bytes.", "It is cut or broken.")
 
 
-def _of_meshio(path: Path, mesh) -> Polygons:
+def _convert_meshio(path: Path, mesh) -> Polygons:
     points = np.asarray(mesh.points, float)
     messages = []
     if points.ndim == 2 and points.shape[1] == 2:
@@ -122,7 +122,7 @@ def _of_meshio(path: Path, mesh) -> Polygons:
     return Polygons(points, np.concatenate(corners), starts, messages=tuple(messages))
 
 
-def _of_trimesh(path: Path, content: bytes, file_type: str) -> Polygons:
+def _convert_trimesh(path: Path, content: bytes, file_type: str) -> Polygons:
     import trimesh
 
     scene = trimesh.load_scene(io.BytesIO(content), file_type=file_type, process=False)

@@ -87,8 +87,8 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
     y_a2, y_b2, y_d2 = minus(_times(a2, m2), along), _plus(_times(b2, m2), along), _times(d2, m2)
     g_a, g_b = minus(_times(-a1, n1), _times(a2, n2)), minus(_times(-b1, n1), _times(b2, n2))
     g_c, g_d = _times(-c1, n1), _times(-d2, n2)
-    turn = _with_outer(0.5 * first / ee, m1, n1, _outer(0.5 * first / ee, n1, m1))
-    turn = _with_outer(0.5 * first / ee, m2, n2, _with_outer(0.5 * first / ee, n2, m2, turn))
+    turn = _add_outer(0.5 * first / ee, m1, n1, _outer(0.5 * first / ee, n1, m1))
+    turn = _add_outer(0.5 * first / ee, m2, n2, _add_outer(0.5 * first / ee, n2, m2, turn))
     n1, n2 = _times(first, n1), _times(first, n2)
     aa = _bent(a1, y_a1, a1, y_a1, n1, _bent(a2, y_a2, a2, y_a2, n2, _outer(second, g_a, g_a)))
     ab = _bent(a1, y_a1, b1, y_b1, n1, _bent(a2, y_a2, b2, y_b2, n2, _outer(second, g_a, g_b)))
@@ -129,7 +129,7 @@ def _select(valid: bool, a: Point, x: float, y: float) -> Point:
 @part
 def _bent(f_p: float, y_p: Point, f_q: float, y_q: Point, n: Point, rows: Rows) -> Rows:
     """rows + f_q n y_p' + f_p y_q n'."""
-    return _with_outer(f_p, y_q, n, _with_outer(f_q, n, y_p, rows))
+    return _add_outer(f_p, y_q, n, _add_outer(f_q, n, y_p, rows))
 
 
 @part
@@ -139,7 +139,7 @@ def _outer(factor: float, a: Point, b: Point) -> Rows:
 
 
 @part
-def _with_outer(factor: float, a: Point, b: Point, rows: Rows) -> Rows:
+def _add_outer(factor: float, a: Point, b: Point, rows: Rows) -> Rows:
     """rows + factor a b'."""
     return _sum(rows, _outer(factor, a, b), 1.0)
 
