@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.errors import InputError
 from clothsim.files.characters.clip import Clip, Interpolation, Track
 from clothsim.files.characters.clip import Path as Part
 from clothsim.files.characters.gltf_file import BROKEN, GltfFile, broken, read_gltf
@@ -38,10 +37,7 @@ def read_animation(path: Path, skeleton: Skeleton, name: str | None = None) -> C
     InputError
         There is no such animation, or it is broken.
     """
-    try:
-        file = read_gltf(path)
-    except FileNotFoundError as error:
-        raise InputError(f"There is no file {path.name}.") from error
+    file = read_gltf(path)
     try:
         return _clip(file, skeleton, name)
     except BROKEN as error:

@@ -165,10 +165,8 @@ def read_gltf(path: Path) -> GltfFile:
 
     Raises
     ------
-    FileNotFoundError
-        There is no file.
     InputError
-        It is broken, cut off, of another version, or needs an extension that is not read.
+        It is missing, broken, cut off, of another version, or needs an extension that is not read.
     """
     content = read_regular_file(path)
     text, binary = _chunks(path, content) if content[:4] == b"glTF" else (content, b"")
@@ -222,10 +220,7 @@ def _buffer(file: GltfFile, number: int, entry: dict[str, Any], binary: bytes) -
     name = Path(unquote(uri))
     if name.is_absolute() or ".." in name.parts or ":" in uri:
         raise file.fault(f"buffers[{number}] is {uri[:80]!r}, outside of its folder.", "Export a .glb, one file.")
-    try:
-        return read_regular_file(file.path.parent / name)
-    except FileNotFoundError as error:
-        raise file.fault(f"its buffer {name} is not there.", "Keep it beside the .gltf, or export a .glb.") from error
+    return read_regular_file(file.path.parent / name, remedy=f"Keep it beside {file.path.name}, or export a .glb.")
 
 
 def broken(path: Path, error: Exception) -> InputError:

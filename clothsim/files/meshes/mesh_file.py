@@ -220,10 +220,7 @@ def _read(file: Path) -> Polygons:
     if ending not in (*ENDINGS, *USD_ENDINGS):
         known = ", ".join((*ENDINGS, *USD_ENDINGS))
         raise InputError(f"{file} has an unknown ending {ending!r}.", f"Known are {known}.")
-    try:
-        content = read_regular_file(file)
-    except FileNotFoundError as error:
-        raise InputError(f"{file} cannot be opened ({error.strerror}).") from error
+    content = read_regular_file(file)
     if not content.strip():
         raise InputError(f"{file} is empty.")
     if ending in USD_ENDINGS:

@@ -84,9 +84,8 @@ class SewingFile:
 def read_sewing_file(path: Path) -> SewingFile:
     """Entries of a sewing file. InputError for a file that is none, naming the key."""
     try:
-        data = tomllib.loads(read_regular_file(path, MOST_BYTES).decode("utf-8-sig"))
-    except FileNotFoundError as error:
-        raise InputError(f"There is no {path}.", "Write the seams to it, or name another file with --seams.") from error
+        absent = "Write the seams to it, or name another file with --seams."
+        data = tomllib.loads(read_regular_file(path, MOST_BYTES, absent).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is not a TOML file: {error}.", "Write key = value, as in toml.io.") from error
     try:
