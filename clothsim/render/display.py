@@ -1,7 +1,4 @@
-"""Choice of the renderer and of the format of a movie, without loading what draws.
-
-VTK is tested in another process, as it ends a process in which it cannot draw.
-"""
+"""Choice of the renderer. VTK is tested in another process, as it ends a process in which it cannot draw."""
 
 import ctypes
 import os
@@ -9,7 +6,6 @@ import subprocess
 import sys
 from functools import cache
 from importlib.util import find_spec
-from pathlib import Path
 
 from clothsim.base.errors import InputError
 
@@ -81,25 +77,3 @@ def _probe() -> bool:
     except (OSError, subprocess.TimeoutExpired):
         return False
     return done.returncode == 0
-
-
-MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
-
-
-def movie_file(directory: Path) -> tuple[Path, str]:
-    """The movie of a directory, and a sentence where it is a .gif for want of ffmpeg."""
-    if has_ffmpeg():
-        return directory / MOVIE_NAME, ""
-    missing = f"{GIF_NAME}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'"
-    return directory / GIF_NAME, missing
-
-
-def has_ffmpeg() -> bool:
-    """True where imageio-ffmpeg is installed and brings, or finds, the program."""
-    try:
-        import imageio_ffmpeg
-
-        imageio_ffmpeg.get_ffmpeg_exe()
-    except (ImportError, RuntimeError):
-        return False
-    return True

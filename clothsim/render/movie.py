@@ -11,7 +11,6 @@ from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.base.safe_files.atomic import replacing
 from clothsim.render.colour_scale import Quantity
-from clothsim.render.display import has_ffmpeg
 from clothsim.render.picture import PictureSetup, picture_setup, pixel_counts, rendered
 from clothsim.render.surface_look import Surface
 
@@ -96,6 +95,28 @@ def _pictures(
     for number, surfaces in enumerate(frames):
         yield rendered(setup, surfaces)
         progress(number + 1, len(frames))
+
+
+MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
+
+
+def movie_file(directory: Path) -> tuple[Path, str]:
+    """The movie of a directory, and a sentence where it is a .gif for want of ffmpeg."""
+    if has_ffmpeg():
+        return directory / MOVIE_NAME, ""
+    missing = f"{GIF_NAME}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'"
+    return directory / GIF_NAME, missing
+
+
+def has_ffmpeg() -> bool:
+    """True where imageio-ffmpeg is installed and brings, or finds, the program."""
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        return False
+    return True
 
 
 def _write_mp4(target: Path, pictures: Iterator[np.ndarray], rate: float, size: tuple[int, int]) -> None:

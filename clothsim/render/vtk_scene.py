@@ -36,12 +36,17 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
         plotter.enable_ssao(radius=0.10, bias=0.010, kernel_size=16, blur=True)
         plotter.show(auto_close=False)
         image = plotter.screenshot(return_img=True)
-        depth = vtkFloatArray()
-        plotter.render_window.GetZbufferData(0, 0, window[0] - 1, window[1] - 1, depth)
-        covered = vtk_to_numpy(depth).reshape(window[1], window[0])[::-1] < 1.0
+        covered = _covered(plotter, window)
     finally:
         plotter.close()
     return _sampled(image, covered, samples)
+
+
+def _covered(plotter: Any, window: Sequence[int]) -> np.ndarray:
+    """True where a surface was drawn, (height, width): from the depth buffer, without a copy of the picture."""
+    depth = vtkFloatArray()
+    plotter.render_window.GetZbufferData(0, 0, window[0] - 1, window[1] - 1, depth)
+    return vtk_to_numpy(depth).reshape(window[1], window[0])[::-1] < 1.0
 
 
 def _sampled(image: np.ndarray, covered: np.ndarray, samples: int) -> Floats:

@@ -10,7 +10,6 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
-from clothsim.render.display import GIF_NAME, MOVIE_NAME, movie_file
 from clothsim.run.field_pictures import Drawing, field_settings
 from clothsim.scene.scene import scene_from_text
 
@@ -58,6 +57,8 @@ def draw_pictures(
     world: of its scene; message: called with a line before each is drawn; progress: as of `draw_run`. Returns a line
     for each that could not be drawn, which does not change the status of the run.
     """
+    from clothsim.render.movie import GIF_NAME, MOVIE_NAME, movie_file
+
     directory = run.directory
     film, missing = movie_file(directory)
     trouble = [missing] if movie and missing else []

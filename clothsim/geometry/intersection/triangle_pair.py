@@ -16,7 +16,6 @@ test.
 import numpy as np
 
 from clothsim.base.jit import part
-from clothsim.base.vectors import cross, dot, minus
 from clothsim.geometry.intersection.predicates import EPSILON, orient2d, orient3d
 
 
@@ -212,13 +211,13 @@ def separated(x, s, t):
 
     Directions: between the centroids; then, for nearly coplanar triangles, perpendicular to each edge within the plane.
     """
-    if _separated_along(x, minus(_sum(x, t), _sum(x, s)), s, t):
+    if _separated_along(x, _minus(_sum(x, t), _sum(x, s)), s, t):
         return True
     for triangle in (s, t):
         a, b, c = triangle
-        normal = cross(_edge(x, a, b), _edge(x, a, c))
+        normal = _cross(_edge(x, a, b), _edge(x, a, c))
         for edge in (_edge(x, a, b), _edge(x, b, c), _edge(x, c, a)):
-            across = cross(normal, edge)
+            across = _cross(normal, edge)
             if _separated_along(x, across, s, t) or _separated_along(x, across, t, s):
                 return True
     return False
@@ -234,9 +233,9 @@ def separated_beyond_vertex(x, v, s, t):
     for i in s:
         for j in t:
             a, b = _unit(_edge(x, v, i)), _unit(_edge(x, v, j))
-            cosine = dot(a, b)
+            cosine = _dot(a, b)
             if cosine > nearest:
-                nearest, n = cosine, minus(a, b)
+                nearest, n = cosine, _minus(a, b)
     for i in s:
         distance, error = _projected(x, n, i, v)
         if not distance > error:
@@ -252,8 +251,8 @@ def separated_beyond_vertex(x, v, s, t):
 def opened(x, a, b, c, d):
     """True where triangles abc and abd certainly make more than a right angle: their normals do, c and d opposite."""
     e, u, w = _edge(x, a, b), _edge(x, a, c), _edge(x, a, d)
-    lengths = dot(e, e) * np.sqrt(dot(u, u)) * np.sqrt(dot(w, w))
-    return dot(cross(e, u), cross(e, w)) < -4.0 * ROUND_OFF * lengths - UNDERFLOW
+    lengths = _dot(e, e) * np.sqrt(_dot(u, u)) * np.sqrt(_dot(w, w))
+    return _dot(_cross(e, u), _cross(e, w)) < -4.0 * ROUND_OFF * lengths - UNDERFLOW
 
 
 @part
@@ -289,7 +288,22 @@ def _sum(x, t):
 
 
 @part
+def _minus(u, v):
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+@part
+def _dot(u, v):
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@part
+def _cross(u, v):
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+@part
 def _unit(u):
     """u / |u|; (0, 0, 0) for zero length, along which nothing is separated."""
-    length = np.sqrt(dot(u, u))
+    length = np.sqrt(_dot(u, u))
     return (u[0] / length, u[1] / length, u[2] / length) if length > 0.0 else (0.0, 0.0, 0.0)

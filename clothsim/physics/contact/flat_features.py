@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.linalg import unit
 from clothsim.mesh.topology import interior_edges, unique_edges
 
 FLAT = 1e-5
@@ -47,14 +46,20 @@ def flat_features(positions: Floats, triangles: Ints) -> FlatFeatures:
     """
     hinges, _ = interior_edges(triangles)
     start, end, opposite, other = (positions[column] for column in hinges.T)
-    along = unit(end - start)
-    inward, other_inward = (unit(_across(corner - start, along)) for corner in (opposite, other))
+    along = _unit(end - start)
+    inward, other_inward = (_unit(_across(corner - start, along)) for corner in (opposite, other))
     flat = np.linalg.norm(inward + other_inward, axis=1) <= FLAT
     flat &= (inward != 0.0).any(axis=1)  # a face without area has no direction
     edges = np.sort(hinges[flat, :2], axis=1)
     n_edges, n_flat = (np.bincount(rows.ravel(), minlength=len(positions)) for rows in (unique_edges(triangles), edges))
     points = np.flatnonzero((n_edges > 0) & (n_edges == n_flat))
     return FlatFeatures(points, edges)
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Vectors (n, 3) of length 1; 0 stays 0."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0)
 
 
 def _across(vectors: Floats, along: Floats) -> Floats:
