@@ -28,10 +28,10 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
     return float(np.einsum("i,i", a.ravel(), b.ravel()))
 
 
-def unit_vectors(vectors: NDArray[np.floating]) -> Floats:
-    """Return the rows of `vectors (n, d)` over their lengths; zero where a row is zero."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0), np.float64)
+def unit(vectors: NDArray[np.floating]) -> Floats:
+    """Return vectors (..., d) of length 1; 0 stays 0."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
 
 
 def cross_matrices(vectors: NDArray[np.floating]) -> Floats:

@@ -7,7 +7,7 @@ import pytest
 from effect_builders import built
 from meshes import cloth, deformed, irregular_grid
 
-from clothsim.gradients.backward_pass import SLOTS, _values, _with, past_by_differences
+from clothsim.gradients.backward_pass import SLOTS, _replace_slot, _values, past_by_differences
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact.friction import FrictionEnergy
@@ -80,7 +80,7 @@ def test_the_start_of_a_step(name):
 
 def _along(energy, step, slot, values, d, x, a):
     h = 1e-6
-    forces = [energy.begin(_with(step, slot, values + sign * h * d)).gradient(x) for sign in (1, -1)]
+    forces = [energy.begin(_replace_slot(step, slot, values + sign * h * d)).gradient(x) for sign in (1, -1)]
     return np.vdot(a, forces[0] - forces[1]) / (2 * h)
 
 

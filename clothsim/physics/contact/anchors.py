@@ -21,7 +21,7 @@ from typing import Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.linalg import unit_vectors
+from clothsim.base.linalg import unit
 
 SAME_SIDE = 0.5
 """Smallest cosine of the normals before and after of a contact that keeps its anchor."""
@@ -96,9 +96,9 @@ class Anchors:
 
         Where only an edge of it is known it turns the shortest way; a vertex does not turn.
         """
-        e, m = unit_vectors(self.directions), unit_vectors(self.facings)
-        e_end = unit_vectors(directions_of(x, self.elements, self.turners))
-        m_end = unit_vectors(facings_of(x, self.elements, self.weights, self.turners))
+        e, m = unit(self.directions), unit(self.facings)
+        e_end = unit(directions_of(x, self.elements, self.turners))
+        m_end = unit(facings_of(x, self.elements, self.weights, self.turners))
         axes, along = np.cross(e, e_end), (e * e_end).sum(axis=1, keepdims=True)
         across = np.cross(axes, self.origins)
         shortest = across + np.cross(axes, across) / np.maximum(1.0 + along, 1.0)

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.linalg import unit_vectors
+from clothsim.base.linalg import unit
 from clothsim.mesh.motion import FrameMotion, PosedMotion
 from clothsim.mesh.topology import interior_edges, unique_edges
 from clothsim.mesh.world import World
@@ -51,8 +51,8 @@ def flat_features(positions: Floats, triangles: Ints) -> FlatFeatures:
     """
     hinges, _ = interior_edges(triangles)
     start, end, opposite, other = (positions[column] for column in hinges.T)
-    along = unit_vectors(end - start)
-    inward, other_inward = (unit_vectors(_across(corner - start, along)) for corner in (opposite, other))
+    along = unit(end - start)
+    inward, other_inward = (unit(_across(corner - start, along)) for corner in (opposite, other))
     flat = np.linalg.norm(inward + other_inward, axis=1) <= FLAT
     flat &= (inward != 0.0).any(axis=1)  # a face without area has no direction
     edges = np.sort(hinges[flat, :2], axis=1)
