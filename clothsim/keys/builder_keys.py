@@ -2,9 +2,9 @@
 
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, make_dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from clothsim.keys.frozen import content_of, frozen
 from clothsim.keys.schema import Key
@@ -21,6 +21,11 @@ class KeywordKeys(EffectKeys):
 
     def __post_init__(self) -> None:
         """Take every value as it is."""
+
+    @classmethod
+    def of_known_keys(cls, where: str, keys: Mapping[str, Any]) -> Self:
+        """The section of a table whose keys it has."""
+        return cls(**{f"{name}_": frozen(value) for name, value in keys.items()})
 
 
 def signature_of(builder: Callable[..., Any]) -> inspect.Signature:

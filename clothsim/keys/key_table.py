@@ -31,9 +31,13 @@ class KeyTable(Locked, Mapping[str, Any]):
                 setattr(cls, name, getattr(KeyTable, name))
 
     def __new__(cls, *_: Any, **keys: Any) -> Self:
-        """Remember which keys were given."""
+        """Remember which keys were given; of all, as by `dataclasses.replace`, those that are not at their defaults."""
         made = super().__new__(cls)
-        object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in keys if keys[name] is not None))
+        given = [name for name, value in keys.items() if value is not None]
+        known = {key.field: key.default for key in keys_of(cls).values()}
+        if len(known) > 1 and known.keys() - _fixed(cls) <= keys.keys():
+            given = [name for name in given if not _is(keys[name], known.get(name))]
+        object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in given))
         return made
 
     def __post_init__(self) -> None:
@@ -118,6 +122,7 @@ class KeyTable(Locked, Mapping[str, Any]):
         values = {name: check_value(f"{where}.{name}", value, known[name]) for name, value in keys.items()}
         fixed = _fixed(cls)  # such as the kind of a wind
         made = cls(**{known[name].field: value for name, value in values.items() if known[name].field not in fixed})
+        object.__setattr__(made, "_given", tuple(name for name in keys if known[name].field not in fixed))
         object.__setattr__(made, "_written", frozen(dict(keys)))
         return made
 
@@ -156,6 +161,7 @@ def _restored(
 ) -> KeyTable:
     """A section from its pickle."""
     made = (composed(kind) if isinstance(kind, tuple) else kind)(**given)
+    object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in given))
     object.__setattr__(made, "_written", written)
     return made
 
@@ -167,6 +173,11 @@ def as_tables(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return type(value)(as_tables(entry) for entry in value)
     return {key: as_tables(entry) for key, entry in value.items()} if isinstance(value, Mapping) else value
+
+
+def _is(value: Any, default: Any) -> bool:
+    """True for a value that is the default, or of its type and equal to it."""
+    return value is default or (type(value) is type(default) and bool(value == default))
 
 
 def _fixed(section: type[KeyTable]) -> set[str]:

@@ -63,11 +63,11 @@ def check_value(where: str, value: Any, known: SceneKey) -> Any:
             return _in_range(where, value, known, whole=float not in parts)
     elif isinstance(value, str):
         return _word(where, value, known)
-    elif key.tables and not (isinstance(value, Mapping) and set(value) == {FUNCTION}):
-        return _nested(where, value, known)
     elif isinstance(value, list | tuple | np.ndarray) and (entries := _entries(parts)) is not None:
         _each(where, value, known, entries)
         return value
+    elif key.tables and not (isinstance(value, Mapping) and set(value) == {FUNCTION}):
+        return _nested(where, value, known)
     elif any(_accepts(part, value) for part in parts):
         return value  # of {function = "name"}, from the text of a run, the effect reports that the function is lost
     raise _wrong_type(where, value, known)

@@ -118,7 +118,7 @@ def with_seams_alike(graded: Pattern, original: Pattern) -> Pattern:
         moves = np.einsum("nm,smk->snk", inverse, slopes)
         system = np.einsum("snk,tnk->st", slopes, moves)
         points = points - np.einsum("s,snk->nk", np.linalg.lstsq(system, differences, rcond=1e-10)[0], moves)
-    return replace(graded, panels={name: _moved(graded.panels[name], points[offsets[name] :]) for name in names})
+    return replace(graded, panels={name: _move_corners(graded.panels[name], points[offsets[name] :]) for name in names})
 
 
 def factors_of_seams(graded: Pattern, original: Pattern) -> Mapping[str, tuple[float, float]]:
@@ -174,7 +174,7 @@ def _metric(pattern: Pattern, offsets: Mapping[str, int], n: int) -> Floats:
     return metric
 
 
-def _moved(panel: Panel, points: Floats) -> Panel:
+def _move_corners(panel: Panel, points: Floats) -> Panel:
     """Panel with its corners at the first of points (k, 2) [m]; arcs stay similar."""
     corners = points[: len(panel.vertices)].copy()
     edges = []

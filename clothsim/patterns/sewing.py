@@ -27,7 +27,13 @@ def joined_vertices(mesh: PatternMesh, pairs: Ints | None = None) -> Ints:
     """
     if pairs is None:
         return sewn_vertices(mesh, mesh.seams)
-    number = _merged(len(mesh.positions), pairs)
+    n = len(mesh.positions)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    labels = connected_components(graph, directed=False)[1]
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    number = rank[inverse.ravel()]
     corners = number[mesh.triangles]
     collapsed = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
     if collapsed.any():
@@ -41,15 +47,6 @@ def joined_vertices(mesh: PatternMesh, pairs: Ints | None = None) -> Ints:
             "Mesh it finer: --size; edges that meet in a convex corner cannot be sewn to each other.",
         )
     return number
-
-
-def _merged(n: int, joined: Ints) -> Ints:
-    graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n, n))
-    labels = connected_components(graph, directed=False)[1]
-    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse.ravel()]
 
 
 def largest_gap(positions: Floats, seam: Seam) -> float:

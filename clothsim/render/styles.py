@@ -160,26 +160,16 @@ def woven(image: Floats, geometry: PixelGeometry, cloths: np.ndarray, samples: i
     on_cloth = (geometry.surface >= 0) & cloths[geometry.surface]
     if not on_cloth.any():
         return image
-    along, across = _plane_coordinates(geometry)
-    pitch = _pitch(geometry, along, across, on_cloth) * samples * RIB_PIXELS
+    x, facing = geometry.material, np.abs(geometry.side).argmax(axis=2)
+    first, second = np.array([1, 0, 0])[facing], np.array([2, 2, 1])[facing]
+    along, across = tuple(np.take_along_axis(x, axes[..., None], axis=2)[..., 0] for axes in (first, second))
+    both = on_cloth[:, 1:] & on_cloth[:, :-1] & (geometry.surface[:, 1:] == geometry.surface[:, :-1])
+    steps = np.hypot(np.diff(along, axis=1), np.diff(across, axis=1))[both]
+    pitch = (float(np.median(steps)) if len(steps) else 1.0) * samples * RIB_PIXELS
     factor = 1.0 + RIB_DEPTH * _wave((along + across) / pitch, geometry, on_cloth)
     factor += THREAD_DEPTH * _wave((along - across) / (0.5 * pitch), geometry, on_cloth)
     sheen = np.where(on_cloth, SHEEN * (1.0 - geometry.facing) ** 3, 0.0)
     return np.clip(image * _mean(factor, samples) + _mean(sheen, samples) * (1.0 - image), 0.0, 1.0)
-
-
-def _plane_coordinates(geometry: PixelGeometry) -> tuple[Floats, Floats]:
-    """Two coordinates of the material in the plane of the axes that its side faces least [m]."""
-    x, facing = geometry.material, np.abs(geometry.side).argmax(axis=2)
-    first, second = np.array([1, 0, 0])[facing], np.array([2, 2, 1])[facing]
-    return tuple(np.take_along_axis(x, axes[..., None], axis=2)[..., 0] for axes in (first, second))  # type: ignore[return-value]
-
-
-def _pitch(geometry: PixelGeometry, along: Floats, across: Floats, on_cloth: np.ndarray) -> float:
-    """Median distance in the material between neighbouring samples [m]."""
-    both = on_cloth[:, 1:] & on_cloth[:, :-1] & (geometry.surface[:, 1:] == geometry.surface[:, :-1])
-    steps = np.hypot(np.diff(along, axis=1), np.diff(across, axis=1))[both]
-    return float(np.median(steps)) if len(steps) else 1.0
 
 
 def _wave(phase: Floats, geometry: PixelGeometry, on_cloth: np.ndarray) -> Floats:

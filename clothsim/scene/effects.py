@@ -50,7 +50,8 @@ class Effect:
         if not self.section:
             return keys_of_builder(self.load())
         name = self.section if ":" in self.section else f"clothsim.keys.typed_effects:{self.section}"
-        return _named(name)
+        found: type[EffectKeys] = _named(name)
+        return found
 
     def example(self) -> Any:
         """The `EXAMPLE` beside the builder, for tests; one of default keys where there is none."""

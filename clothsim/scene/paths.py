@@ -169,7 +169,8 @@ def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[in
     first, several = keys[0], len(names) > 1
     if isinstance(first, int):
         if first >= len(names):
-            raise InputError(f"{path}: there {_are(names)}.", f"They count from 0: {', '.join(names)}.")
+            there = "is one" if len(names) == 1 else f"are {len(names)}"
+            raise InputError(f"{path}: there {there}.", f"They count from 0: {', '.join(names)}.")
         return first, keys[1:]
     if first in names and (several or len(keys) > 1):
         if names.count(first) > 1:
@@ -181,10 +182,6 @@ def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[in
             f"{path} names none of {len(names)}.", f"Write {section}.NAME.KEY or {section}[0].KEY: {', '.join(names)}."
         )
     return 0, keys
-
-
-def _are(names: Sequence[str]) -> str:
-    return "is one" if len(names) == 1 else f"are {len(names)}"
 
 
 def _entry(scene: Scene, section: str, entry: str | int | None) -> Any:

@@ -7,10 +7,10 @@ import pytest
 from effect_builders import built
 from meshes import cloth, deformed, irregular_grid
 
-from clothsim.gradients.backward_pass import SLOTS, _values, _with, past_by_differences
+from clothsim.gradients.backward_pass import SLOTS, _replace_slot, _values, past_by_differences
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.friction import Friction
+from clothsim.physics.contact.friction import FrictionEnergy
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.constraint import Constraint
 from clothsim.physics.energies.protocols import SeesPast
@@ -80,7 +80,7 @@ def test_the_start_of_a_step(name):
 
 def _along(energy, step, slot, values, d, x, a):
     h = 1e-6
-    forces = [energy.begin(_with(step, slot, values + sign * h * d)).gradient(x) for sign in (1, -1)]
+    forces = [energy.begin(_replace_slot(step, slot, values + sign * h * d)).gradient(x) for sign in (1, -1)]
     return np.vdot(a, forces[0] - forces[1]) / (2 * h)
 
 
@@ -89,7 +89,7 @@ def test_closed_forms_are_the_default(name):
     energy, step, x = unbound(name)
     bound = energy.begin(step)
     assert isinstance(bound, SeesPast)
-    assert name != "friction" or (isinstance(bound, Friction) and len(bound.elements) > 2)
+    assert name != "friction" or (isinstance(bound, FrictionEnergy) and len(bound.elements) > 2)
     a = np.random.default_rng(1).standard_normal(x.shape)
     closed, default = bound.past_sensitivity(step, x, a), past_by_differences(energy.begin, step, x, a)
     for slot in SLOTS:

@@ -3,55 +3,28 @@
 import pickle
 import subprocess
 import sys
-from dataclasses import MISSING, FrozenInstanceError
+from dataclasses import FrozenInstanceError
 
-import numpy as np
 import pytest
 
 import clothsim
 from clothsim import InputError, Scene
-from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+from clothsim.keys.builder_keys import takes_keys
+from clothsim.keys.effect_tables import Gust
 from clothsim.keys.frozen import frozen
-from clothsim.keys.schema import keys_of
 from clothsim.keys.typed_effects import TYPED_EFFECTS
-from clothsim.physics.energies import rest_angle, seams, springs, wind
-from clothsim.physics.energies.pins import GROUP
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 
 CLOTH = {"mesh": "rectangle", "cells": [2, 2]}
 
 
-@pytest.mark.parametrize("name", TYPED_EFFECTS)
-def test_the_keys_and_defaults_are_the_builders(name):
-    typed = {key: known.default for key, known in keys_of(TYPED_EFFECTS[name]).items()}
-    assert typed == EFFECTS[name].keys()
-
-
-@pytest.mark.parametrize(
-    ("section", "known"),
-    [
-        (PinGroup, GROUP),
-        (Spring, springs.KEYS),
-        (Seam, seams.KEYS),
-        (SeamLine, seams.SIDE),
-        (Crease, rest_angle.KEYS),
-        (Motion, ("velocity", "rotate_degrees_per_second", "centre")),
-        (Gust, ("kind", *wind.KINDS["gust"][1])),
-        (Vortex, ("kind", *wind.KINDS["vortex"][1])),
-    ],
-)
-def test_the_keys_of_nested_tables_are_the_effects(section, known):
-    assert set(keys_of(section)) == set(known)
-
-
-@pytest.mark.parametrize("section", [Gust, Vortex])
-def test_the_defaults_of_winds(section):
-    known = wind.KINDS[section.__name__.lower()][1]
-    for name, key in keys_of(section).items():
-        if name != "kind":
-            default = None if key.default is MISSING else key.default
-            assert np.array_equal(known[name], default)
+def test_the_table_of_effects_names_the_classes():
+    ours = {name: effect for name, effect in EFFECTS.items() if name in TYPED_EFFECTS}
+    assert {name: effect.keys_class for name, effect in ours.items()} == TYPED_EFFECTS
+    for name, effect in ours.items():
+        assert isinstance(effect.section, str)
+        assert takes_keys(effect.load()) == bool(effect.keys()), name
 
 
 def test_a_list_of_effects_is_their_tables():

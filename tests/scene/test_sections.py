@@ -133,6 +133,17 @@ def test_arrays_of_a_section_are_locked_also_after_a_pickle():
             each.select[0] = 2
 
 
+def test_a_replaced_field_gives_its_key_alone():
+    solver = replace(Solver(dt=0.02), threads=1)
+    assert set(solver.given) == {"dt", "threads"}
+    assert Scene(cloth=SHEET, solver=solver).solver == {"dt": 0.02, "threads": 1}
+    assert replace(Gravity(), acceleration=(0, 0, -1)).given == ("acceleration",)
+    assert Solver(dt=0.01).given == ("dt",)
+    still = {"velocity": [0, 0, 0], "rotate_degrees_per_second": [0, 0, 0], "centre": [0, 0, 0]}
+    assert Motion.parsed("motion", still).given == tuple(still)
+    assert pickle.loads(pickle.dumps(Motion.parsed("motion", still))).given == tuple(still)
+
+
 def test_a_section_of_the_same_kind_is_taken_as_it_is():
     assert replace(SCENE, run={"duration": 2.0}).cloths[0] is SCENE.cloths[0]
     assert replace(SCENE, run={"duration": 2.0}).effects["pins"] is SCENE.effects["pins"]

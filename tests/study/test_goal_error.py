@@ -10,8 +10,7 @@ from analytic_study import SHEET, Runners
 
 from clothsim import InputError, Scene, simulate
 from clothsim.cli import main
-from clothsim.gradients.hem import border_sides, hem_of
-from clothsim.gradients.losses import Height
+from clothsim.gradients.losses import Height, border_sides, hem_of
 from clothsim.gradients.state_at_rest import StateAtRest
 from clothsim.mesh.generators.sheets import disk, rectangle, tube
 from clothsim.scene.assembly.refinement import with_cells

@@ -5,7 +5,7 @@ from clothsim.scene.effects import EFFECTS
 
 
 def built(name, world, **keys):
-    """The effect of a table of keys; `contacts`, `built` and `backend` are what else a builder may take."""
+    """The effect of a table of keys; `contacts` and `built` are what else a builder may take."""
     supplied = {key: keys.pop(key) for key in SUPPLIED if key in keys}
     return EFFECTS[name].build(world, EFFECTS[name].keys_class.parsed(f"effects.{name}", keys), supplied)
 

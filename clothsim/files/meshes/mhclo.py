@@ -49,10 +49,7 @@ class Clothes:
 
 def read_clothes(path: Path) -> Clothes:
     """The clothes in a .mhclo file. InputError with the line that cannot be read."""
-    try:
-        lines = read_regular_file(path).decode("utf-8", errors="replace").splitlines()
-    except FileNotFoundError as error:
-        raise InputError(f"{path} cannot be opened ({error.strerror}).") from error
+    lines = read_regular_file(path).decode("utf-8", errors="replace").splitlines()
     scales: list[tuple[int, int, float] | None] = [None, None, None]
     obj_file, rows, in_vertices = None, [], False
     for number, line in enumerate(lines, start=1):

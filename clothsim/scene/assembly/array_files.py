@@ -55,9 +55,6 @@ def _read(where: str, path: Path) -> Any:
         raise InputError(f"{where} is {path.name!r}, which names no file.", "Name a .npy file.")
     try:
         return read_numbers(path)
-    except FileNotFoundError as error:
-        raise InputError(
-            f"{where}: there is no file {path}.", f"Its path starts at {path.parent}/: correct {where}."
-        ) from error
     except InputError as error:
-        raise InputError(f"{where}: {error.sentence}", error.remedy) from error
+        remedy = error.remedy or f"Its path starts at {path.parent}/: correct {where}."
+        raise InputError(f"{where}: {error.sentence}", remedy) from error

@@ -228,8 +228,8 @@ def test_no_seam_is_off():
     [
         ({"from": {"side": "left"}}, r"seam\[0\] has no to"),
         ({"from": LEFT, "to": RIGHT, "stop": 1}, "no key 'stop'"),
-        ({"from": LEFT, "to": "right"}, r"seam\[0\].to is 'right'"),
-        ({"from": LEFT, "to": {"border": "right"}}, r"seam\[0\]\.to is .*cloth, side"),
+        ({"from": LEFT, "to": "right"}, r"seam\[0\].to must be a table, not 'right'"),
+        ({"from": LEFT, "to": {"border": "right"}}, r"seam\[0\]\.to has no key 'border'.*cloth, side"),
         ({"from": LEFT, "to": {"side": "right", "edge": 1}}, "panel with edge"),
         ({"from": LEFT, "to": {"panel": "front"}}, "panel with edge"),
         ({"from": LEFT, "to": {"panel": "front", "edge": 1}}, "which no cloth has"),

@@ -155,7 +155,7 @@ def test_nothing_to_pull_is_off():
         ({"select": "left", "stiffness": 1, "to": [0, 1]}, "to must be 3 numbers"),
         ({"select": "left", "stiffness": 1, "slack": 1}, "slack must be true or false"),
         ({"select": "left", "stiffness": 1, "rest_length": -1}, "rest_length must be at least 0"),
-        ({"select": "left", "stiffness": 1, "motion": {"speed": 1}}, r"spring\[0\].motion has an unknown key"),
+        ({"select": "left", "stiffness": 1, "motion": {"speed": 1}}, r"spring\[0\].motion has no key 'speed'"),
         ({"select": "left", "stiffness": 1, "motion": 3}, "motion must be a table"),
         ({"select": "left", "stiffness": 1, "path": [[0, 0, 0, 0], [0, 1, 1, 1]]}, r"path\[1\] is not after"),
         ({"select": "left", "stiffness": 1, "path": [[0, 1]]}, "path must have shape"),
