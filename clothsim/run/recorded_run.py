@@ -15,6 +15,7 @@ from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, RecordWri
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, write_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray
+from clothsim.geometry.intersection.proved_separations import Effort, ProvedSeparations
 from clothsim.mesh.world_surfaces import world_surfaces
 from clothsim.physics.energies.protocols import is_driven
 from clothsim.run.certificate.certificate import Certificate, world_stretches
@@ -107,7 +108,7 @@ def recorded_run(
         from clothsim.solve.pinch.pinch_record import PinchRecord  # runs without the policy do not import it
 
         certificate = replace(certificate, carried=PinchRecord())
-    check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
+    check = intersection_check_of(surfaces, session.scene.effects, session.built.energies, ProvedSeparations())
     arrays = [_frame_array(name, values.shape[1:]) for name, values in _written_fields(session, state, None).items()]
     resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:
@@ -231,9 +232,11 @@ def _checked(
     check: IntersectionCheck, session: Session, state: State, certificate: Certificate, is_frame: bool
 ) -> "tuple[Certificate, tuple[Crossing, ...]]":
     """The certificate with the intersections of a state, and those."""
-    found = check.crossings_of(state, session.built.world.origin)
+    with session.integrator.potential.timers.phase("exact check"):
+        found = check.crossings_of(state, session.built.world.origin)
     history = certificate.intersections.after(check, found, state, is_frame)
-    return replace(certificate, intersections=history), found
+    checks = certificate.checks + (Effort() if check.proofs is None else check.proofs.take_effort())
+    return replace(certificate, intersections=history, checks=checks), found
 
 
 def _save(directory: Path, session: Session, state: State, certificate: Certificate) -> None:
