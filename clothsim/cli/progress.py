@@ -47,7 +47,7 @@ def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
         return
     from clothsim.cli.compilation import compilation_notice, installed_clock  # numba
 
-    with installed_clock() as compiling, compilation_notice() as end_notice:
+    with installed_clock() as compiling, compilation_notice(compiling) as end_notice:
 
         def now() -> float:
             return perf_counter() - compiling.seconds()

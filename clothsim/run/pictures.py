@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.base.safe_files.record import GIF_NAME, MOVIE_NAME
+from clothsim.base.process_memory import peak_memory
+from clothsim.base.safe_files.record import GIF_NAME, MOVIE_NAME, SUMMARY_NAME, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
@@ -56,7 +57,8 @@ def draw_pictures(
     """Leave the pictures of a run in its directory: the last frame, where it failed, and a movie.
 
     world: of its scene; message: called with a line before each is drawn; progress: as of `draw_run`. Returns a line
-    for each that could not be drawn, which does not change the status of the run.
+    for each that could not be drawn, which does not change the status of the run. The summary gets the peak memory
+    with them.
     """
     directory, trouble = run.directory, list[str]()
     for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
@@ -79,6 +81,9 @@ def draw_pictures(
             job()
         except (ClothsimError, OSError, ImportError) as error:
             trouble.append(f"No {name}: {error}")
+    if jobs and run.summary:  # a picture takes more than the run of a small scene
+        run.summary["peak_memory_bytes"] = max(peak_memory(), run.summary.get("peak_memory_bytes", 0))
+        write_summary(directory / SUMMARY_NAME, run.summary)
     return trouble
 
 
