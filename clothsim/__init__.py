@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
     from clothsim.garments.fit.fit import Fit, fit
     from clothsim.gradients.design import Design, design
+    from clothsim.gradients.gradient import Gradient
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
     from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from clothsim.run.simulate import simulate
     from clothsim.run.simulation import Simulation
     from clothsim.run.simulation_state import SimulationError, SimulationState
+    from clothsim.run.summary import Progress
     from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
     from clothsim.scene.effects import register_effect
     from clothsim.scene.scene import Scene

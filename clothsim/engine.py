@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from clothsim.keys.fabric import Fabric
     from clothsim.keys.fabric_table import TABLE as FABRICS
     from clothsim.keys.fabrics import fabric_named, fabrics_of
-    from clothsim.keys.keys import refuse_unknown
     from clothsim.mesh.cloth import triangle_planes
     from clothsim.mesh.topology import border_edges, components
     from clothsim.mesh.weld import mean_of_parts
@@ -23,40 +22,32 @@ if TYPE_CHECKING:
     from clothsim.physics.energies.constraint import Constraint, Prescribed
     from clothsim.physics.energies.hessians import ElementHessian
     from clothsim.run.archive import unpack_bundle, write_bundle
-    from clothsim.run.certificate_text import certificate_rows
     from clothsim.run.check import Examination, examined
     from clothsim.run.colouring import Colouring
     from clothsim.run.example_scenes import example_scenes
-    from clothsim.run.iterate_log import iterates_name
     from clothsim.run.output_directory import refuse_earlier_run
     from clothsim.run.pictures import draw_pictures, draw_run
+    from clothsim.run.pilot_run import last_positions
     from clothsim.run.precompile import kernels_are_compiled, start_precompiling
     from clothsim.run.receipt import Receipt, explain
     from clothsim.run.remaining_kernels import compile_remaining_kernels
-    from clothsim.run.session import Session, prepare
-    from clothsim.run.summary import Progress
+    from clothsim.run.session import Session
     from clothsim.run.swatches import draw_swatches
     from clothsim.scene.assembly.drape_model import DrapeModel
     from clothsim.scene.assembly.drape_prediction import Prediction, Predictor
-    from clothsim.scene.assembly.explicit_lengths import d_hats, fixed, steps_per_frame
     from clothsim.scene.assembly.initial_positions import cloths_at_start
     from clothsim.scene.assembly.meshes import body_mesh, cloth_mesh
     from clothsim.scene.assembly.model_body import PlacedCharacter, character_of_scene
-    from clothsim.scene.assembly.presets import PRESETS, with_preset
-    from clothsim.scene.assembly.refinement import cells_of, with_cells
+    from clothsim.scene.assembly.refinement import with_cells
     from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.assembly.worn_shape import refuse_unwearable, worn_shape
     from clothsim.scene.content import by_content
-    from clothsim.scene.effects import CONTACTS
     from clothsim.scene.example_files import example_file
     from clothsim.scene.overrides import override
     from clothsim.scene.paths import replace
     from clothsim.scene.reference_search import reference, reference_text
-    from clothsim.scene.scene import scene_from_text
     from clothsim.solve.problem import Problem, step
-    from clothsim.solve.stepping.integrators import BDF2
-    from clothsim.solve.stepping.state import State, first_state
+    from clothsim.solve.stepping.state import State
     from clothsim.solve.stepping.stepping import StepReport
-    from clothsim.solve.stepping.time_loop import steps
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -9,7 +9,8 @@ import pytest
 from small_scenes import EFFECTS, small_scene
 
 from clothsim import InputError, Simulation
-from clothsim.engine import Problem, build, prepare, step
+from clothsim.engine import Problem, build, step
+from clothsim.run.session import prepare
 
 PAGE = (Path(__file__).parents[1] / "docs" / "engine.md").read_text(encoding="utf-8")
 

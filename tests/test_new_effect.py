@@ -16,6 +16,7 @@ from small_scenes import SHEET, SOLVER, small_scene
 
 from clothsim import InputError, simulate
 from clothsim.cli import main
+from clothsim.physics.energies.base import Off
 from clothsim.run.receipt import explain_scene
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS, Effect, register_effect
@@ -146,6 +147,23 @@ def test_a_registered_effect_has_its_example_and_its_headline(folder):
     assert effect.keys() == {"strength": 1.0, "level": 0.0}
     assert effect.example().external
     assert "strength" in effect.summary
+
+
+def test_the_keywords_of_a_builder_are_its_keys_whatever_their_values():
+    seen = []
+
+    def pull(world, *, given: float = 1.0, name: "ArrayLike" = (0.0, 1.0), table=np.ones(2), contacts=()):  # noqa: F821, B008
+        seen.append((given, name, table, contacts))
+        return Off("nothing")
+
+    register_effect("pull", pull)
+    try:
+        assert EFFECTS["pull"].keys() == {"given": 1.0, "name": (0.0, 1.0), "table": (1.0, 1.0)}
+        build(small_scene(effects={"inertia": {}, "pull": {"given": "much", "name": {"a": [1, 2]}}}))
+    finally:
+        del EFFECTS["pull"]
+    (given, name, table, contacts), *others = seen
+    assert (given, name, list(table), contacts, others) == ("much", {"a": (1, 2)}, [1.0, 1.0], (), [])
 
 
 @pytest.mark.parametrize(

@@ -34,10 +34,6 @@ def read_body_model(path: str | Path) -> BodyModel:
         File with v_template (n, 3) [m], shapedirs (n, 3, k) [m], posedirs (n, 3, 9 (j - 1)) [m], J_regressor (j, n),
         weights (n, j), kintree_table (2, j) (names of the parents over names of the joints) and f (m, 3).
 
-    Returns
-    -------
-    BodyModel
-
     Raises
     ------
     TransferError
@@ -77,10 +73,6 @@ def body_model(arrays: Mapping[str, ArrayLike]) -> BodyModel:
     ----------
     arrays : mapping of str to array_like
         Arrays under the keys of `read_body_model`.
-
-    Returns
-    -------
-    BodyModel
 
     Raises
     ------

@@ -85,10 +85,6 @@ def body_frame(positions: ArrayLike, triangles: ArrayLike, up: ArrayLike | None 
     up : array_like (3,), optional
         Vertical axis; None: y or z.
 
-    Returns
-    -------
-    BodyFrame
-
     Raises
     ------
     TransferError

@@ -123,10 +123,6 @@ def unposed_in_field(
         Rows of canonical positions, such as `KernelAverage.averaging`.
     start : array_like (k, 3)
         Canonical positions to begin with [m], such as those with fixed rows.
-
-    Returns
-    -------
-    Unposed
     """
     wanted, best = as_points("points", points), as_points("start", start).copy()
     x = best.copy()

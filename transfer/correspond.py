@@ -77,10 +77,6 @@ def correspond(
     parts : (BodyParts, BodyParts), optional
         Of both bodies, where they are known; None: they are found where both are standing bodies.
 
-    Returns
-    -------
-    Correspondence
-
     Raises
     ------
     TransferError

@@ -169,10 +169,6 @@ def deformation_transfer(
         With `anchor` > 0 [1/m^2] the energy gains anchor |x_i - a_i|^2, a_i being the mean of the positions to which
         the followed source triangles map vertex i. With 0, one vertex of each component is fixed while solving.
 
-    Returns
-    -------
-    DeformationTransfer
-
     Raises
     ------
     TransferError

@@ -140,10 +140,6 @@ def trained_autoencoder(
         Of the body.
     training : Training, optional
 
-    Returns
-    -------
-    DrapeAutoencoder
-
     Raises
     ------
     TransferError

@@ -111,10 +111,6 @@ def refine(
         Where garment and closest point have opposite normals, use the exit point along the garment's normal: right for
         limbs whose far side is nearer, wrong in folds; a second attempt.
 
-    Returns
-    -------
-    Refined
-
     Raises
     ------
     TransferError

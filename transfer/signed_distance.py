@@ -92,10 +92,6 @@ class BodySurface:
         points : array_like (k, 3)
             Query points [m].
 
-        Returns
-        -------
-        Closest
-
         Raises
         ------
         TransferError
@@ -165,10 +161,6 @@ def body_surface(positions: ArrayLike, triangles: ArrayLike) -> BodySurface:
         Vertices [m].
     triangles : array_like (m, 3)
         Triangles in any orientation, open or closed.
-
-    Returns
-    -------
-    BodySurface
 
     Raises
     ------

@@ -56,10 +56,6 @@ def metric_components(drapes: ArrayLike, count: int, metric: Any = None) -> Subs
     metric : (m, m) array or sparse array, optional
         Symmetric positive definite; default: the identity.
 
-    Returns
-    -------
-    Subspace
-
     Notes
     -----
     By the Gram matrix of the centred drapes D: D G D' = U s U', basis D' U s^(-1/2). It costs n products with G, not an

@@ -1,7 +1,7 @@
 """Values that a user gave: their kind, and how a message shows them."""
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from clothsim.base.errors import InputError
@@ -14,6 +14,24 @@ def nearest(name: Any, known: Iterable[str], least: float = 0.5) -> str:
     """A question for the nearest known name; empty where none is at least that similar, from 0 to 1."""
     close = difflib.get_close_matches(str(name), list(known), n=1, cutoff=least)
     return f"Did you mean {close[0]!r}?" if close else ""
+
+
+def nearest_or_known(where: str, key: str, known: list[str]) -> str:
+    """The remedy for an unknown key: the nearest known one, else all."""
+    return nearest(key, known) or (f"Known: {', '.join(known)}." if known else f"{where} takes no keys.")
+
+
+def refuse_unknown(
+    where: str,
+    given: Iterable[str],
+    known: Iterable[str],
+    remedy: Callable[[str, str, list[str]], str] = nearest_or_known,
+) -> None:
+    """InputError for the first key of `given` that is not `known`."""
+    names = list(known)
+    for key in given:
+        if key not in names:
+            raise InputError(f"{where} has no key {key!r}.", remedy(where, str(key), names))
 
 
 def table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:

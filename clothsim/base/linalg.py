@@ -28,6 +28,12 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
     return float(np.einsum("i,i", a.ravel(), b.ravel()))
 
 
+def unit(vectors: NDArray[np.floating]) -> Floats:
+    """Return vectors (..., d) of length 1; 0 stays 0."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
+
+
 def cross_matrices(vectors: NDArray[np.floating]) -> Floats:
     """Return [a]x with [a]x b = a x b, (..., 3, 3), of `vectors (..., 3)`."""
     matrices = np.zeros((*vectors.shape, 3))

@@ -3,7 +3,7 @@
 import argparse
 import re
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from clothsim.base.errors import InputError
@@ -90,9 +90,9 @@ def as_limits(option: str, text: str) -> tuple[float, float]:
     return low, high
 
 
-def as_direction(option: str, text: str, names: Collection[str] = ()) -> tuple[float, ...] | str:
-    """Three numbers of "1,0,2"; "x", "y", "z", "auto" and `names` as they are."""
-    if text in ("x", "y", "z", "auto", *names):
+def as_direction(option: str, text: str) -> tuple[float, ...] | str:
+    """Three numbers of "1,0,2"; "x", "y", "z" and "auto" as they are."""
+    if text in ("x", "y", "z", "auto"):
         return text
     try:
         x, y, z = (float(part) for part in text.split(","))

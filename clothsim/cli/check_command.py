@@ -148,7 +148,7 @@ def _examined_pattern(arguments: argparse.Namespace) -> "engine.Examination":
 def _read_pattern(arguments: argparse.Namespace) -> "Pattern":
     """The pattern; a drawing without its sewing file too."""
     if arguments.target.suffix.lower() == ".dxf":
-        return files.read_dxf_pattern(arguments.target, arguments.seams, sewn=False)
+        return files.read_pattern(arguments.target, seams=arguments.seams, sewn=False)
 
     return files.read_pattern(arguments.target, seams=arguments.seams)
 
@@ -168,7 +168,7 @@ def _pattern_lines(pattern: "Pattern") -> Iterator[str]:
 def _refuse_unmeshed(pattern: "Pattern") -> None:
     """InputError for a panel that crosses itself, and for seams that give the garment one side."""
     mesh = patterns.mesh_pattern(pattern, SPACING)
-    patterns.sewn_vertices(mesh, mesh.seams)
+    patterns.joined_vertices(mesh)
 
 
 def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination":

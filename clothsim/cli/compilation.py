@@ -15,7 +15,7 @@ from clothsim.base.kernel_cache import cached_kernels
 COMPILE = "numba:compile"
 """Numba's event around a compilation; a kernel that comes from the cache raises none."""
 
-KERNELS = 58
+KERNELS = 63
 """Those of a drape on a body with self contact and friction, up to its picture (scenes/sphere.toml)."""
 
 SECONDS = 40
@@ -25,9 +25,16 @@ SECONDS_BETWEEN_LINES = 5.0
 
 
 class CompilationClock(event.Listener):
-    """Sum of the seconds of compilation since it was installed, that under way included."""
+    """Sum of the seconds of compilation since it was installed, that under way included.
+
+    Attributes
+    ----------
+    kernel : str
+        Module and name of the kernel under way, or of the last one; empty before the first.
+    """
 
     def __init__(self) -> None:
+        self.kernel = ""
         self._depth = 0
         self._began = 0.0
         self._finished = 0.0
@@ -36,6 +43,8 @@ class CompilationClock(event.Listener):
         """Begin with the outermost: what a kernel calls is compiled within it."""
         if self._depth == 0:
             self._began = perf_counter()
+            function = getattr(event.data["dispatcher"], "py_func", None)
+            self.kernel = "" if function is None else f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
@@ -55,8 +64,8 @@ def installed_clock() -> Any:
 
 
 @contextmanager
-def compilation_notice() -> Iterator[Callable[[], object]]:
-    """Print that kernels are compiled, and how many are, every few seconds until the yielded function is called.
+def compilation_notice(clock: CompilationClock) -> Iterator[Callable[[], object]]:
+    """Print that kernels are compiled, how many and which, every few seconds until the yielded function is called.
 
     Nothing is printed where they are in the cache.
     """
@@ -68,7 +77,8 @@ def compilation_notice() -> Iterator[Callable[[], object]]:
 
     def report() -> None:
         while not over.wait(SECONDS_BETWEEN_LINES):
-            print(progress_text(cached_kernels() - before, perf_counter() - began), file=sys.stderr, flush=True)
+            line = progress_text(cached_kernels() - before, perf_counter() - began, clock.kernel)
+            print(line, file=sys.stderr, flush=True)
 
     Thread(target=report, daemon=True).start()
     try:
@@ -77,12 +87,13 @@ def compilation_notice() -> Iterator[Callable[[], object]]:
         over.set()
 
 
-def progress_text(done: int, seconds: float) -> str:
-    """Number of kernels compiled in that time [s].
+def progress_text(done: int, seconds: float, kernel: str) -> str:
+    """Number of kernels compiled in that time [s], and the one under way.
 
     Examples
     --------
-    >>> progress_text(20, 8.0)
-    'compiling: 20 of about 58 kernels, 8 s'
+    >>> progress_text(20, 8.0, "membrane_kernels.fill")
+    'compiling: 20 of about 63 kernels, 8 s (membrane_kernels.fill)'
     """
-    return f"compiling: {done} of about {max(KERNELS, done)} kernels, {seconds:.0f} s"
+    now = f" ({kernel})" if kernel else ""
+    return f"compiling: {done} of about {max(KERNELS, done)} kernels, {seconds:.0f} s{now}"

@@ -22,7 +22,7 @@ Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
 
   clothsim dress shirt_specification.json --on body.obj -o worn
   clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
-  clothsim dress shirt_specification.json --on hers.obj --cut-for his.obj      (graded by girths and lengths)
+  clothsim dress shirt_specification.json --on hers.obj --made-for his.obj     (graded by girths and lengths)
 """
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -38,7 +38,7 @@ def add_to(commands: Any) -> None:
         "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the pattern's name)"
     )
     dress.add_argument("--size", default="2cm", metavar="L", help="size of the mesh: 2cm, 15mm, .01 [m] (default 2cm)")
-    dress.add_argument("--fabric", default="cotton", metavar="NAME", help="a named fabric (default cotton)")
+    dress.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
     dress.add_argument(
         "--fabric-of",
         action="append",
@@ -47,8 +47,9 @@ def add_to(commands: Any) -> None:
         help="fabric of a panel, as collar=denim, or of several: '*sleeve*=wool'; may be given again",
     )
     dress.add_argument(
-        "--cut-for", type=Path, metavar="BODY", help="the body that the pattern was cut for: grade it to --on"
+        "--made-for", type=Path, metavar="BODY", help="the body that the pattern was cut for: grade it to --on"
     )
+    dress.add_argument("--cut-for", dest="made_for", action=Renamed, now="--made-for", type=Path)
     dress.add_argument(
         "--grade",
         action="append",
@@ -125,9 +126,9 @@ def _dress(arguments: argparse.Namespace) -> Report:
             size=as_length("--size", arguments.size),
             fabric=arguments.fabric,
             fabrics=as_fabrics(arguments.fabric_of),
-            cut_for=_body(arguments.cut_for),
+            made_for=_body(arguments.made_for),
             grade=as_factors(arguments.grade),
-            hold=arguments.waistband,
+            waistband=arguments.waistband,
             origin=arguments.origin,
             rotation_order=arguments.rotation_order,
             seams=arguments.seams,

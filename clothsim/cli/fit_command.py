@@ -9,7 +9,7 @@ from clothsim import engine
 from clothsim.base.errors import ClothsimError
 from clothsim.base.quantity_text import length
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import as_positive_number, as_range
+from clothsim.cli.arguments import Renamed, as_positive_number, as_range
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
@@ -22,13 +22,13 @@ _DESCRIPTION = """\
 Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Leaves what a run
 leaves, fitted.obj, and before and after in fit.png.
 
-  clothsim fit suit.mhclo --from base.obj --to base.obj -o fitted
+  clothsim fit suit.mhclo --made-for base.obj --to base.obj -o fitted
 """
 
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    usage = "clothsim fit GARMENT [--from BODY] --to BODY [-o DIR] [options]"
+    usage = "clothsim fit GARMENT [--made-for BODY] --to BODY [-o DIR] [options]"
     fit = commands.add_parser("fit", description=_DESCRIPTION, usage=usage)
     fit.add_argument(
         "garment",
@@ -36,7 +36,8 @@ def add_to(commands: Any) -> None:
         metavar="GARMENT",
         help="a mesh, .mhclo, or a scene: a .toml or a name",
     )
-    fit.add_argument("--from", dest="made_for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
+    fit.add_argument("--made-for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
+    fit.add_argument("--from", dest="made_for", action=Renamed, now="--made-for", type=Path)
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
@@ -45,10 +46,11 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
     fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
-    fit.add_argument("--fabric", default="cotton", metavar="NAME", help="a named fabric (default cotton)")
+    fit.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
     size = fit.add_mutually_exclusive_group()
     size.add_argument("--own-size", action="store_true", help="keep the size that it was cut in")
-    size.add_argument("--grade", action="store_true", help="grade it along girths and lengths (the default)")
+    size.add_argument("--resize", action="store_true", help="grade it along girths and lengths (the default)")
+    size.add_argument("--grade", dest="resize", action=Renamed, now="--resize", nargs=0, const=True)
     fit.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
     fit.add_argument("--no-picture", action="store_true", help="draw nothing")
     fit.add_argument("--quiet", action="store_true", help="print the end only")

@@ -13,8 +13,8 @@ from clothsim.cli.loss_arguments import LOSSES, loss_of, words
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
+    from clothsim import Gradient
     from clothsim.base.arrays import Floats
-    from clothsim.gradients import Gradient
 
 _DESCRIPTION = """\
 Run a scene and derive a loss of its last frame by numbers, bodies and states, with what the solves and the time steps

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import clothsim
-from clothsim import engine, files, gradients, patterns
+from clothsim import gradients, patterns
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_length
 
@@ -45,11 +45,11 @@ def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
         raise InputError(f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres.") from error
 
 
-def words(option: str, text: str) -> list[str]:
+def words(option: str, text: str, example: str = "youngs_modulus,bending_stiffness") -> list[str]:
     """Return the names of a list such as "youngs_modulus,bending_stiffness". InputError where there is none."""
     names = [name.strip() for name in text.split(",") if name.strip()]
     if not names:
-        raise InputError(f"{option} names nothing.", f"Give some, such as {option} youngs_modulus,bending_stiffness.")
+        raise InputError(f"{option} names nothing.", f"Give some, such as {option} {example}.")
     return names
 
 
@@ -60,7 +60,4 @@ def meshed(file: Path, size: str) -> "PatternMesh":
 
 def scene_or_run(path: Path) -> "Scene":
     """Return the scene of a file, of an installed name, or of the run in a directory."""
-    if not path.is_dir():
-        return clothsim.load_scene(path)
-
-    return engine.scene_from_text(files.read_checkpoint(path / files.CHECKPOINT_NAME).scene_text, path)
+    return clothsim.open_run(path).scene if path.is_dir() else clothsim.load_scene(path)

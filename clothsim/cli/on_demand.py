@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from clothsim.study.goal_report import NamedGoal, goal_lines
     from clothsim.study.headline import UNFINISHED
     from clothsim.study.learned.learn import learn
+    from clothsim.study.presets import with_preset
     from clothsim.viewer.preview import preview
     from transfer.signed_distance import body_surface
 

@@ -14,7 +14,7 @@ from clothsim.base.quantity_text import length
 from clothsim.cli.events import stream
 
 if TYPE_CHECKING:
-    from clothsim.engine import Progress
+    from clothsim import Progress
 
 SECONDS_BETWEEN_LINES = 5.0
 
@@ -47,7 +47,7 @@ def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
         return
     from clothsim.cli.compilation import compilation_notice, installed_clock  # numba
 
-    with installed_clock() as compiling, compilation_notice() as end_notice:
+    with installed_clock() as compiling, compilation_notice(compiling) as end_notice:
 
         def now() -> float:
             return perf_counter() - compiling.seconds()

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import clothsim
-from clothsim import engine, render
+from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_direction, as_limits, as_positive_number, as_printed_size
 from clothsim.cli.progress import frame_counter
@@ -60,7 +60,7 @@ def _render(arguments: argparse.Namespace) -> Report:
         "colour": arguments.colour or "auto",
         "style": arguments.style,
         "smooth": not arguments.true_mesh,
-        "view": as_direction("--view", arguments.view, render.VIEWS),
+        "view": arguments.view if arguments.view.isalpha() else as_direction("--view", arguments.view),
         "up": run.up if arguments.up is None else as_direction("--up", arguments.up),
         "field": arguments.field,
     }

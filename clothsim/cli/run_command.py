@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import InputError
-from clothsim.cli import progress, run_report
+from clothsim.cli import on_demand, progress, run_report
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
 from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import Report, messages
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from clothsim import Run, Scene
     from clothsim.engine import Session
 
+ITERATES = "iterates_{}.npz"
+"""The file of --dump-iterates."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
@@ -105,7 +107,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
     """The scene with the settings of a preset, whose error is estimated; prints them."""
-    scene, settings_text = engine.with_preset(scene, arguments.preset)
+    scene, settings_text = on_demand.with_preset(scene, arguments.preset)
     messages(arguments)(f"preset {arguments.preset}: {settings_text}")
     return engine.replace(scene, "solver.estimate", True)
 
@@ -129,7 +131,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     subject = arguments.scene if arguments.command == "run" else directory
     step = _dumped_step(arguments)
     if step is not None:
-        (directory / engine.iterates_name(step)).unlink(missing_ok=True)  # of an earlier run
+        (directory / ITERATES.format(step)).unlink(missing_ok=True)  # of an earlier run
     message = messages(arguments, subject)
     note = run_report.existing_files_note if arguments.command == "run" else run_report.resumption_note
     before = note(directory)
@@ -154,7 +156,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     except KeyboardInterrupt:
         print(run_report.stopped(directory), file=sys.stderr)
         return INTERRUPTED
-    if step is not None and not (run.directory / engine.iterates_name(step)).is_file():
-        trouble.append(f"No {engine.iterates_name(step)}: the run took {run.summary['steps']} steps.")
+    if step is not None and not (run.directory / ITERATES.format(step)).is_file():
+        trouble.append(f"No {ITERATES.format(step)}: the run took {run.summary['steps']} steps.")
     code = 0 if run.status == "completed" else 1
     return Report(run.summary, run_report.verdict(run, trouble), code, verdict=True).show(arguments)

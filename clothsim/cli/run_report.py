@@ -11,7 +11,6 @@ from clothsim import files
 from clothsim.base.quantity_text import length, many
 from clothsim.cli import on_demand
 from clothsim.cli.progress import clock
-from clothsim.engine import certificate_rows
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -88,7 +87,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
         f"{summary['peak_memory_bytes'] / 1e6:.0f} MB of memory at most"
     )
     rows = [
-        *certificate_rows(summary),
+        *run.certificate_rows,
         *(("found", text) for text in summary.get("found", [])),
         ("effort", effort),
         ("files", f"{run.directory}{os.sep}: {', '.join(files)}"),

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import clothsim
 from clothsim import engine
-from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import as_count, as_seconds
-from clothsim.cli.loss_arguments import loss_of
+from clothsim.cli.arguments import Renamed, as_count, as_seconds
+from clothsim.cli.loss_arguments import loss_of, words
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
 from clothsim.cli.report import Report, messages
 
@@ -42,7 +41,8 @@ def add_to(commands: Any) -> None:
     study.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name_study)"
     )
-    study.add_argument("--knobs", metavar="NAMES", help="dt,cells,tolerance,d_hat,eps_v,iterations (default: all)")
+    study.add_argument("--parameters", metavar="NAMES", help="dt,cells,tolerance,d_hat,eps_v,iterations (default: all)")
+    study.add_argument("--knobs", dest="parameters", action=Renamed, now="--parameters")
     study.add_argument("--goal", metavar="GOAL", help="which triangles make its error: hem, height, girth=0.8, ...")
     study.add_argument("--budget", default="120s", metavar="TIME", help="of the whole study: 90s, 10min (default 120s)")
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
@@ -55,9 +55,7 @@ def add_to(commands: Any) -> None:
 
 def _study(arguments: argparse.Namespace) -> Report:
     budget = as_seconds("--budget", arguments.budget)
-    knobs = None if arguments.knobs is None else [name.strip() for name in arguments.knobs.split(",") if name.strip()]
-    if knobs == []:
-        raise InputError("--knobs names nothing.", "Give some, such as --knobs dt,cells.")
+    parameters = None if arguments.parameters is None else words("--parameters", arguments.parameters, "dt,cells")
     workers = None if arguments.workers is None else as_count("--workers", arguments.workers)
     scene = clothsim.load_scene(arguments.scene)
     for assignment in arguments.set:
@@ -65,9 +63,10 @@ def _study(arguments: argparse.Namespace) -> Report:
     goal = None if arguments.goal is None else _goal(arguments.goal, scene)
     directory = arguments.output or Path(f"{arguments.scene.stem}_study")
     messages(arguments, arguments.scene)
-    with shown(arguments.quiet) as on_progress, terminated() as stopped:
+    with shown(arguments.quiet) as progress, terminated() as stopped:
         named: dict[str, Any] = {"name": arguments.scene.stem, **({} if goal is None else {"goal": goal})}
-        done = clothsim.study_accuracy(scene, directory, knobs, budget, workers, on_progress, stopped=stopped, **named)
+        named["stopped"] = stopped
+        done = clothsim.study_accuracy(scene, directory, parameters, budget, workers, progress, **named)
     lines = on_demand.answer(done.result)
     lines += [
         f"  for <= {each['error']:g} mm: {on_demand.settings_text(each['settings'])}, about {each['seconds']:.2g} s"

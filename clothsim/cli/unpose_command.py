@@ -50,8 +50,8 @@ def _unpose(arguments: argparse.Namespace) -> Report:
     directory = arguments.directory
     if not (directory / files.CHECKPOINT_NAME).is_file():
         raise InputError(f"{directory} is no directory of a run (no {files.CHECKPOINT_NAME}).")
-    scene = engine.scene_from_text(files.read_checkpoint(directory / files.CHECKPOINT_NAME).scene_text, directory)
-    made = on_demand.unposed(clothsim.open_run(directory), scene, arguments.field)
+    run = clothsim.open_run(directory)
+    made = on_demand.unposed(run, run.scene, arguments.field)
     on_demand.write_canonical(arguments.output, made)
     near = float((made.residuals <= 1e-3).mean())
     figures = {

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from clothsim import Run, Scene, simulate
+from clothsim import Gravity, Run, Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
 from clothsim.garments.stages import Announcement, Listener
 
-GRAVITY = 9.81
+GRAVITY = -Gravity.acceleration[2]
 """Acceleration of drapes [m/s2]."""
 MOTION_SECONDS = 0.5
 """Duration of the motion of a body under a garment [s]: slow beside the damping, which holds the garment to it."""

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, Generic, Protocol, TypeVar
 
+from clothsim import Progress
 from clothsim.base.arrays import Floats, Ints
-from clothsim.engine import Progress, Session
+from clothsim.engine import Session
 from clothsim.garments.fit.original_file import NO_ORIGINAL, Original
 from clothsim.garments.fit.pieces import UNDIVIDED, Division
 from clothsim.garments.penetration import NO_ROWS, Counts, counted

@@ -6,7 +6,6 @@ from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from clothsim.gradients.design_aims import aims
-    from clothsim.gradients.gradient import Gradient
     from clothsim.gradients.losses import Girth, Height, Silhouette
     from clothsim.gradients.run import traced
     from clothsim.gradients.state_at_rest import StateAtRest

@@ -109,7 +109,7 @@ def past_by_differences(bind: Bind, step: Step, x: Floats, adjoint: Floats) -> P
         direction = np.random.default_rng(1).standard_normal(values.shape)
 
         def force(values: Floats, slot: str = slot) -> Floats:
-            return bind(_with(step, slot, values)).gradient(x)
+            return bind(_replace_slot(step, slot, values)).gradient(x)
 
         if np.array_equal(force(values + size * direction), reference):
             continue
@@ -163,7 +163,7 @@ def _values(step: Step, slot: str) -> Floats:
     return np.asarray(getattr(step if name == slot else past, name), np.float64)
 
 
-def _with(step: Step, slot: str, values: Floats) -> Step:
+def _replace_slot(step: Step, slot: str, values: Floats) -> Step:
     past = step.past
     held = replace(step, weighed=Past(past.positions, past.velocities, past.dt))
     name = slot.removeprefix("past_")

@@ -135,10 +135,6 @@ def design(
     progress : callable, optional
         Called after each run.
 
-    Returns
-    -------
-    Design
-
     Raises
     ------
     InputError

@@ -207,7 +207,7 @@ class Gradient(Mapping[str, Floats]):
             return of_states[name]()
         section, *keys = parts_of(name)
         if section == "body" and keys and keys[-1] in ("position", "turn", "vertices"):
-            return self._of_body(name, keys)
+            return self._differentiate_body(name, keys)
         return scene_derivative(self.run, adjoints, full_path(name))
 
     def rest_along(self, field: Floats, cloth: str = "") -> float:
@@ -225,7 +225,7 @@ class Gradient(Mapping[str, Floats]):
             raise InputError(f"There is no cloth {cloth!r}.", f"Cloths: {', '.join(names)}.")
         return rest_along(self.run, self.adjoints, names.index(cloth) if cloth else 0, np.asarray(field, np.float64))
 
-    def _of_body(self, name: str, keys: list[str | int]) -> Floats:
+    def _differentiate_body(self, name: str, keys: list[str | int]) -> Floats:
         world = self.run.session.built.world
         names = [body.name for body in world.bodies]
         number, (what, *others) = entry_of(name, names, keys) if names else (0, keys)

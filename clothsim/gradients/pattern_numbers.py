@@ -57,7 +57,7 @@ def pattern_field(
             raise InputError(
                 f"The displacements of panel {name} have the shape {corner_moves.shape}, not {panel.vertices.shape}."
             )
-        moved = _extended(mesh, name, _of_border(mesh, name, corner_moves, given))
+        moved = _extended(mesh, name, _displace_border(mesh, name, corner_moves, given))
         faces = mesh.faces[name]
         corners = mesh.triangles[faces] - mesh.vertices[name].start
         points = mesh.panel_coordinates[mesh.vertices[name]][corners].reshape(-1, 2)
@@ -142,7 +142,7 @@ def _panel(mesh: PatternMesh, name: str) -> Panel:
     return mesh.pattern.panels[name]
 
 
-def _of_border(mesh: PatternMesh, name: str, moves: Floats, controls: Mapping[Side, Floats]) -> dict[int, Floats]:
+def _displace_border(mesh: PatternMesh, name: str, moves: Floats, controls: Mapping[Side, Floats]) -> dict[int, Floats]:
     """Displacement (2,) of each vertex of the border, by its row in the mesh."""
     panel, found = mesh.pattern.panels[name], dict[int, Floats]()
     for number, edge in enumerate(panel.edges):

@@ -86,7 +86,8 @@ def identifiability(problem: Problem, logarithms: Floats, loss: float) -> Identi
         of_both = error(units[i] - units[j])
         if errors[first] == errors[second] == np.inf and np.isfinite(of_both):
             ratios.append(Ratio(first, second, values[first] / values[second], of_both))
-    combined = tuple(dict(zip(problem.paths, _positive(mode).tolist(), strict=True)) for mode in free.T)
+    signed = [mode * np.sign(mode[np.abs(mode).argmax()]) for mode in free.T]  # the largest component positive
+    combined = tuple(dict(zip(problem.paths, mode.tolist(), strict=True)) for mode in signed)
     return Identifiability(errors, combined, tuple(ratios), 2 * len(units))
 
 
@@ -114,11 +115,6 @@ def residuals_of(loss: Loss) -> tuple[int, int] | None:
     if isinstance(loss, Distance):
         return np.size(loss.target), len(loss.target)
     return (len(loss.points), len(loss.points)) if isinstance(loss, Scan) else None
-
-
-def _positive(mode: Floats) -> Floats:
-    """The mode or its negative, the largest component positive."""
-    return mode * np.sign(mode[np.abs(mode).argmax()])
 
 
 MOST_RUNS = 60
@@ -197,10 +193,6 @@ def recover(
         Chooses the further starts.
     pattern : PatternMesh, optional
         The pattern of a cloth of arrays, where numbers of it are free.
-
-    Returns
-    -------
-    Recovery
 
     Raises
     ------

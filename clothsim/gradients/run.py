@@ -74,10 +74,6 @@ class Trace:
             A loss of `clothsim.gradients.losses`; a function of the positions (n, 3) [m] of the last frame that returns
             the loss and its derivative (n, 3); or losses to sum.
 
-        Returns
-        -------
-        Gradient
-
         Raises
         ------
         NoMinimumError
@@ -174,10 +170,6 @@ def simulate_differentiably(
         As of `clothsim.simulate`.
     polish : int
         Newton steps with the exact Hessian after each solve, at most; 0: none.
-
-    Returns
-    -------
-    DifferentiableRun
 
     Raises
     ------

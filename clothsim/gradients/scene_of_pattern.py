@@ -44,7 +44,7 @@ class ShapedScene:
     @property
     def name(self) -> str:
         """The name of the cloth."""
-        return str(self.scene.cloths[self.cloth].get("name", "cloth"))
+        return self.scene.cloths[self.cloth].name or "cloth"
 
     def edge_rows(self, panel: str, edge: int) -> Ints:
         """Return the vertices of the sewn cloth on an edge of a panel, (k,). InputError for an edge that is none."""
@@ -53,15 +53,16 @@ class ShapedScene:
             known = ", ".join(f"{each.panel}.{each.edge}" for each in mesh.edges)
             raise InputError(f"The pattern has no {side}.", f"Edges: {known}.")
         number = np.zeros(len(mesh.positions), np.int64)
-        number[mesh.triangles] = self.scene.cloths[self.cloth]["mesh"].triangles
+        arrays: Any = self.scene.cloths[self.cloth].mesh
+        number[mesh.triangles] = arrays.triangles
         return np.unique(number[mesh.edges[side]])
 
     def with_numbers(self, values: Mapping[str, float], scene: Scene | None = None) -> Scene:
         """Return a scene with the cloth cut to other numbers of the pattern."""
         scene = self.scene if scene is None else scene
-        tables = list(scene.cloths)
-        arrays: MeshArrays = tables[self.cloth]["mesh"]
-        rest = self.numbers.material_coordinates(values) / float(tables[self.cloth].get("scale", 1.0))
+        tables: list[Any] = list(scene.cloths)
+        arrays: MeshArrays = tables[self.cloth].mesh
+        rest = self.numbers.material_coordinates(values) / tables[self.cloth].scale
         tables[self.cloth] = {**tables[self.cloth], "mesh": replace(arrays, rest=rest)}
         changed: dict[str, Any] = {"cloth": tables}
         return replace(scene, **changed)
@@ -82,8 +83,8 @@ def shaped_scene(scene: Scene, mesh: PatternMesh | None = None) -> ShapedScene:
     InputError
         Where no cloth is of a pattern, or the mesh is another one.
     """
-    files = [k for k, keys in enumerate(scene.cloths) if _is_pattern(keys["mesh"])]
-    arrays = [k for k, keys in enumerate(scene.cloths) if isinstance(keys["mesh"], MeshArrays)]
+    files = [k for k, keys in enumerate(scene.cloths) if _is_pattern(keys.mesh)]
+    arrays = [k for k, keys in enumerate(scene.cloths) if isinstance(keys.mesh, MeshArrays)]
     if mesh is not None:
         if len(arrays) != 1:
             raise InputError(f"The scene has {len(arrays)} cloths of arrays, of which one is to be of the pattern.")
@@ -94,18 +95,18 @@ def shaped_scene(scene: Scene, mesh: PatternMesh | None = None) -> ShapedScene:
             'Give [cloth] mesh = "x_specification.json", or the pattern of a dressed garment with --pattern.',
         )
     number = files[0]
-    keys, where = dict(scene.cloths[number]), "cloth" if len(scene.cloths) == 1 else f"cloth[{number}]"
+    keys, where = scene.cloths[number], "cloth" if len(scene.cloths) == 1 else f"cloth[{number}]"
     shape = cloth_shape(keys, where, scene.directory)
     given = MeshArrays.checked(where, shape.positions, shape.triangles, shape.texture)
-    tables = list(scene.cloths)
+    tables: list[Any] = list(scene.cloths)
     tables[number] = {key: value for key, value in keys.items() if key not in OF_FILE} | {"mesh": given}
     changed: dict[str, Any] = {"cloth": tables}
-    return _of_arrays(replace(scene, **changed), number, mesh_of_file(scene.directory / keys["mesh"], keys, where))
+    return _of_arrays(replace(scene, **changed), number, mesh_of_file(scene.directory / keys.mesh, keys))
 
 
 def _of_arrays(scene: Scene, number: int, mesh: PatternMesh) -> ShapedScene:
-    arrays: MeshArrays = scene.cloths[number]["mesh"]
-    scale = float(scene.cloths[number].get("scale", 1.0))
+    arrays: Any = scene.cloths[number].mesh
+    scale = scene.cloths[number].scale
     wanted = mesh.material_coordinates.shape
     if not arrays.is_flat or arrays.rest is None or arrays.rest.shape != wanted:
         have = "no material coordinates" if arrays.rest is None else f"material coordinates {arrays.rest.shape}"

@@ -32,7 +32,7 @@ def value_at(scene: Scene, world: World, path: str) -> Floats:
     value: Any = paths.get(scene, path)
     if value is None and is_of_fabric(path):
         _, number, keys = paths.located(scene, path)
-        value = _of_fabric(world.cloths[int(number or 0)].fabric, path, str(keys[0]))
+        value = _read_fabric(world.cloths[int(number or 0)].fabric, path, str(keys[0]))
     if value is None:
         raise InputError(f"{path} is no number of the scene.", "`clothsim keys SECTION` lists the keys of a section.")
     if isinstance(value, str | bool | Mapping) or callable(value):
@@ -63,7 +63,7 @@ def affected_effects(path: str, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _of_fabric(fabric: Fabric, path: str, key: str) -> float | None:
+def _read_fabric(fabric: Fabric, path: str, key: str) -> float | None:
     """The value of a fabric's key. InputError where other keys act in its place."""
     own = [name for name in RULED.get(key, ()) if getattr(fabric, name) is not None]
     if own:

@@ -7,8 +7,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.gradients.hem import hem_of
-from clothsim.gradients.losses import Distance, Girth, Height, Loss, Scan, Silhouette
+from clothsim.gradients.losses import Distance, Girth, Height, Loss, Scan, Silhouette, hem_of
 from clothsim.mesh.world import World
 from clothsim.run.results import open_run
 

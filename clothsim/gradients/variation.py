@@ -86,7 +86,7 @@ class Variation:
             total += float(np.vdot(adjoints.prescribed[k], held - moved - own))
             if not self.affected:
                 continue
-            step = _moved(record.step(integrator), moved)
+            step = _shift_origin(record.step(integrator), moved)
             bound, x = potential.begin(step).energies, record.solution + moved
             a = np.zeros_like(x)
             a[: world.n_cloth] = adjoints.forces[k]
@@ -104,7 +104,7 @@ def _prescribed(source: Variant | Integrator, time: float) -> Floats:
     return rows
 
 
-def _moved(step: Step, by: Floats) -> Step:
+def _shift_origin(step: Step, by: Floats) -> Step:
     """The step in the coordinates of another origin."""
     if not by.any():
         return step

@@ -1,11 +1,11 @@
 """Nested tables of effects: motions, selections, springs, seams, creases and winds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.schema import Key, OverTime, Selection, Vector
+from clothsim.keys.schema import Key, OverTime, Selection, Table, Vector
 
 SELECT = Key("Vertices by side, by number or in a box at the start [m]")
 CLOTH = Key("Name of the cloth, where there are several", shown="the only one")
@@ -34,9 +34,7 @@ class PinGroup(KeyTable):
 
     select: Annotated[Selection, SELECT]
     clamp: Annotated[bool, Key("Hold the rest direction of the cloth at the pinned edge too")] = False
-    motion: Annotated[
-        Motion | Mapping[str, Any] | None, Key("Rigid motion of the group", tables=(Motion,), shown="none")
-    ] = None
+    motion: Annotated[Motion | Table | None, Key("Rigid motion of the group", tables=(Motion,), shown="none")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +49,7 @@ class Spring(KeyTable):
     offset: Annotated[Vector, Key("From the start of each vertex to its own point", "m", length=3)] = (0.0, 0.0, 0.0)
     rest_length: Annotated[float | None, Key("Rest length", "m", least=0, shown="as at the start")] = None
     slack: Annotated[bool, Key("A tether: no force where it is shorter than its rest length")] = False
-    motion: Annotated[
-        Motion | Mapping[str, Any] | None, Key("Rigid motion of the points", tables=(Motion,), shown="none")
-    ] = None
+    motion: Annotated[Motion | Table | None, Key("Rigid motion of the points", tables=(Motion,), shown="none")] = None
     path: Annotated[
         Sequence[Sequence[float]], Key("Key frames [[time, dx, dy, dz], ...] of a displacement of the points", "s, m")
     ] = ()
@@ -87,10 +83,10 @@ class Seam(KeyTable):
 
     section: ClassVar[str] = "effects.seams.seam"
 
-    from_: Annotated[SeamLine | Mapping[str, Any], Key("First border", tables=(SeamLine,))]
-    to: Annotated[SeamLine | Mapping[str, Any], Key("Second border", tables=(SeamLine,))]
-    start: Annotated[float, Key("Time at which the seam starts to close", "s")] = 0.0
-    end: Annotated[float, Key("Time at which it is closed", "s")] = 1.0
+    from_: Annotated[SeamLine | Table, Key("First border", tables=(SeamLine,))]
+    to: Annotated[SeamLine | Table, Key("Second border", tables=(SeamLine,))]
+    start: Annotated[float, Key("Time at which the seam starts to close", "s", least=0)] = 0.0
+    end: Annotated[float, Key("Time at which it is closed", "s", least=0)] = 1.0
     stiffness: Annotated[
         float | None, Key("Stiffness of a stitch", "N/m", above=0, shown="100 times the fabric's")
     ] = None  # fmt: skip
@@ -107,8 +103,8 @@ class PatternSeams(KeyTable):
 
     section: ClassVar[str] = "effects.seams.pattern"
 
-    start: Annotated[float, Key("Time at which the seams start to close", "s")] = 0.0
-    end: Annotated[float, Key("Time at which they are closed", "s")] = 1.0
+    start: Annotated[float, Key("Time at which the seams start to close", "s", least=0)] = 0.0
+    end: Annotated[float, Key("Time at which they are closed", "s", least=0)] = 1.0
     stiffness: Annotated[
         float | None, Key("Stiffness of a stitch", "N/m", above=0, shown="100 times the fabric's")
     ] = None  # fmt: skip

@@ -6,7 +6,13 @@ from typing import Any, NoReturn
 import numpy as np
 
 
-class FrozenTable(dict[str, Any]):
+class Locked:
+    """What holds only values that cannot be changed: `frozen` leaves it as it is."""
+
+    __slots__ = ()
+
+
+class FrozenTable(dict[str, Any], Locked):
     """A table that refuses changes; it hashes by content, and compares and prints as a dict does.
 
     Examples
@@ -47,8 +53,8 @@ class FrozenTable(dict[str, Any]):
 
 
 def frozen(value: Any) -> Any:
-    """A read-only copy: tables as `FrozenTable`, lists as tuples, arrays as locked copies; anything else as it is."""
-    if isinstance(value, FrozenTable):
+    """A read-only copy: tables as `FrozenTable`, lists as tuples, arrays locked; sections and the rest stay."""
+    if isinstance(value, Locked):
         return value
     if isinstance(value, Mapping):
         return FrozenTable({key: frozen(inner) for key, inner in value.items()})

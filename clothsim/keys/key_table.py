@@ -1,30 +1,96 @@
-"""A section of a scene as a frozen dataclass: checked when it is made, turned into the table of a scene file."""
+"""A section of a scene as a frozen dataclass: checked when it is made, read from and written as the table of a file."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any, ClassVar, Self
 
-import numpy as np
-
 from clothsim.base.inputs import table
+from clothsim.keys.frozen import FrozenTable, Locked, content_of, frozen
 from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.schema import keys_of
 from clothsim.keys.value_checks import check_value, refuse_missing
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeyTable:
-    """Keys of a section with their defaults; `section` is its dotted name in messages."""
+class KeyTable(Locked, Mapping[str, Any]):
+    """Keys of a section with their defaults; `section` is its dotted name in messages. Nested tables are sections.
+
+    Attributes have every key; as a mapping it is the table of a scene file, of the keys that were given alone. Sections
+    of one kind whose tables are equal are equal, and equal to such a table.
+    """
 
     section: ClassVar[str] = ""
+    parts: ClassVar[tuple[type["KeyTable"], ...]] = ()
+    """Of a section that `composed` made."""
+
+    def __init_subclass__(cls) -> None:
+        """Keep these methods, which a dataclass would make of all fields."""
+        for name in ("__eq__", "__hash__", "__repr__"):
+            if name not in cls.__dict__:
+                setattr(cls, name, getattr(KeyTable, name))
+
+    def __new__(cls, *_: Any, **keys: Any) -> Self:
+        """Remember which keys were given; of all, as by `dataclasses.replace`, those that are not at their defaults."""
+        made = super().__new__(cls)
+        given = [name for name, value in keys.items() if value is not None]
+        known = {key.field: key.default for key in keys_of(cls).values()}
+        if len(known) > 1 and known.keys() - _fixed(cls) <= keys.keys():
+            given = [name for name in given if not _is(keys[name], known.get(name))]
+        object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in given))
+        return made
 
     def __post_init__(self) -> None:
         for known in keys_of(type(self)).values():
             value = getattr(self, known.field)
             if value is not known.default:
-                plain = check_value(f"{self.section}.{known.name}", as_tables(value), known)
-                if isinstance(plain, int | float):
-                    object.__setattr__(self, known.field, plain)
+                checked = check_value(f"{self.section}.{known.name}", value, known)
+                object.__setattr__(self, known.field, frozen(checked))
+
+    def __getitem__(self, key: str) -> Any:
+        return self._table[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._table)
+
+    def __len__(self) -> int:
+        return len(self._table)
+
+    def __bool__(self) -> bool:
+        return True  # also where no key was given
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, KeyTable) and other.section != self.section:
+            return False
+        return isinstance(other, Mapping) and content_of(self) == content_of(other)
+
+    def __hash__(self) -> int:
+        return hash(content_of(self))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self.items())})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (type(self).parts or type(self), self._fields_given(), self._table)
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: Any) -> Self:
+        return self
+
+    @property
+    def _table(self) -> FrozenTable:
+        """The table of the scene file that gives the section."""
+        if "_written" not in self.__dict__:
+            object.__setattr__(self, "_written", frozen(self.as_table()))
+        return self.__dict__["_written"]
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Names of the keys that were given, whatever their values: those that a scene file has."""
+        known = keys_of(type(self))
+        return tuple(name for name in self._given if name in known)  # type: ignore[attr-defined]
 
     @classmethod
     def parsed(cls, where: str, given: Any) -> Self:
@@ -42,21 +108,62 @@ class KeyTable:
         InputError
             For an unknown or missing key, or a value of another type or out of range.
         """
-        keys, known = table(where, given), keys_of(cls)
-        refuse_unknown(where, keys, known)
+        if type(given) is cls:
+            return given
+        keys = table(where, given)
+        refuse_unknown(where, keys, keys_of(cls))
         refuse_missing(where, keys, cls)
-        return cls(**{known[name].field: check_value(f"{where}.{name}", value, known[name])
-                      for name, value in keys.items()})  # fmt: skip
+        return cls.of_known_keys(where, keys)
+
+    @classmethod
+    def of_known_keys(cls, where: str, keys: Mapping[str, Any]) -> Self:
+        """The section of a table whose keys it has. InputError for a value of another type or out of range."""
+        known = keys_of(cls)
+        values = {name: check_value(f"{where}.{name}", value, known[name]) for name, value in keys.items()}
+        fixed = _fixed(cls)  # such as the kind of a wind
+        made = cls(**{known[name].field: value for name, value in values.items() if known[name].field not in fixed})
+        object.__setattr__(made, "_given", tuple(name for name in keys if known[name].field not in fixed))
+        object.__setattr__(made, "_written", frozen(dict(keys)))
+        return made
+
+    def with_keys(self, **changed: Any) -> Self:
+        """A copy with other values of some fields, which count as given; the other keys are given or not as here."""
+        return type(self)(**self._fields_given() | changed)
+
+    def _fields_given(self) -> dict[str, Any]:
+        """The fields of the keys that were given, and those that are no keys."""
+        keys = {known.field for known in keys_of(type(self)).values()}
+        return {
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if field.init and (field.name not in keys or field.name.rstrip("_") in self.given)
+        }
 
     def as_table(self) -> dict[str, Any]:
-        """The keys as a scene file has them; those at their defaults are left out."""
-        fixed = {field.name for field in fields(self) if not field.init}
-        values = ((known, getattr(self, known.field)) for known in keys_of(type(self)).values())
-        return {
-            known.name: as_tables(value)
-            for known, value in values
-            if known.field in fixed or not _alike(value, known.default)
-        }
+        """The keys as a scene file has them: those that were given."""
+        known = keys_of(type(self))
+        fixed = [name for name, key in known.items() if key.field in _fixed(type(self))]
+        return {name: as_tables(getattr(self, known[name].field)) for name in (*fixed, *self.given)}
+
+
+@cache
+def composed(parts: tuple[type[KeyTable], ...]) -> type[KeyTable]:
+    """The section with the keys of several, as of a cloth and of its generator; a key of two is that of the last."""
+    first, *others = parts
+    if not others:
+        return first
+    names = {"parts": parts, "section": first.section, "__doc__": first.__doc__, "__module__": first.__module__}
+    return dataclass(frozen=True, kw_only=True)(type(first.__name__, tuple(reversed(parts)), names))
+
+
+def _restored(
+    kind: type[KeyTable] | tuple[type[KeyTable], ...], given: Mapping[str, Any], written: FrozenTable
+) -> KeyTable:
+    """A section from its pickle."""
+    made = (composed(kind) if isinstance(kind, tuple) else kind)(**given)
+    object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in given))
+    object.__setattr__(made, "_written", written)
+    return made
 
 
 def as_tables(value: Any) -> Any:
@@ -68,8 +175,11 @@ def as_tables(value: Any) -> Any:
     return {key: as_tables(entry) for key, entry in value.items()} if isinstance(value, Mapping) else value
 
 
-def _alike(value: Any, default: Any) -> bool:
-    if value is default:
-        return True
-    plain = not isinstance(value, np.ndarray) and type(value) is type(default)
-    return plain and not callable(value) and bool(value == default)
+def _is(value: Any, default: Any) -> bool:
+    """True for a value that is the default, or of its type and equal to it."""
+    return value is default or (type(value) is type(default) and bool(value == default))
+
+
+def _fixed(section: type[KeyTable]) -> set[str]:
+    """Fields that have one value."""
+    return {field.name for field in fields(section) if not field.init}

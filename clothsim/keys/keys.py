@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from clothsim.base import inputs
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest
 
@@ -12,10 +13,7 @@ DEEPEST = 12
 
 def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
     """InputError for the first key of `given` that is not `known`, with the nearest known one."""
-    names = list(known)
-    for key in given:
-        if key not in names:
-            raise InputError(f"{where} has no key {key!r}.", _hint(where, str(key), names))
+    inputs.refuse_unknown(where, given, known, _hint)
 
 
 def refuse_absent(kind: str, name: Any, names: Iterable[str]) -> None:

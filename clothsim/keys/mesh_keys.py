@@ -1,6 +1,6 @@
 """The sections [cloth] and [body]: fabric, position and source of a mesh."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -9,13 +9,12 @@ from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest, table
 from clothsim.keys.effect_tables import Motion
 from clothsim.keys.generator_keys import GENERATOR_KEYS
-from clothsim.keys.key_table import KeyTable
+from clothsim.keys.key_table import KeyTable, composed
 from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.mesh_arrays import MeshArrays
-from clothsim.keys.model_keys import ModelTable, check_model
+from clothsim.keys.model_keys import ModelTable
 from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.keys.schema import Key, Vector, keys_of
-from clothsim.keys.value_checks import check_value
 
 MESH = Key("A generator, one of the sections of these names; a mesh file; or in Python arrays or a mesh object")
 
@@ -145,18 +144,14 @@ class FramesTable(PlacedKeys, FrameRate):
     frames: Annotated[str, Key("Pattern of the mesh files of the frames, in place of mesh")]
 
 
-def check_cloth(where: str, keys: Any) -> Mapping[str, Any]:
-    """The table of a cloth, with the keys of its generator or of a part of its file. InputError names a bad one."""
-    given = table(where, keys)
-    return check_keys(where, given, cloth_sections(where, given))
+def check_cloth(where: str, keys: Any) -> ClothTable:
+    """The section of a table of a cloth. InputError names a bad key."""
+    return section_of(where, keys, cloth_sections)  # type: ignore[return-value]
 
 
-def check_body(where: str, keys: Any) -> Mapping[str, Any]:
-    """The table of a body, with the keys of its generator, file or frames. InputError names a bad one."""
-    given = table(where, keys)
-    if "model" in given:
-        return check_model(where, given)
-    return check_keys(where, given, body_sections(where, given))
+def check_body(where: str, keys: Any) -> BodyTable | FramesTable | ModelTable:
+    """The section of a table of a body. InputError names a bad key."""
+    return section_of(where, keys, body_sections)  # type: ignore[return-value]
 
 
 def cloth_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
@@ -168,14 +163,14 @@ def cloth_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable],
 
 def body_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
     """The sections whose keys a body has: of a model, of frames, or its own with those of its generator or file."""
-    if "model" in keys:
-        return (ModelTable,)
-    if "frames" not in keys:
-        return (BodyTable, *sources(where, keys))
-    for other in ("mesh", "motion"):
-        if other in keys:
-            raise InputError(f"{where} has frames and {other}.", f"Give {other} or frames, not both.")
-    return (FramesTable, FilePart)
+    for source, kinds in {"model": (ModelTable,), "frames": (FramesTable, FilePart)}.items():
+        if source not in keys:
+            continue
+        for other in ("mesh", "frames", "motion") if source == "frames" else ("mesh", "frames"):
+            if other in keys and other != source:
+                raise InputError(f"{where} has {source} and {other}.", f"Give {other} or {source}, not both.")
+        return kinds
+    return (BodyTable, *sources(where, keys))
 
 
 def sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
@@ -194,12 +189,15 @@ def sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
     return (FilePart,)
 
 
-def check_keys(where: str, keys: Mapping[str, Any], sections: tuple[type[KeyTable], ...]) -> Mapping[str, Any]:
-    """The table, whose keys are those of the sections. InputError names a bad one."""
-    known = {name: key for section in sections for name, key in keys_of(section).items()}
-    source = sections[-1].section if len(sections) > 1 else "arrays"
-    refuse_unknown(f"{where} ({source})", keys, known)
-    for name, value in keys.items():
-        if name != "mesh":
-            check_value(f"{where}.{name}", value, known[name])
-    return keys
+def section_of(
+    where: str, keys: Any, kinds: Callable[[str, Mapping[str, Any]], tuple[type[KeyTable], ...]]
+) -> KeyTable:
+    """The section of a table of keys; kinds: the sections whose keys it has. InputError names a bad key."""
+    given = table(where, keys)
+    parts = kinds(where, given)
+    kind = composed(parts)
+    if type(given) is kind:
+        return given
+    source = "model" if ModelTable in parts else parts[-1].section if len(parts) > 1 else "arrays"
+    refuse_unknown(f"{where} ({source})", given, keys_of(kind))
+    return kind.of_known_keys(where, given)

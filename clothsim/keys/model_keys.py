@@ -4,13 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from clothsim.base.errors import InputError
-from clothsim.base.inputs import table
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.placed_keys import PlacedKeys
-from clothsim.keys.schema import Key, keys_of
-from clothsim.keys.value_checks import check_value, refuse_missing
+from clothsim.keys.schema import Key
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,18 +67,3 @@ class ModelTable(PlacedKeys):
         Literal["z", "y"] | None,
         Key("Axis of the model that points up; y is turned onto z", shown="z of the mannequin, else y"),
     ] = None  # type: ignore[assignment]
-
-
-def check_model(where: str, given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The table of a body model. InputError names a bad key."""
-    for other in ("mesh", "frames"):
-        if other in given:
-            raise InputError(f"{where} has model and {other}.", f"Give model or {other}, not both.")
-    known = keys_of(ModelTable)
-    refuse_unknown(f"{where} (model)", given, known)
-    for name, value in given.items():
-        check_value(f"{where}.{name}", value, known[name])
-    motion = given.get("motion")
-    if isinstance(motion, Mapping):
-        refuse_missing(f"{where}.motion", table(f"{where}.motion", motion), ClipKeys)
-    return given

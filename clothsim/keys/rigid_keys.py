@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from clothsim.base.inputs import table
 from clothsim.keys.effect_tables import SELECT
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.mesh_keys import MESH, check_keys, sources
+from clothsim.keys.mesh_keys import MESH, section_of, sources
 from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.keys.schema import Key, Selection, Vector
 
@@ -63,10 +62,9 @@ class RigidTable(RigidKeys):
     mesh: Annotated[str | Any, MESH]
 
 
-def check_rigid(where: str, keys: Any) -> Mapping[str, Any]:
-    """The table of a rigid body, with the keys of its generator or file part. InputError names a bad one."""
-    given = table(where, keys)
-    return check_keys(where, given, rigid_sections(where, given))
+def check_rigid(where: str, keys: Any) -> RigidTable:
+    """The section of a table of a rigid body. InputError names a bad key."""
+    return section_of(where, keys, rigid_sections)  # type: ignore[return-value]
 
 
 def rigid_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:

@@ -8,13 +8,19 @@ import costs nothing (pydantic: 57 ms and more); and no dependency is added.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
-from typing import Any, Literal, TypeAlias, Union, get_args, get_origin
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Union, get_args, get_origin
 
 from clothsim.base.arrays import Floats
 
 FUNCTION = "function"
 """The key under which the text of a scene has the name of a Python function."""
 
+if TYPE_CHECKING:
+    Table: TypeAlias = Any
+else:
+    Table = Mapping[str, Any]
+    """Keys of a nested section, which is made of them."""
 Vector: TypeAlias = Sequence[float] | Floats
 OverTime: TypeAlias = float | Sequence[Sequence[float]] | Callable[[float], float]
 """A number, key frames [[t0, v0], [t1, v1], ...] or a function of the time [s]."""
@@ -118,7 +124,8 @@ class SceneKey:
         return self.default is MISSING
 
 
-def keys_of(section: type) -> dict[str, SceneKey]:
+@cache
+def keys_of(section: type) -> Mapping[str, SceneKey]:
     """The keys of a section, by their names in a scene file."""
     keys = {}
     for field in fields(section):

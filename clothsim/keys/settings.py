@@ -142,7 +142,7 @@ class RunSettings(KeyTable):
     --------
     >>> import clothsim
     >>> clothsim.RunSettings(duration=0.5, fields=["thickness", "stress"]).as_table()
-    {'duration': 0.5, 'fields': ['thickness', 'stress']}
+    {'duration': 0.5, 'fields': ('thickness', 'stress')}
     """
 
     section: ClassVar[str] = "run"
@@ -193,7 +193,8 @@ class Seed(KeyTable):
         super().__post_init__()
         if self.from_ == "transfer":
             raise InputError(
-                'seed.from "transfer" is a command of its own.', "`clothsim fit GARMENT --from BODY --to BODY` does it."
+                'seed.from "transfer" is a command of its own.',
+                "`clothsim fit GARMENT --made-for BODY --to BODY` does it.",
             )
         if (self.from_ in ("file", "model")) != bool(self.file):
             raise InputError('seed needs from = "file" and a file together.', 'Write from = "file" and file = "PATH".')

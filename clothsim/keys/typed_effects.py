@@ -1,8 +1,8 @@
 """Effects as frozen dataclasses: the keys of each effect with default, unit, range and meaning.
 
 `effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` is the same as
-`effects={"gravity": {}, "bending": {"model": "midedge"}}`. Importing this module imports no effect: the fields repeat
-the keywords and defaults of the builders in `scene.effects`, and a test compares them.
+`effects={"gravity": {}, "bending": {"model": "midedge"}}`. The one place of a key: the table `scene.effects` names the
+class, a scene is checked by it, and the builder takes an object of it. Importing this module imports no effect.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -12,8 +12,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown
 from clothsim.keys.effect_tables import SELECT, Crease, Gust, Motion, PatternSeams, PinGroup, Seam, Spring, Vortex
-from clothsim.keys.key_table import KeyTable, as_tables
-from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Vector
+from clothsim.keys.key_table import KeyTable
+from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
 
 AUTO = Literal["auto"]
 WARP_ANGLE = Key("Angle of the warp from the cloth's first axis", "degrees")
@@ -38,10 +38,10 @@ class Pins(EffectKeys):
     select: Annotated[Selection, SELECT] = ()
     clamp: Annotated[bool, Key("Hold the rest direction of the cloth at the pinned edge too")] = False
     motion: Annotated[
-        Motion | Mapping[str, Any] | None, Key("Rigid motion of the pinned vertices", tables=(Motion,), shown="none")
+        Motion | Table | None, Key("Rigid motion of the pinned vertices", tables=(Motion,), shown="none")
     ] = None
     group: Annotated[
-        Sequence[PinGroup | Mapping[str, Any]],
+        Sequence[PinGroup | Table],
         Key("Groups of pins, each with select, clamp and motion", tables=(PinGroup,)),
     ] = ()
 
@@ -101,7 +101,9 @@ class StrainLimit(EffectKeys):
     ] = "fabric"
     limit_warp: Annotated[OverCloth, Key("Largest stretch along the warp; 0 is none", "1", least=0)] = 0.0
     limit_weft: Annotated[OverCloth, Key("Largest stretch along the weft; 0 is none", "1", least=0)] = 0.0
-    begins: Annotated[float, Key("Fraction of the range from 1 to the limit at which the barrier starts", "1")] = 0.5
+    begins: Annotated[
+        float, Key("Fraction of the range from 1 to the limit at which the barrier starts", "1", least=0, below=1)
+    ] = 0.5
     stiffness: Annotated[OverCloth, Key("Stiffness of the barrier; 0 takes the fabric's", "N/m", least=0)] = 0.0
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
 
@@ -125,7 +127,7 @@ class RestAngle(EffectKeys):
 
     section: ClassVar[str] = "effects.rest_angle"
 
-    crease: Annotated[Sequence[Crease | Mapping[str, Any]], Key("Lines with a rest angle", tables=(Crease,))] = ()
+    crease: Annotated[Sequence[Crease | Table], Key("Lines with a rest angle", tables=(Crease,))] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +145,7 @@ class Springs(EffectKeys):
 
     section: ClassVar[str] = "effects.springs"
 
-    spring: Annotated[Sequence[Spring | Mapping[str, Any]], Key("Springs of several vertices", tables=(Spring,))] = ()
+    spring: Annotated[Sequence[Spring | Table], Key("Springs of several vertices", tables=(Spring,))] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +167,7 @@ class Air(EffectKeys):
     drag: Annotated[OverCloth, Key("Drag coefficient of a triangle that faces the wind", "1", least=0)] = 1.0
     lift: Annotated[OverCloth, Key("Fraction of the drag that acts along the normal alone", "1", least=0, most=1)] = 0.9
     wind: Annotated[
-        Vector | Gust | Vortex | Mapping[str, Any] | Callable[..., Any],
+        Vector | Gust | Vortex | Table | Callable[..., Any],
         Key("Velocity of the air; a table with a kind; or in Python a function of points and time", "m/s", length=3,
             tables=(Gust, Vortex)),
     ] = (0.0, 0.0, 0.0)  # fmt: skip
@@ -184,7 +186,7 @@ class Damping(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ContactKeys(EffectKeys):
+class ContactKeys(EffectKeys):
     """The keys of both contacts."""
 
     d_hat: Annotated[
@@ -196,14 +198,14 @@ class _ContactKeys(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyContact(_ContactKeys):
+class BodyContact(ContactKeys):
     """Contact of cloth and bodies."""
 
     section: ClassVar[str] = "effects.body_contact"
 
 
 @dataclass(frozen=True, kw_only=True)
-class SelfContact(_ContactKeys):
+class SelfContact(ContactKeys):
     """Contact of cloth and cloth."""
 
     section: ClassVar[str] = "effects.self_contact"
@@ -215,9 +217,9 @@ class Seams(EffectKeys):
 
     section: ClassVar[str] = "effects.seams"
 
-    seam: Annotated[Sequence[Seam | Mapping[str, Any]], Key("Seams between two borders", tables=(Seam,))] = ()
+    seam: Annotated[Sequence[Seam | Table], Key("Seams between two borders", tables=(Seam,))] = ()
     pattern: Annotated[
-        PatternSeams | Mapping[str, Any] | bool,
+        PatternSeams | Table | bool,
         Key("All seams of sewing patterns that are open as placed: true, or a table", tables=(PatternSeams,)),
     ] = False  # fmt: skip
 
@@ -268,8 +270,8 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
 }  # fmt: skip
 
 
-def effect_tables(effects: Any) -> Any:
-    """The tables of effects by name, of a list of typed effects or of such tables; anything else as it is.
+def effects_by_name(effects: Any) -> Any:
+    """Effects by name, of typed effects or as they are in a table; anything else as it is.
 
     Raises
     ------
@@ -277,12 +279,10 @@ def effect_tables(effects: Any) -> Any:
         For an entry of the list that is no effect, and for an effect that is given twice.
     """
     if isinstance(effects, EffectKeys):
-        effects = [effects]
-    if isinstance(effects, str) or not isinstance(effects, Iterable):
+        return {effects.name: effects}
+    if isinstance(effects, str | Mapping) or not isinstance(effects, Iterable):
         return effects
-    if isinstance(effects, Mapping):
-        return {name: as_tables(keys) for name, keys in effects.items()}
-    tables: dict[str, Any] = {}
+    named: dict[str, EffectKeys] = {}
     for number, effect in enumerate(effects):  # an iterable of typed effects
         if isinstance(effect, type) and issubclass(effect, EffectKeys):
             raise InputError(f"effects[{number}] is the class {effect.__name__}.", f"Write {effect.__name__}().")
@@ -291,7 +291,7 @@ def effect_tables(effects: Any) -> Any:
                 f"effects[{number}] is {shown(effect)}, which is no effect.",
                 'Write effects=[clothsim.Gravity(), ...] or effects={"gravity": {}, ...}.',
             )
-        if effect.name in tables:
+        if effect.name in named:
             raise InputError(f"effects[{number}] gives {effect.name} again.", "Give each effect once.")
-        tables[effect.name] = effect.as_table()
-    return tables
+        named[effect.name] = effect
+    return named

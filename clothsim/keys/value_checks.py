@@ -53,7 +53,7 @@ def refuse_missing(where: str, keys: Mapping[str, Any], section: type) -> None:
 
 
 def check_value(where: str, value: Any, known: SceneKey) -> Any:
-    """A value of a key: numbers as float or int, everything else as it is. InputError names `where`."""
+    """A value of a key: a float, an int, the sections of nested tables, else as it is. InputError names `where`."""
     parts, key = members(known.annotation), known.key
     if isinstance(value, bool | np.bool_):
         if bool in parts:
@@ -63,11 +63,11 @@ def check_value(where: str, value: Any, known: SceneKey) -> Any:
             return _in_range(where, value, known, whole=float not in parts)
     elif isinstance(value, str):
         return _word(where, value, known)
-    elif key.tables and not (isinstance(value, Mapping) and set(value) == {FUNCTION}):
-        return _nested(where, value, known)
     elif isinstance(value, list | tuple | np.ndarray) and (entries := _entries(parts)) is not None:
         _each(where, value, known, entries)
         return value
+    elif key.tables and not (isinstance(value, Mapping) and set(value) == {FUNCTION}):
+        return _nested(where, value, known)
     elif any(_accepts(part, value) for part in parts):
         return value  # of {function = "name"}, from the text of a run, the effect reports that the function is lost
     raise _wrong_type(where, value, known)
@@ -116,30 +116,34 @@ def _unknown_word(where: str, value: Any, words: Sequence[str], listed: str) -> 
 
 
 def _nested(where: str, value: Any, known: SceneKey) -> Any:
-    """A table, or a list of tables, of the sections that the key names."""
+    """The section of a table, or those of a list of tables, that the key names."""
     several = any(get_origin(part) is Sequence for part in members(known.annotation))
-    sections = known.key.tables
+    sections: tuple[Any, ...] = known.key.tables
+    if isinstance(value, sections):
+        return value
     if len(sections) > 1 or not several:
         if isinstance(value, Mapping):
-            return _checked_kind(where, value, sections)
+            return _of_kind(where, value, sections)
         if any(_accepts(part, value) for part in members(known.annotation)):
             return value
         raise _wrong_type(where, value, known)
     if isinstance(value, Mapping) or not isinstance(value, list | tuple):
         raise _wrong_type(where, value, known)
-    for number, entry in enumerate(value):
-        refuse_missing(f"{where}[{number}]", check_table(f"{where}[{number}]", entry, sections[0]), sections[0])
-    return value
+    return tuple(
+        entry if isinstance(entry, sections) else sections[0].parsed(f"{where}[{number}]", entry)
+        for number, entry in enumerate(value)
+    )
 
 
-def _checked_kind(where: str, value: Mapping[str, Any], sections: tuple[type, ...]) -> Mapping[str, Any]:
-    """A table of the only section, or of the one of its `kind`; the effect refuses an unknown kind."""
+def _of_kind(where: str, value: Mapping[str, Any], sections: tuple[Any, ...]) -> Any:
+    """The only section that a table may be, or the one of its `kind`."""
     if len(sections) == 1:
-        return check_table(where, value, sections[0])
-    for section in sections:
-        if keys_of(section)["kind"].default == value.get("kind"):
-            refuse_missing(where, check_table(where, value, section), section)
-    return value
+        return sections[0].parsed(where, value)
+    by_kind = {keys_of(section)["kind"].default: section for section in sections}
+    kind = value.get("kind")
+    if not isinstance(kind, str) or kind not in by_kind:
+        raise InputError(f"{where}.kind is {kind!r}.", f"Known: {', '.join(by_kind)}; or give a vector.")
+    return by_kind[kind].parsed(where, value)
 
 
 def _entries(parts: tuple[Any, ...]) -> type | None:

@@ -37,12 +37,12 @@ def with_local_origin(world: World) -> World:
             "Move cloths and bodies near the origin (position).",
         )
     cloths = tuple(replace(each, positions=each.positions - middle) for each in world.cloths)
-    bodies = tuple(_moved(body, middle) for body in world.bodies)
+    bodies = tuple(_shift(body, middle) for body in world.bodies)
     rigid = tuple(body.relative_to(middle) for body in world.rigid)
     return replace(world, cloths=cloths, bodies=bodies, rigid=rigid, origin=world.origin + middle)
 
 
-def _moved(body: Body, origin: np.ndarray) -> Body:
+def _shift(body: Body, origin: np.ndarray) -> Body:
     motion = body.motion
     if isinstance(motion, RigidMotion):
         motion = replace(motion, centre=motion.centre - origin)

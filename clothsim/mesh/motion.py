@@ -8,6 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_positive, as_vector
 from clothsim.base.errors import InputError
+from clothsim.keys.effect_tables import Motion as MotionKeys
 
 
 @dataclass(frozen=True)
@@ -165,6 +166,14 @@ def motion_of(where: str, keys: Mapping[str, Any], origin: Floats) -> RigidMotio
         known = "velocity, rotate_degrees_per_second, centre"
         raise InputError(f"{where} has an unknown key: {error}.", f"Known: {known}.") from error
     return replace(motion, centre=motion.centre - origin)
+
+
+def prescribed_motion(keys: MotionKeys | None, centre: Floats, origin: Floats) -> RigidMotion:
+    """Make the motion of a scene's keys, relative to the world's `origin (3,)` [m]; without a centre about `centre`."""
+    keys = keys or MotionKeys()
+    about = centre if keys.centre is None else np.array(keys.centre, np.float64)
+    velocity, degrees = np.array(keys.velocity, np.float64), np.array(keys.rotate_degrees_per_second, np.float64)
+    return RigidMotion(velocity, np.radians(degrees), about - origin)
 
 
 def frame_motion(frames: Floats, frames_per_second: float) -> FrameMotion:

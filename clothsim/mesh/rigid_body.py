@@ -54,10 +54,6 @@ def volume_moments(positions: Floats, triangles: Ints) -> VolumeMoments:
     triangles : (m, 3) int64
         Triangles that face outwards.
 
-    Returns
-    -------
-    VolumeMoments
-
     Examples
     --------
     A tetrahedron with three edges of 1 m along the axes:
@@ -195,10 +191,6 @@ def rigid_body(
     joint : Joint, optional
         What holds it; a free body has none.
 
-    Returns
-    -------
-    RigidBody
-
     Raises
     ------
     InputError
@@ -215,7 +207,13 @@ def rigid_body(
     if moments.volume < 0:
         triangles = triangles[:, [0, 2, 1]]
         moments = volume_moments(positions, triangles)
-    _refuse_flat(name, moments, positions)
+    extent = float(np.ptp(positions, axis=0).max())
+    least = np.linalg.eigvalsh(moments.covariance)[0] if moments.volume > 0 else 0.0
+    if moments.volume <= 0 or least <= (FLATTEST * extent) ** 2:
+        raise InputError(
+            f"{name} is rigid, but its surface holds almost no volume ({moments.volume:.3g} m3 in {extent:.3g} m).",
+            "Give a solid: a plate needs a thickness.",
+        )
     if joint is not None and velocity.any():
         raise InputError(f"{name} has a joint and a velocity.", "Give its spin, spin_degrees_per_second, alone.")
     made = _free(positions, moments) if joint is None else _jointed(positions, moments, joint)
@@ -243,16 +241,6 @@ def rigid_body(
         constant,
         stiffness,
     )
-
-
-def _refuse_flat(name: str, moments: VolumeMoments, positions: Floats) -> None:
-    extent = float(np.ptp(positions, axis=0).max())
-    least = np.linalg.eigvalsh(moments.covariance)[0] if moments.volume > 0 else 0.0
-    if moments.volume <= 0 or least <= (FLATTEST * extent) ** 2:
-        raise InputError(
-            f"{name} is rigid, but its surface holds almost no volume ({moments.volume:.3g} m3 in {extent:.3g} m).",
-            "Give a solid: a plate needs a thickness.",
-        )
 
 
 _Made = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]

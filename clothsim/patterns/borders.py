@@ -29,7 +29,7 @@ def with_necks(pattern: Pattern, fractions: Mapping[Side, Floats]) -> dict[Side,
     """Fractions of arc length of the samples of each edge, finer at necks; edges far from any neck stay as they are."""
     parts = {side: np.ones(len(rows) - 1, np.int64) for side, rows in fractions.items()}
     for panel in pattern.panels.values():
-        parts |= _parts_of(panel, fractions)
+        parts |= _count_parts(panel, fractions)
     for stitch in pattern.stitches:
         order = slice(None, None, 1 if stitch.right_wrong else -1)
         most = np.maximum(parts[stitch.first], parts[stitch.second][order])
@@ -37,7 +37,7 @@ def with_necks(pattern: Pattern, fractions: Mapping[Side, Floats]) -> dict[Side,
     return {side: _divided(rows, parts[side]) if parts[side].max() > 1 else rows for side, rows in fractions.items()}
 
 
-def _parts_of(panel: Panel, fractions: Mapping[Side, Floats]) -> dict[Side, Ints]:
+def _count_parts(panel: Panel, fractions: Mapping[Side, Floats]) -> dict[Side, Ints]:
     """Number of parts of each segment of the edges of a panel."""
     edges = [panel.edge_points(k, fractions[Side(panel.name, k)]) for k in range(len(panel.edges))]
     start = np.concatenate([points[:-1] for points in edges])

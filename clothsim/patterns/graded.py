@@ -47,6 +47,15 @@ class PlaneMap:
         image = self.origin + np.outer(self.girth(t) * q, across) + np.outer(self.length(t), self.along)
         return np.asarray(image, np.float64)
 
+    def panel(self, panel: Panel) -> Panel:
+        """The image of a panel: corners, control points, and arcs through the images of their middles."""
+        corners = self(panel.vertices)
+        edges = tuple(
+            replace(edge, curve=_mapped_curve(edge.curve, panel.vertices[[edge.start, edge.end]], self))
+            for edge in panel.edges
+        )
+        return replace(panel, vertices=corners, edges=edges)
+
 
 class SeamsAlike(NamedTuple):
     """Pattern whose seams change alike, and factors of both sides of each seam, by name.
@@ -66,16 +75,6 @@ def seams_alike(graded: Pattern, original: Pattern) -> SeamsAlike:
     before = max((abs(a - b) for a, b in factors_of_seams(graded, original).values()), default=0.0)
     moved = [np.abs(alike.panels[name].vertices - panel.vertices).max() for name, panel in graded.panels.items()]
     return SeamsAlike(alike, factors_of_seams(alike, original), before, float(max(moved)))
-
-
-def mapped_panel(panel: Panel, image: PlaneMap) -> Panel:
-    """The panel under a map: corners, control points, and arcs through the images of their middles."""
-    corners = image(panel.vertices)
-    edges = tuple(
-        replace(edge, curve=_mapped_curve(edge.curve, panel.vertices[[edge.start, edge.end]], image))
-        for edge in panel.edges
-    )
-    return replace(panel, vertices=corners, edges=edges)
 
 
 def _mapped_curve(curve: Curve, ends: Floats, image: PlaneMap) -> Curve:
@@ -119,7 +118,7 @@ def with_seams_alike(graded: Pattern, original: Pattern) -> Pattern:
         moves = np.einsum("nm,smk->snk", inverse, slopes)
         system = np.einsum("snk,tnk->st", slopes, moves)
         points = points - np.einsum("s,snk->nk", np.linalg.lstsq(system, differences, rcond=1e-10)[0], moves)
-    return replace(graded, panels={name: _moved(graded.panels[name], points[offsets[name] :]) for name in names})
+    return replace(graded, panels={name: _move_corners(graded.panels[name], points[offsets[name] :]) for name in names})
 
 
 def factors_of_seams(graded: Pattern, original: Pattern) -> Mapping[str, tuple[float, float]]:
@@ -175,7 +174,7 @@ def _metric(pattern: Pattern, offsets: Mapping[str, int], n: int) -> Floats:
     return metric
 
 
-def _moved(panel: Panel, points: Floats) -> Panel:
+def _move_corners(panel: Panel, points: Floats) -> Panel:
     """Panel with its corners at the first of points (k, 2) [m]; arcs stay similar."""
     corners = points[: len(panel.vertices)].copy()
     edges = []

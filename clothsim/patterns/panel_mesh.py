@@ -54,10 +54,6 @@ def mesh_panel(border: Floats, spacing: float, graded: bool = False) -> PanelMes
     graded : bool
         True: circumcentres of sharp triangles are inserted between a border with short sides and the lattice.
 
-    Returns
-    -------
-    PanelMesh
-
     Examples
     --------
     >>> import numpy as np

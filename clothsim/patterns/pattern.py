@@ -11,6 +11,8 @@ from clothsim.base.errors import InputError
 from clothsim.patterns.curves import Curve
 from clothsim.patterns.limits import refuse_unreal
 
+SAMPLES = 33
+"""Points of an edge of an outline."""
 SHORTEST = 1e-8
 """Distance of the ends of an edge below which it has no length [m]: rounding of coordinates far from the origin."""
 
@@ -74,9 +76,14 @@ class Panel:
     @property
     def extent(self) -> tuple[float, float]:
         """Width and height of its outline [m]."""
-        points = np.concatenate([self.edge_points(edge, np.linspace(0, 1, 33)) for edge in range(len(self.edges))])
-        width, height = np.ptp(points, axis=0)
+        width, height = np.ptp(self.outline, axis=0)
         return float(width), float(height)
+
+    @property
+    def outline(self) -> Floats:
+        """Its border as a closed polygon, (k, 2) [m]."""
+        share = np.linspace(0, 1, SAMPLES)[:-1]
+        return np.concatenate([self.edge_points(number, share) for number in range(len(self.edges))])
 
     def placed(self, points: Floats) -> Floats:
         """Points (k, 2) of the plane in space, (k, 3) [m]."""

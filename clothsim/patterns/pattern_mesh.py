@@ -187,10 +187,6 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     spacing : float
         Distance of neighbouring vertices [m].
 
-    Returns
-    -------
-    PatternMesh
-
     Raises
     ------
     InputError

@@ -19,12 +19,21 @@ def sewn_vertices(mesh: PatternMesh, seams: Sequence[Seam]) -> Ints:
     return joined_vertices(mesh, np.concatenate([np.zeros((0, 2), np.int64), *(seam.pairs for seam in seams)]))
 
 
-def joined_vertices(mesh: PatternMesh, pairs: Ints) -> Ints:
+def joined_vertices(mesh: PatternMesh, pairs: Ints | None = None) -> Ints:
     """Number of each vertex after `pairs` (k, 2) are joined, (n,): ascending in the order of the first of each group.
 
+    None: those of all seams.
     InputError for pairs that join two corners of one triangle.
     """
-    number = _merged(len(mesh.positions), pairs)
+    if pairs is None:
+        return sewn_vertices(mesh, mesh.seams)
+    n = len(mesh.positions)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    labels = connected_components(graph, directed=False)[1]
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    number = rank[inverse.ravel()]
     corners = number[mesh.triangles]
     collapsed = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
     if collapsed.any():
@@ -38,15 +47,6 @@ def joined_vertices(mesh: PatternMesh, pairs: Ints) -> Ints:
             "Mesh it finer: --size; edges that meet in a convex corner cannot be sewn to each other.",
         )
     return number
-
-
-def _merged(n: int, joined: Ints) -> Ints:
-    graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n, n))
-    labels = connected_components(graph, directed=False)[1]
-    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse.ravel()]
 
 
 def largest_gap(positions: Floats, seam: Seam) -> float:

@@ -81,7 +81,10 @@ def pattern_of(entries: Any, rotation_order: str = "zyx") -> Pattern:
     properties = _table("The file", _given(entries, "properties", {}), "properties")
     unit, notes = _metres(properties)
     absolute = properties.get("curvature_coords", "relative") == "absolute"
-    raw = {str(name): _table(f"Panel {name}", panel) for name, panel in _panels(pattern).items()}
+    raw = {
+        str(name): _table(f"Panel {name}", panel)
+        for name, panel in _table("The pattern", pattern.get("panels"), "panels").items()
+    }
     rotations = {
         name: np.radians(_numbers(f"Panel {name}: rotation", _given(panel, "rotation", [0, 0, 0]), (3,)))
         for name, panel in raw.items()
@@ -94,7 +97,10 @@ def pattern_of(entries: Any, rotation_order: str = "zyx") -> Pattern:
     if not isinstance(stitches, Sequence) or isinstance(stitches, str):
         raise InputError("pattern.stitches is no list.", "Give a list of pairs of sides.")
     sewn = tuple(_stitch(number, stitch) for number, stitch in enumerate(stitches))
-    notes += _order_notes(rotations, rotation_order)
+    zyx, xyz = ({name: _rotation(angles, order) for name, angles in rotations.items()} for order in ORDERS)
+    found = [name for name in rotations if (zyx[name].inv() * xyz[name]).magnitude() > ALIKE]
+    names = ", ".join(found[:NAMED]) + (f" and {len(found) - NAMED} more" if len(found) > NAMED else "")
+    notes += (f"rotation_order is {rotation_order}; the other order turns {names} differently",) if found else ()
     other = {key: value for key, value in entries.items() if key not in ("pattern", "properties")}
     kept = {key: value for key, value in pattern.items() if key not in ("panels", "stitches")}
     source = {"file": other, "pattern": kept, "properties": dict(properties)}
@@ -119,10 +125,6 @@ def entries_of(pattern: Pattern) -> dict[str, Any]:
     return {**pattern.source.get("file", {}), "pattern": body, "properties": properties}
 
 
-def _panels(pattern: Mapping[str, Any]) -> Mapping[str, Any]:
-    return _table("The pattern", pattern.get("panels"), "panels")
-
-
 def _metres(properties: Mapping[str, Any]) -> tuple[float, tuple[str, ...]]:
     """Metres in a unit of the file, and a note where it is assumed."""
     if "units_in_meter" not in properties:
@@ -141,14 +143,6 @@ def _rotation(angles: Floats, order: str) -> Rotation:
 def _angles(angles: Floats, order: str) -> Floats:
     """The angles of R = Rz Ry Rx that turn as `angles` do in the `order` [rad]."""
     return angles if order == "zyx" else np.asarray(_rotation(angles, order).as_euler("xyz"), np.float64)
-
-
-def _order_notes(rotations: Mapping[str, Floats], chosen: str) -> tuple[str, ...]:
-    """A note with the panels that the other order of rotations would turn differently."""
-    zyx, xyz = ({name: _rotation(angles, order) for name, angles in rotations.items()} for order in ORDERS)
-    found = [name for name in rotations if (zyx[name].inv() * xyz[name]).magnitude() > ALIKE]
-    names = ", ".join(found[:NAMED]) + (f" and {len(found) - NAMED} more" if len(found) > NAMED else "")
-    return (f"rotation_order is {chosen}; the other order turns {names} differently",) if found else ()
 
 
 def _panel(name: str, entries: Mapping[str, Any], unit: float, absolute: bool, rotation: Floats) -> Panel:

@@ -29,10 +29,17 @@ class Camera:
         local = (points - self.position) @ self.axes.T
         return local[:, :2] / (-local[:, 2:] * self.tangents)
 
+    def columns(self, width: int) -> Floats:
+        """The position of the middle of each pixel at distance 1, to the right, (width,)."""
+        return ((np.arange(width) + 0.5) / width * 2 - 1) * self.tangents[0]
+
+    def rows(self, height: int) -> Floats:
+        """The same upwards, row 0 on top, (height,)."""
+        return (1 - (np.arange(height) + 0.5) / height * 2) * self.tangents[1]
+
     def directions(self, width: int, height: int) -> Floats:
         """The direction through the middle of each pixel, row 0 on top, (height, width, 3), not normalised."""
-        x = ((np.arange(width) + 0.5) / width * 2 - 1) * self.tangents[0]
-        y = (1 - (np.arange(height) + 0.5) / height * 2) * self.tangents[1]
+        x, y = self.columns(width), self.rows(height)
         right, up, backward = self.axes
         return x[None, :, None] * right + y[:, None, None] * up - backward
 

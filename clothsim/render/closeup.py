@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.render.camera import Camera, Margins, three_quarter_view
+from clothsim.render.camera import Camera, three_quarter_view
 from clothsim.render.legend import add_legend, margins
-from clothsim.render.picture import PictureSetup, picture_setup, rendered_without_legend
+from clothsim.render.picture import picture_setup, rendered_without_legend
 from clothsim.render.surface_look import Surface
 
 INK = (196, 0, 120)
@@ -63,7 +63,13 @@ def draw_closeup(
         outline = pixels(setup.camera, corners, setup.size)
         pen.line([*map(tuple, outline), tuple(outline[0])], fill=(40, 40, 46, 70), width=1)
     ring(pen, pixels(setup.camera, point[None], setup.size)[0], setup.size)
-    _lighten(pen, margins(setup.size, setup.scale is not None, caption), setup)
+    room = margins(setup.size, setup.scale is not None, caption)
+    # half transparent below the title and the bar: in a close-up dark surfaces may lie there
+    (width, height), white = setup.size, (255, 255, 255, 170)
+    bottom = room.top * height / 2 if setup.title else 0
+    pen.rectangle([0, 0, width, bottom], fill=white)
+    if setup.scale is not None:
+        pen.rectangle([width * (1 - room.right / 2), bottom + 1, width, height], fill=white)
     legend = add_legend(np.asarray(picture, float) / 255, setup.scale, caption)
     Image.fromarray(legend).save(path, format="PNG")
     return setup.note
@@ -149,15 +155,6 @@ def pixels(camera: Camera, points: Floats, size: tuple[int, int]) -> Floats:
     """Pixel coordinates of points (n, 3), from its upper left corner, (n, 2)."""
     x, y = camera.project(points).T
     return np.column_stack([(x + 1) / 2 * size[0], (1 - y) / 2 * size[1]])
-
-
-def _lighten(pen: Any, room: Margins, setup: PictureSetup) -> None:
-    """White, half transparent, below the title and the bar: in a close-up dark surfaces may lie there."""
-    (width, height), white = setup.size, (255, 255, 255, 170)
-    bottom = room.top * height / 2 if setup.title else 0
-    pen.rectangle([0, 0, width, bottom], fill=white)
-    if setup.scale is not None:
-        pen.rectangle([width * (1 - room.right / 2), bottom + 1, width, height], fill=white)
 
 
 def ring(pen: Any, centre: Floats, size: tuple[int, int]) -> None:

@@ -10,6 +10,7 @@ from PIL import Image
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.base.safe_files.atomic import replacing
+from clothsim.base.safe_files.record import GIF_NAME, MOVIE_NAME
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import PictureSetup, picture_setup, pixel_counts, rendered
 from clothsim.render.surface_look import Surface
@@ -95,9 +96,6 @@ def _pictures(
     for number, surfaces in enumerate(frames):
         yield rendered(setup, surfaces)
         progress(number + 1, len(frames))
-
-
-MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
 
 
 def movie_file(directory: Path) -> tuple[Path, str]:

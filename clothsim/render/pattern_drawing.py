@@ -13,11 +13,9 @@ from matplotlib.figure import Figure
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.patterns.borders import enclosed_area
-from clothsim.patterns.pattern import Panel, Pattern, Side
+from clothsim.patterns.pattern import SAMPLES, Panel, Pattern, Side
 
 FORMATS = (".svg", ".png", ".pdf")
-SAMPLES = 33
-"""Points that an edge is drawn with."""
 GAP = 0.06
 """Distance between panels [m]."""
 FABRIC, OUTLINE, TEXT = "#f3efe8", "#55524c", "#1d1d1b"
@@ -56,7 +54,7 @@ def draw_pattern(file: str | Path, pattern: Pattern, title: str = "", edge_numbe
     path = Path(file)
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"{path} ends with {path.suffix!r}.", f"Known: {', '.join(FORMATS)}.")
-    outlines = {name: outline(panel) for name, panel in pattern.panels.items()}
+    outlines = {name: panel.outline for name, panel in pattern.panels.items()}
     shifts, size = laid_out(outlines)
     figure = Figure(figsize=(WIDTH, max(2.5, WIDTH * size[1] / size[0])), layout="constrained")
     FigureCanvasAgg(figure)
@@ -73,12 +71,6 @@ def draw_pattern(file: str | Path, pattern: Pattern, title: str = "", edge_numbe
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "pattern"}):
         figure.savefig(path, dpi=120, metadata={"Date": None} if path.suffix.lower() == ".svg" else None)
     return path
-
-
-def outline(panel: Panel) -> Floats:
-    """Border of a panel as a closed polygon, (k, 2) [m]."""
-    share = np.linspace(0, 1, SAMPLES)[:-1]
-    return np.concatenate([panel.edge_points(number, share) for number in range(len(panel.edges))])
 
 
 def laid_out(outlines: Mapping[str, Floats]) -> tuple[dict[str, Floats], Floats]:

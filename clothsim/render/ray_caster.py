@@ -14,6 +14,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
+from clothsim.base.vectors import cross, dot, minus
 from clothsim.render.camera import Camera, seen_box
 from clothsim.render.pixel_geometry import caster_over
 from clothsim.render.surface_look import Look
@@ -161,23 +162,8 @@ def _mean(corners, weights):
 
 
 @part
-def _minus(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@part
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@part
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@part
 def _unit_part(a):
-    length = max(np.sqrt(_dot(a, a)), 1e-300)
+    length = max(np.sqrt(dot(a, a)), 1e-300)
     return a[0] / length, a[1] / length, a[2] / length
 
 
@@ -212,14 +198,14 @@ def surface_at(hits, triangle, u, v, rays, corners, normals, front, back):
         t = triangle[h]
         weights = (1.0 - u[h] - v[h], np.float64(u[h]), np.float64(v[h]))
         start = _row(corners[t], 0)
-        normal = _unit_part(_cross(_minus(_row(corners[t], 1), start), _minus(_row(corners[t], 2), start)))
-        behind = _dot(normal, _row(rays, h)) > 0
+        normal = _unit_part(cross(minus(_row(corners[t], 1), start), minus(_row(corners[t], 2), start)))
+        behind = dot(normal, _row(rays, h)) > 0
         side = -1.0 if behind else 1.0
         colours = back[t] if behind else front[t]
         flat = _mean(corners[t], weights)
         _store(points, n, 1.0, flat)
         for corner in range(3):
-            bulge = side * _dot(_minus(_row(corners[t], corner), flat), _row(normals[t], corner))
+            bulge = side * dot(minus(_row(corners[t], corner), flat), _row(normals[t], corner))
             for k in range(3):
                 points[n, k] += weights[corner] * max(bulge, 0.0) * side * normals[t, corner, k]
         for k in range(3):
@@ -235,8 +221,8 @@ def light_rays(smooth, pattern, to_key, hemisphere, disc):
     directions = np.empty((1 + SKY_RAYS, len(smooth), 3), np.float32)
     for n in range(len(smooth)):
         normal = _row(smooth, n)
-        tangent = _unit_part(_cross(normal, (0.0, 1.0, 0.0) if abs(normal[0]) > 0.7 else (1.0, 0.0, 0.0)))
-        bitangent = _cross(normal, tangent)
+        tangent = _unit_part(cross(normal, (0.0, 1.0, 0.0) if abs(normal[0]) > 0.7 else (1.0, 0.0, 0.0)))
+        bitangent = cross(normal, tangent)
         p = pattern[n]
         for k in range(3):
             directions[0, n, k] = to_key[0, k] + _SUN_RADIUS * (disc[p, 0] * to_key[1, k] + disc[p, 1] * to_key[2, k])
@@ -284,20 +270,20 @@ def shaded(hits, light, smooth, paint, rays, up, to_key, to_fill):
         h = hits[n]
         normal = _row(smooth, n)
         key, sky = light[h, 0], light[h, 1]
-        lambert = max(_dot(normal, to_key), 0.0) * key
-        fill = (0.5 + 0.5 * _dot(normal, to_fill)) ** 2 * (0.4 + 0.6 * sky)
-        upward = 0.5 + 0.5 * _dot(normal, up)
-        towards_eye = min(max(-_dot(normal, _row(rays, h)), 0.0), 1.0)
+        lambert = max(dot(normal, to_key), 0.0) * key
+        fill = (0.5 + 0.5 * dot(normal, to_fill)) ** 2 * (0.4 + 0.6 * sky)
+        upward = 0.5 + 0.5 * dot(normal, up)
+        towards_eye = min(max(-dot(normal, _row(rays, h)), 0.0), 1.0)
         rim = 0.04 * (1 - towards_eye) ** 4 * sky
         for k in range(3):
             ambient = (upward * _SKY[k] + (1 - upward) * _GROUND[k]) * (0.10 + 0.90 * sky)
             linear = paint[n, k] ** 2.2 * (_KEY[k] * lambert + _FILL[k] * fill + ambient) + rim
-            out[n, k] = _rolled_off(linear) ** (1 / 2.2)
+            out[n, k] = _compress_highlights(linear) ** (1 / 2.2)
     return out
 
 
 @part
-def _rolled_off(linear):
+def _compress_highlights(linear):
     """Smooth compression of the brightest fifth, without hard clipping."""
     if linear <= 0.8:
         return linear

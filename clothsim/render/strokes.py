@@ -3,6 +3,7 @@
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.linalg import unit
 
 INK = np.array([0.13, 0.13, 0.16])
 ACROSS = 22
@@ -42,8 +43,8 @@ def crosses(centres: Floats, directions: Floats, stretches: Floats, spacing: flo
 def ribbons(strokes: Floats, spacing: float) -> tuple[Floats, Floats]:
     """Thin rectangles over both sides of the cloth along strokes (k, 2, 2, 3): corners and normals (8 k, 3, 3)."""
     along = strokes[:, :, 1] - strokes[:, :, 0]
-    normals = _unit(np.cross(along[:, 0], along[:, 1]))[:, None, :]
-    aside = 0.5 * spacing * np.array(WIDTHS)[None, :, None] * _unit(np.cross(normals, along))
+    normals = unit(np.cross(along[:, 0], along[:, 1]))[:, None, :]
+    aside = 0.5 * spacing * np.array(WIDTHS)[None, :, None] * unit(np.cross(normals, along))
     corners, facing = [], []
     for side in (LIFT * spacing, -LIFT * spacing):
         start, end = (strokes[:, :, k] + side * normals for k in (0, 1))
@@ -52,7 +53,3 @@ def ribbons(strokes: Floats, spacing: float) -> tuple[Floats, Floats]:
         outward = np.broadcast_to(np.sign(side) * normals, along.shape).reshape(-1, 1, 3)
         facing += 2 * [np.broadcast_to(outward, (len(quads), 3, 3))]
     return np.concatenate(corners), np.concatenate(facing)
-
-
-def _unit(vectors: Floats) -> Floats:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter
-from scipy.ndimage import map_coordinates
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.render.camera import Camera
@@ -80,16 +79,32 @@ def _floor_light(triangles: Floats, camera: Camera, size: tuple[int, int], up: F
     per_texel = (1 + 2 * _PAD) * extent / _TEXELS
     texture = _shadow_texture((flat - origin) / per_texel, (heights.mean(axis=1) - floor) / extent, extent / per_texel)
 
-    rays = camera.directions(*size)
-    fall = -(rays @ vertical)
+    def along(direction: Floats) -> Floats:
+        """Component of the ray of each pixel along a direction, (height, width)."""
+        across, upward, backward = camera.axes @ direction
+        return (camera.columns(size[0]) * across)[None] + (camera.rows(size[1]) * upward - backward)[:, None]
+
+    fall = -along(vertical)
     above = float(camera.position @ vertical - floor)
     if above <= 0:
         return np.ones(fall.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(fall > 1e-6, above / fall, 0.0)
-    on_plane = (camera.position @ plane.T + distance[:, :, None] * (rays @ plane.T) - origin) / per_texel - 0.5
-    light = map_coordinates(texture, [on_plane[:, :, 1], on_plane[:, :, 0]], order=1, mode="constant", cval=1.0)
-    return np.where(fall > 1e-6, light, 1.0)
+    start = (camera.position @ plane.T - origin) / per_texel - 0.5
+    on_plane = np.stack([start[k] + distance * along(plane[k] / per_texel) for k in range(2)], axis=2)
+    inside = (fall > 1e-6) & ((on_plane >= 0.0) & (on_plane <= _TEXELS - 1.0)).all(axis=2)
+    light = np.ones(fall.shape)
+    light[inside] = _bilinear(texture, on_plane[inside])
+    return light
+
+
+def _bilinear(texture: Floats, at: Floats) -> Floats:
+    """Texture (k, k) at points (n, 2), column and row, between the middles of the texels at its edges."""
+    corner = np.minimum(at.astype(np.int64), len(texture) - 2)
+    (x, y), (column, row) = (at - corner).T, corner.T
+    upper = (1.0 - x) * texture[row, column] + x * texture[row, column + 1]
+    lower = (1.0 - x) * texture[row + 1, column] + x * texture[row + 1, column + 1]
+    return (1.0 - y) * upper + y * lower
 
 
 def _shadow_texture(flat: Floats, heights: Floats, texels_per_size: float) -> Floats:
@@ -160,26 +175,16 @@ def woven(image: Floats, geometry: PixelGeometry, cloths: np.ndarray, samples: i
     on_cloth = (geometry.surface >= 0) & cloths[geometry.surface]
     if not on_cloth.any():
         return image
-    along, across = _plane_coordinates(geometry)
-    pitch = _pitch(geometry, along, across, on_cloth) * samples * RIB_PIXELS
+    x, facing = geometry.material, np.abs(geometry.side).argmax(axis=2)
+    first, second = np.array([1, 0, 0])[facing], np.array([2, 2, 1])[facing]
+    along, across = tuple(np.take_along_axis(x, axes[..., None], axis=2)[..., 0] for axes in (first, second))
+    both = on_cloth[:, 1:] & on_cloth[:, :-1] & (geometry.surface[:, 1:] == geometry.surface[:, :-1])
+    steps = np.hypot(np.diff(along, axis=1), np.diff(across, axis=1))[both]
+    pitch = (float(np.median(steps)) if len(steps) else 1.0) * samples * RIB_PIXELS
     factor = 1.0 + RIB_DEPTH * _wave((along + across) / pitch, geometry, on_cloth)
     factor += THREAD_DEPTH * _wave((along - across) / (0.5 * pitch), geometry, on_cloth)
     sheen = np.where(on_cloth, SHEEN * (1.0 - geometry.facing) ** 3, 0.0)
     return np.clip(image * _mean(factor, samples) + _mean(sheen, samples) * (1.0 - image), 0.0, 1.0)
-
-
-def _plane_coordinates(geometry: PixelGeometry) -> tuple[Floats, Floats]:
-    """Two coordinates of the material in the plane of the axes that its side faces least [m]."""
-    x, facing = geometry.material, np.abs(geometry.side).argmax(axis=2)
-    first, second = np.array([1, 0, 0])[facing], np.array([2, 2, 1])[facing]
-    return tuple(np.take_along_axis(x, axes[..., None], axis=2)[..., 0] for axes in (first, second))  # type: ignore[return-value]
-
-
-def _pitch(geometry: PixelGeometry, along: Floats, across: Floats, on_cloth: np.ndarray) -> float:
-    """Median distance in the material between neighbouring samples [m]."""
-    both = on_cloth[:, 1:] & on_cloth[:, :-1] & (geometry.surface[:, 1:] == geometry.surface[:, :-1])
-    steps = np.hypot(np.diff(along, axis=1), np.diff(across, axis=1))[both]
-    return float(np.median(steps)) if len(steps) else 1.0
 
 
 def _wave(phase: Floats, geometry: PixelGeometry, on_cloth: np.ndarray) -> Floats:

@@ -144,13 +144,13 @@ def smoothed(surface: Surface) -> Surface:
         if 4 * len(triangles) > MOST_TRIANGLES:
             break
         x, triangles, edges = _halved(x, triangles)
-        values, material = _with_means(values, edges), _with_means(material, edges)
+        values, material = _append_means(values, edges), _append_means(material, edges)
     parts = len(triangles) // max(len(surface.triangles), 1)
     whole = replace(surface, positions=x, triangles=triangles, principal_stretches=np.zeros((0, 2)))
     return replace(whole, values=values, material=material, fabrics=np.repeat(surface.fabrics, parts))
 
 
-def _with_means(values: Floats, edges: Ints) -> Floats:
+def _append_means(values: Floats, edges: Ints) -> Floats:
     """Numbers at the vertices, if there are any, and at the middles of the edges."""
     return np.concatenate([values, values[edges].mean(axis=1)]) if len(values) else values
 
@@ -162,15 +162,10 @@ def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
     a, b, c = triangles.T
     ab, bc, ca = (number.reshape(-1, 3) + len(x)).T
     quarters = np.stack([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]], axis=0)
-    middles = _middles(x, vertex_normals(x, triangles), edges)
-    return np.concatenate([x, middles]), quarters.transpose(2, 0, 1).reshape(-1, 3), edges
-
-
-def _middles(x: Floats, normals: Floats, edges: Ints) -> Floats:
-    """Middles of edges on the smooth surface; of one along which it turns sharply its own."""
-    ends, n = x[edges], normals[edges]
+    ends, n = x[edges], vertex_normals(x, triangles)[edges]
     middle = ends.mean(axis=1)
     off = np.einsum("ijk,ijk->ij", middle[:, None] - ends, n)
     bulge = -(off[..., None] * n).mean(axis=1)
     turned = np.einsum("ik,ik->i", n[:, 0], n[:, 1]) < COS_SHARP
-    return middle + SHAPE * np.where(turned[:, None], 0.0, bulge)
+    middles = middle + SHAPE * np.where(turned[:, None], 0.0, bulge)
+    return np.concatenate([x, middles]), quarters.transpose(2, 0, 1).reshape(-1, 3), edges

@@ -18,6 +18,7 @@ def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     certificate = summary["certificate"]
     return [
         *_contact_and_balance(certificate, "body_contact" in summary["effects"]),
+        *(("checked", text) for text in _effort(summary.get("exact_check"))),
         *(("WARNING", text) for text in summary.get("warnings", ())),
         ("rest", _rest(certificate)),
         *(("unstable", text) for text in _unstable(certificate)),
@@ -73,6 +74,14 @@ def _pinch(certificate: dict[str, Any]) -> list[str]:
     end = f"{record['now']:,} STILL CARRIED" if record["now"] else "all released"
     exempt = f"exempt from contact: at most {many(record['exempt_pairs'], 'pair')} of their triangles intersect"
     return [f"{record['vertices']:,} vertices carried, at most {record['most']:,} at once, {times}; {end}; {exempt}"]
+
+
+def _effort(checks: dict[str, int] | None) -> list[str]:
+    """A line on what the exact check tested, and what it had proved before; none of a summary of an earlier version."""
+    if not checks:
+        return []
+    tested = f"{many(checks['states'], 'state')} exactly: {many(checks['pairs_tested'], 'pair')} of triangles tested"
+    return [f"{tested}, {checks['pairs_proved']:,} proved apart since an earlier state"]
 
 
 def _rest(certificate: dict[str, Any]) -> str:

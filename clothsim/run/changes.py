@@ -43,8 +43,8 @@ def with_fabric(
     names = [each.name for each in world.cloths]
     k = number_of("cloth", cloth, names)
     table = {**scene.cloths[k], **keys, **({} if fabric is None else {"fabric": fabric})}
-    made, _ = fabric_of(table, names[k])
     scene = replace(scene, cloth=[table if i == k else each for i, each in enumerate(scene.cloths)])
+    made, _ = fabric_of(scene.cloths[k], names[k])
     cloths = tuple(replace(each, fabric=made) if i == k else each for i, each in enumerate(world.cloths))
     unclamped = replace(make_world(cloths, world.prescribed_bodies, world.rigid), origin=world.origin)
     return rebuilt(session, scene, by_hand.applied(build_effects(scene, unclamped)))

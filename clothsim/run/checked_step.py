@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from clothsim.base.errors import IntersectionWarning
+from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 from clothsim.mesh.world_surfaces import world_surfaces
 from clothsim.run.certificate.intersection_check import intersection_check_of
 from clothsim.run.certificate.intersection_history import IntersectionHistory, intersection_warnings
@@ -14,9 +15,16 @@ from clothsim.solve.stepping.state import State
 
 
 def checked_step(
-    session: Session, history: IntersectionHistory, state: State, is_frame: bool, dt: float = 0.0
+    session: Session,
+    history: IntersectionHistory,
+    state: State,
+    is_frame: bool,
+    proofs: ProvedSeparations,
+    dt: float = 0.0,
 ) -> tuple[IntersectionHistory, Failure | None]:
     """Check the state at the end of a step of `dt` [s]; the first intersection of a kind is a Python warning.
+
+    proofs: those of any other state of the same surfaces; they become those of this one.
 
     Returns
     -------
@@ -26,7 +34,7 @@ def checked_step(
         A failure where contact should have prevented the intersection.
     """
     built = session.built
-    check = intersection_check_of(world_surfaces(built.world), session.scene.effects, built.energies)
+    check = intersection_check_of(world_surfaces(built.world), session.scene.effects, built.energies, proofs)
     found = check.crossings_of(state, built.world.origin)
     broken = check.violations(found)
     if broken:

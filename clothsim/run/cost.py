@@ -3,10 +3,10 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from clothsim.base.errors import InputError
-from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.generator_keys import GENERATOR_KEYS, GarmentKeys
+from clothsim.keys.key_table import KeyTable
 from clothsim.scene.scene import Scene
 
 BYTES_AT_START, BYTES_A_VERTEX, BYTES_A_BODY_VERTEX = 2.3e8, 1.3e4, 2e3
@@ -108,22 +108,19 @@ def refuse_costly(scene: Scene) -> None:
         )
 
 
-def _vertices(keys: Mapping[str, Any]) -> int:
+def _vertices(keys: KeyTable) -> int:
     """Number of vertices of a generated mesh; 0 of a file, and of those that no key makes large."""
-    mesh = keys.get("mesh")
+    mesh = getattr(keys, "mesh", None)
     if not isinstance(mesh, str) or mesh not in GENERATOR_KEYS:
         return 0
-    if "edge" in GENERATOR_KEYS[mesh].__dataclass_fields__:
-        return round(
-            GARMENT_AREA / float(keys.get("edge", GENERATOR_KEYS[mesh].__dataclass_fields__["edge"].default)) ** 2
-        )
+    if isinstance(keys, GarmentKeys):
+        return round(GARMENT_AREA / keys.edge**2)
     count = _COUNTS.get(mesh)
     if count is None:
         return 0
-    key = "subdivisions" if mesh == "sphere" else "cells"
-    given = keys.get(key, getattr(GENERATOR_KEYS[mesh], key))
+    given = getattr(keys, "subdivisions" if mesh == "sphere" else "cells")
     cells = [int(n) for n in given] if isinstance(given, Sequence) else [int(given)]
-    return count(*cells) + (cells[0] * cells[1] if keys.get("diagonals") == "crisscross" else 0)
+    return count(*cells) + (cells[0] * cells[1] if getattr(keys, "diagonals", "") == "crisscross" else 0)
 
 
 _COUNTS: Mapping[str, Callable[..., int]] = {

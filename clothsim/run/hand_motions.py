@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.motion import LaterMotion, RigidMotion
-from clothsim.physics.energies.pins import PinGroup, Pins
+from clothsim.physics.energies.pins import PinnedGroup, PinsConstraint
 from clothsim.scene.assembly.scene_world import Built
 
 
@@ -36,9 +36,9 @@ class HandMotions:
                 groups.pop(name, None)
             else:
                 rows, motion = pinned
-                groups[name] = PinGroup(rows, motion.positions, motion, name)
+                groups[name] = PinnedGroup(rows, motion.positions, motion, name)
         others = {name: constraint for name, constraint in built.constraints.items() if name != "pins"}
-        pins = {"pins": Pins(tuple(groups.values()))} if groups else {}
+        pins = {"pins": PinsConstraint(tuple(groups.values()))} if groups else {}
         return replace(built, constraints={**others, **pins})
 
     def with_pins(self, name: str, pinned: tuple[Ints, LaterMotion] | None) -> "HandMotions":
@@ -67,10 +67,10 @@ def hand_motions_from(fields: Mapping[str, Any]) -> HandMotions:
     return HandMotions(pins, {name: _motion(given) for name, given in fields["bodies"].items()})
 
 
-def pin_groups(built: Built) -> tuple[PinGroup, ...]:
+def pin_groups(built: Built) -> tuple[PinnedGroup, ...]:
     """The groups of pinned vertices; none where the scene pins nothing."""
     pins = built.constraints.get("pins")
-    return pins.groups if isinstance(pins, Pins) else ()
+    return pins.groups if isinstance(pins, PinsConstraint) else ()
 
 
 def standing(positions: Floats, time: float) -> LaterMotion:

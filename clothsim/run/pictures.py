@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.process_memory import peak_memory
+from clothsim.base.safe_files.record import GIF_NAME, MOVIE_NAME, SUMMARY_NAME, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
@@ -55,13 +57,10 @@ def draw_pictures(
     """Leave the pictures of a run in its directory: the last frame, where it failed, and a movie.
 
     world: of its scene; message: called with a line before each is drawn; progress: as of `draw_run`. Returns a line
-    for each that could not be drawn, which does not change the status of the run.
+    for each that could not be drawn, which does not change the status of the run. The summary gets the peak memory
+    with them.
     """
-    from clothsim.render.movie import GIF_NAME, MOVIE_NAME, movie_file
-
-    directory = run.directory
-    film, missing = movie_file(directory)
-    trouble = [missing] if movie and missing else []
+    directory, trouble = run.directory, list[str]()
     for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
         (directory / name).unlink(missing_ok=True)
     failure = run.summary.get("failure") or {}
@@ -71,6 +70,10 @@ def draw_pictures(
     if picture and failure.get("position") is not None:
         jobs.append((FAILURE_NAME, lambda: draw_failure(directory, failure, world, directory / FAILURE_NAME, run.up)))
     if movie:
+        from clothsim.render.movie import movie_file  # with what draws, which a run without pictures does not load
+
+        film, missing = movie_file(directory)
+        trouble += [missing] if missing else []
         jobs.append((film.name, lambda: draw_run(run, film, progress=progress)))
     for name, job in jobs:
         message(f"drawing {name}")
@@ -78,6 +81,9 @@ def draw_pictures(
             job()
         except (ClothsimError, OSError, ImportError) as error:
             trouble.append(f"No {name}: {error}")
+    if jobs and run.summary:  # a picture takes more than the run of a small scene
+        run.summary["peak_memory_bytes"] = max(peak_memory(), run.summary.get("peak_memory_bytes", 0))
+        write_summary(directory / SUMMARY_NAME, run.summary)
     return trouble
 
 
@@ -139,11 +145,9 @@ def draw_failure(directory: Path, failure: dict[str, Any], world: World, target:
 def upright(directory: Path) -> tuple[float, ...] | str:
     """The direction against the gravity of a run's scene; "z" where its checkpoint gives none."""
     try:
-        scene = scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text)
+        return scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text).up
     except InputError:  # no checkpoint, or one of another version: a picture does not need it
         return "z"
-    acceleration = scene.effects.get("gravity", {}).get("acceleration", (0.0, 0.0, -1.0))
-    return tuple(-float(a) for a in acceleration) if any(acceleration) else "z"
 
 
 def _title(trajectory: Trajectory, frame: int) -> str:

@@ -1,9 +1,11 @@
 """The steps of a run, written to a directory as they are taken."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
+from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,9 +14,10 @@ from numpy.typing import NDArray
 from clothsim.base.errors import InputError
 from clothsim.base.interruption import InterruptFlag, interruption
 from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
-from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, write_checkpoint
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray
+from clothsim.geometry.intersection.proved_separations import Effort, ProvedSeparations
 from clothsim.mesh.world_surfaces import world_surfaces
 from clothsim.physics.energies.protocols import is_driven
 from clothsim.run.certificate.certificate import Certificate, world_stretches
@@ -35,6 +38,9 @@ from clothsim.solve.stepping.time_loop import steps
 
 if TYPE_CHECKING:
     from clothsim.geometry.intersection.crossings import Crossing
+
+SECONDS_BETWEEN_CHECKPOINTS = 30.0
+"""Wall time after which a frame is also written as a checkpoint: what a killed process loses, and a frame [s]."""
 
 _CARRIED = "carried"
 """The array that no key asks for: 1 for a vertex that a body carries through a pinch, 0 for others."""
@@ -59,14 +65,45 @@ def watched(session: Session, step: int | None, done: int) -> tuple[Session, Ite
     return replace(session, integrator=replace(session.integrator, watch=log.watch)), log
 
 
+class _Checkpoints:
+    """The checkpoint of the last good state, on disk every SECONDS_BETWEEN_CHECKPOINTS and at the end of the block."""
+
+    def __init__(self, directory: Path) -> None:
+        self._path = directory / CHECKPOINT_NAME
+        self._due: Checkpoint | None = None
+        self._written = perf_counter()
+
+    def __enter__(self) -> "_Checkpoints":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with suppress(*([] if error is None else [InputError])):  # a full disk ended the run: the one on it stays
+            self._write()
+
+    def offer(self, checkpoint: Checkpoint) -> None:
+        """Take a later state; it is written where the time has come."""
+        self._due = checkpoint
+        if perf_counter() - self._written >= SECONDS_BETWEEN_CHECKPOINTS:
+            self._write()
+
+    def _write(self) -> None:
+        due, self._due = self._due, None
+        if due is not None:
+            write_checkpoint(self._path, due)
+            self._written = perf_counter()
+
+
 @dataclass(frozen=True)
 class _Output:
-    """The directory of a run, its two files that grow, and the intersection check of its states."""
+    """The directory of a run, its two files that grow, its checkpoints, and the intersection check of its states."""
 
     session: Session
     directory: Path
     trajectory: TrajectoryWriter
     record: RecordWriter
+    checkpoints: _Checkpoints
     check: IntersectionCheck
 
     def frame(self, state: State, report: StepReport | None = None) -> None:
@@ -83,8 +120,8 @@ class _Output:
         return _checked(self.check, self.session, state, certificate, is_frame)
 
     def save(self, state: State, certificate: Certificate) -> None:
-        """Write the checkpoint."""
-        _save(self.directory, self.session, state, certificate)
+        """Make the state the one from which the run can go on."""
+        self.checkpoints.offer(checkpoint_of(self.session, state, certificate))
 
 
 def recorded_run(
@@ -107,19 +144,20 @@ def recorded_run(
         from clothsim.solve.pinch.pinch_record import PinchRecord  # runs without the policy do not import it
 
         certificate = replace(certificate, carried=PinchRecord())
-    check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
+    check = intersection_check_of(surfaces, session.scene.effects, session.built.energies, ProvedSeparations())
     arrays = [_frame_array(name, values.shape[1:]) for name, values in _written_fields(session, state, None).items()]
     resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:
         # The checkpoint first: where the disk is full before the first frame is written, the run can still go on.
         certificate, _ = _checked(check, session, state, certificate, is_frame=True)
-        _save(directory, session, state, certificate)
+        write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate))
     with (
+        _Checkpoints(directory) as checkpoints,
         TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=resume_frame, fields=arrays) as trajectory,
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed and state.step else None) as record,
     ):
         (directory / SUMMARY_NAME).unlink(missing_ok=True)  # not before: one that cannot continue keeps it
-        output = _Output(session, directory, trajectory, record, check)
+        output = _Output(session, directory, trajectory, record, checkpoints, check)
         if not resume_frame:
             output.frame(state)
         warm = perf_counter() - started
@@ -231,10 +269,8 @@ def _checked(
     check: IntersectionCheck, session: Session, state: State, certificate: Certificate, is_frame: bool
 ) -> "tuple[Certificate, tuple[Crossing, ...]]":
     """The certificate with the intersections of a state, and those."""
-    found = check.crossings_of(state, session.built.world.origin)
+    with session.integrator.potential.timers.phase("exact check"):
+        found = check.crossings_of(state, session.built.world.origin)
     history = certificate.intersections.after(check, found, state, is_frame)
-    return replace(certificate, intersections=history), found
-
-
-def _save(directory: Path, session: Session, state: State, certificate: Certificate) -> None:
-    write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate))
+    checks = certificate.checks + (Effort() if check.proofs is None else check.proofs.take_effort())
+    return replace(certificate, intersections=history, checks=checks), found

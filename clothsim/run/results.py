@@ -29,7 +29,7 @@ from clothsim.run.pictures import (
     frame_picture,
     upright,
 )
-from clothsim.scene.scene import scene_from_text
+from clothsim.scene.scene import Scene, scene_from_text
 
 if TYPE_CHECKING:
     from clothsim.run.export import Exported
@@ -154,7 +154,7 @@ class Run(Sequence[Frame]):
         facts.append(("frames", f"{len(self)}, to {self.times[-1]:g} s" if len(self) else "0"))
         facts += [(name, str(self.summary[name])) for name in ("steps", "newton_iterations") if name in self.summary]
         try:
-            return facts + (certificate_rows(self.summary) if self.summary else [])
+            return facts + self.certificate_rows
         except KeyError:  # of an earlier version
             certificate = self.summary.get("certificate") or {}
             return facts + [(name.replace("_", " "), str(value)) for name, value in certificate.items()]
@@ -269,7 +269,17 @@ class Run(Sequence[Frame]):
         """The scene of the checkpoint, built once for all fields."""
         from clothsim.scene.assembly.scene_world import build
 
-        return build(scene_from_text(read_checkpoint(self.directory / CHECKPOINT_NAME).scene_text, self.directory))
+        return build(self.scene)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the run, from its checkpoint. InputError where there is none."""
+        return scene_from_text(read_checkpoint(self.directory / CHECKPOINT_NAME).scene_text, self.directory)
+
+    @property
+    def certificate_rows(self) -> list[tuple[str, str]]:
+        """Names and texts of what the run certifies at its end, with its warnings; none before."""
+        return certificate_rows(self.summary) if self.summary else []
 
     def record(self) -> list[dict[str, Any]]:
         """The entries of the record, one a step; none where the run kept no record."""

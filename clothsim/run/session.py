@@ -8,7 +8,6 @@ from clothsim.base.errors import InputError
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import CONVERGED, Solver
 from clothsim.mesh.motion import RigidMotion
-from clothsim.physics.energies.gravity import Gravity
 from clothsim.physics.energies.hessians import ByElement
 from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
 from clothsim.scene.assembly.scene_world import Built
@@ -205,8 +204,8 @@ def _newton_settings(scene: Scene, built: Built) -> tuple[NewtonSettings, str]:
 
 def _gravity(built: Built) -> float:
     """The acceleration by which speeds are called slow [m/s2]: that of the scene, or the earth's where it has none."""
-    gravity = built.energies.get("gravity")
-    size = float(np.linalg.norm(gravity.acceleration)) if isinstance(gravity, Gravity) else 0.0
+    acceleration = getattr(built.energies.get("gravity"), "acceleration", None)  # without an import of the effect
+    size = 0.0 if acceleration is None else float(np.linalg.norm(acceleration))
     return size or STANDARD_GRAVITY
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
+from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 from clothsim.keys.keys import refuse_absent
 from clothsim.run.certificate.intersection_history import IntersectionHistory
 from clothsim.run.changes import (
@@ -33,7 +34,6 @@ from clothsim.run.session import Session, prepare
 from clothsim.run.simulation_state import SimulationError, SimulationState, starting_state, state_after
 from clothsim.run.step_lengths import refuse_leaps
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene
 from clothsim.solve.stepping.failure import Failure
 from clothsim.solve.stepping.state import Rest, State, first_state
@@ -94,10 +94,19 @@ class Simulation:
     def __init__(self, scene: Scene) -> None:
         session = prepare(scene, build(scene))
         state = first_state(session.built.world, session.integrator.dt)
-        history, _ = checked_step(session, IntersectionHistory(), state, is_frame=True)
-        self._begin(session, state, HandMotions(), history)
+        proofs = ProvedSeparations()
+        history, _ = checked_step(session, IntersectionHistory(), state, is_frame=True, proofs=proofs)
+        self._begin(session, state, HandMotions(), history, proofs)
 
-    def _begin(self, session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory) -> None:
+    def _begin(
+        self,
+        session: Session,
+        state: State,
+        by_hand: HandMotions,
+        history: IntersectionHistory,
+        proofs: ProvedSeparations | None = None,
+    ) -> None:
+        self._proofs = proofs or ProvedSeparations()
         self._session, self._state, self._by_hand, self._history = session, state, by_hand, history
         self.state: SimulationState = starting_state(session.built.world, state)
         self._configuration = Configuration(session.built.world, state.positions, session.built.energies)
@@ -148,7 +157,9 @@ class Simulation:
         report = next_step(integrator, self._state, run.duration, run.frames_per_second)
         history, self.failure = self._history, report.failure
         if report.failure is None:
-            history, self.failure = checked_step(self._session, history, report.state, report.frame_done, report.dt)
+            history, self.failure = checked_step(
+                self._session, history, report.state, report.frame_done, self._proofs, report.dt
+            )
         if self.failure is not None:
             raise SimulationError(self.failure)
         world, energies = self._session.built.world, report.potential.energies
@@ -237,7 +248,7 @@ class Simulation:
 
     def _key(self, effect: str, key: str) -> Any:
         refuse_absent("effect", effect, self.scene.effects)
-        return self.scene.effects[effect].get(key, EFFECTS[effect].keys()[key])
+        return getattr(self.scene.effects[effect], key)
 
     def set_fabric(self, fabric: str | None = None, *, cloth: str | None = None, **keys: float) -> None:
         """Give a cloth another fabric: its masses and all energies are made again, its shape at rest stays.

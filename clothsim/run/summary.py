@@ -128,6 +128,7 @@ def summary_of(
         "rejected_steps": sum(entry.get("rejected", 0) for entry in record),
         "restarted_steps": sum(entry.get("restarted", False) for entry in record),
         "linear_solves": potential.timers.linear_solves,
+        "exact_check": asdict(certificate.checks),
         "peak_memory_bytes": peak_memory(),
         "vertices": world.n_cloth,
         "triangles": len(world.triangles),

@@ -1,17 +1,21 @@
 """Table of effects: the names of a scene and the functions that build them.
 
-A new effect is one file and one line here. A builder takes the world and, by keyword, the keys of the effect in a
-scene. It returns an Energy; or `Off` with the reason why there is nothing to do; or, where it constrains vertices, the
-world and a Constraint. A module is imported only when a scene names its effect. `docs/extending.md` has an example.
+A new effect is one file and one line here. A builder takes the world and the keys of the effect in a scene, which are
+checked, and returns an Energy; or `Off` with the reason why there is nothing to do; or, where it constrains vertices,
+the world and a Constraint. A module is imported only when a scene names its effect. `docs/extending.md` has an example.
 """
 
 import importlib
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
+from functools import cached_property
 from typing import Any
 
 from clothsim.base.errors import InputError
+from clothsim.keys.builder_keys import is_builder, keys_of_builder, takes_keys
+from clothsim.keys.schema import keys_of
+from clothsim.keys.typed_effects import EffectKeys
 
 
 @dataclass(frozen=True)
@@ -25,17 +29,29 @@ class Effect:
         `clothsim.physics`.
     summary : str
         A few words on what it is.
+    section : str or type
+        The class of its keys: a name in `clothsim.keys.typed_effects`, or "module:class". Left out: the class by which
+        the builder annotates its second argument, or one made of the builder's keywords.
     """
 
     builder: str | Callable[..., Any]
     summary: str
+    section: str | type[EffectKeys] = ""
 
     def load(self) -> Callable[..., Any]:
         """Import the builder."""
-        if callable(self.builder):
-            return self.builder
-        module, function = self.builder.split(":")
-        return getattr(importlib.import_module(module, "clothsim.physics"), function)
+        return self.builder if callable(self.builder) else _named(self.builder)
+
+    @cached_property
+    def keys_class(self) -> type[EffectKeys]:
+        """The class of the keys; of those with a `section` nothing else is imported."""
+        if isinstance(self.section, type):
+            return self.section
+        if not self.section:
+            return keys_of_builder(self.load())
+        name = self.section if ":" in self.section else f"clothsim.keys.typed_effects:{self.section}"
+        found: type[EffectKeys] = _named(name)
+        return found
 
     def example(self) -> Any:
         """The `EXAMPLE` beside the builder, for tests; one of default keys where there is none."""
@@ -43,22 +59,23 @@ class Effect:
         return own or importlib.import_module("clothsim.physics.energies.example").Example()
 
     def keys(self) -> dict[str, Any]:
-        """The keys of a scene with their defaults: the builder's keywords."""
-        return {key: default for key, default in self._keywords().items() if key not in SUPPLIED}
+        """The keys of a scene with their defaults; `inspect.Parameter.empty` for one that must be given."""
+        known = keys_of(self.keys_class)
+        return {name: inspect.Parameter.empty if key.default is MISSING else key.default for name, key in known.items()}
 
     @property
     def sees_others(self) -> bool:
         """True where the builder looks at the effects built before it."""
-        return not {"contacts", "built"}.isdisjoint(self._keywords())
+        return not {"contacts", "built"}.isdisjoint(inspect.signature(self.load()).parameters)
 
-    def build(self, world: Any, keys: Mapping[str, Any], supplied: Mapping[str, Any]) -> Any:
+    def build(self, world: Any, keys: EffectKeys, supplied: Mapping[str, Any]) -> Any:
         """Call the builder.
 
         Parameters
         ----------
         world : World
             Cloths and bodies.
-        keys : dict
+        keys : EffectKeys
             Keys of the scene.
         supplied : dict
             Values of SUPPLIED, passed where the builder has a keyword of the name.
@@ -67,37 +84,38 @@ class Effect:
         -------
         Energy, Off, or (World, Constraint)
         """
-        own = self._keywords()
-        return self.load()(world, **keys, **{key: value for key, value in supplied.items() if key in own})
-
-    def _keywords(self) -> dict[str, Any]:
-        parameters = inspect.signature(self.load()).parameters.values()
-        return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+        builder = self.load()
+        own = inspect.signature(builder).parameters
+        more = {key: value for key, value in supplied.items() if key in own}
+        return builder(world, keys, **more) if takes_keys(builder) else builder(world, **keys.as_table(), **more)
 
 
-SUPPLIED = ("contacts", "built")
-"""Keywords of builders that no scene gives: the names of the contacts that are on, and the energies built so far, by
-name."""
+def _named(text: str) -> Any:
+    """What "module:name" names; a leading dot stands for `clothsim.physics`."""
+    module, name = text.split(":")
+    return getattr(importlib.import_module(module, "clothsim.physics"), name)
 
 
 EFFECTS = {
-    "pins": Effect(".energies.pins:pins", "vertices fixed or on a prescribed motion"),
-    "inertia": Effect(".energies.inertia:inertia", "mass times acceleration"),
-    "membrane": Effect(".energies.membrane:membrane", "stretch and shear"),
-    "fibres": Effect(".energies.fibres:fibres", "threads along warp and weft"),
-    "strain_limit": Effect(".energies.strain_limit:strain_limit", "upper limits of the stretches"),
-    "bending": Effect(".energies.bending:bending", "resistance to folding"),
-    "rest_angle": Effect(".energies.rest_angle:rest_angle", "creases and pleats with a rest angle"),
-    "gravity": Effect(".energies.gravity:gravity", "weight"),
-    "springs": Effect(".energies.springs:springs", "springs, tethers and soft pins to positions in space"),
-    "pressure": Effect(".energies.pressure:pressure", "fluid pressure along the normals"),
-    "air": Effect(".energies.air:air", "drag and lift in still air or wind"),
-    "damping": Effect(".energies.damping:damping", "damping of velocity, strain rate and bending rate"),
-    "body_contact": Effect(".contact.body_contact:body_contact", "cloth against bodies"),
-    "self_contact": Effect(".contact.self_contact:self_contact", "cloth against cloth"),
-    "seams": Effect(".energies.seams:seams", "borders drawn together over time, then joined"),
-    "plastic_bending": Effect(".energies.plastic_bending:plastic_bending", "permanent folds beyond a yield"),
-    "friction": Effect(".contact.friction_coefficients:friction", "resistance of contacts to sliding"),
+    "pins": Effect(".energies.pins:pins", "vertices fixed or on a prescribed motion", "Pins"),
+    "inertia": Effect(".energies.inertia:inertia", "mass times acceleration", "Inertia"),
+    "membrane": Effect(".energies.membrane:membrane", "stretch and shear", "Membrane"),
+    "fibres": Effect(".energies.fibres:fibres", "threads along warp and weft", "Fibres"),
+    "strain_limit": Effect(".energies.strain_limit:strain_limit", "upper limits of the stretches", "StrainLimit"),
+    "bending": Effect(".energies.bending:bending", "resistance to folding", "Bending"),
+    "rest_angle": Effect(".energies.rest_angle:rest_angle", "creases and pleats with a rest angle", "RestAngle"),
+    "gravity": Effect(".energies.gravity:gravity", "weight", "Gravity"),
+    "springs": Effect(".energies.springs:springs", "springs, tethers and soft pins to positions in space", "Springs"),
+    "pressure": Effect(".energies.pressure:pressure", "fluid pressure along the normals", "Pressure"),
+    "air": Effect(".energies.air:air", "drag and lift in still air or wind", "Air"),
+    "damping": Effect(".energies.damping:damping", "damping of velocity, strain rate and bending rate", "Damping"),
+    "body_contact": Effect(".contact.body_contact:body_contact", "cloth against bodies", "BodyContact"),
+    "self_contact": Effect(".contact.self_contact:self_contact", "cloth against cloth", "SelfContact"),
+    "seams": Effect(".energies.seams:seams", "borders drawn together over time, then joined", "Seams"),
+    "plastic_bending": Effect(
+        ".energies.plastic_bending:plastic_bending", "permanent folds beyond a yield", "PlasticBending"
+    ),
+    "friction": Effect(".contact.friction_coefficients:friction", "resistance of contacts to sliding", "Friction"),
 }
 
 CONTACTS = ("body_contact", "self_contact")
@@ -109,7 +127,8 @@ def register_effect(name: str, builder: Callable[..., Any], summary: str = "") -
     Parameters
     ----------
     name : the effect's name in scenes, a Python identifier that the table does not have.
-    builder : `builder(world, *, key=default, ...)` returns an Energy or `Off`; its keywords are the scene's keys.
+    builder : `builder(world, *, key=default, ...)` returns an Energy or `Off`; its keywords are the scene's keys. Or
+        `builder(world, keys: Keys)`, Keys a frozen dataclass of `EffectKeys` with types, units and ranges.
     summary : one line on the effect; by default the first line of the builder's docstring.
 
     Raises
@@ -130,20 +149,10 @@ def register_effect(name: str, builder: Callable[..., Any], summary: str = "") -
         raise InputError(f"{name!r} cannot name an effect.", "Take letters, digits and underscores.")
     if name in EFFECTS:
         raise InputError(f"There is already an effect {name!r}.", f"Take another name than {', '.join(EFFECTS)}.")
-    if not _takes_a_world_and_keywords(builder):
+    if not is_builder(builder):
         raise InputError(
             f"The builder of the effect {name!r} must take the world and keywords, not {builder!r}.",
-            "Write def builder(world, *, strength=1.0).",
+            "Write def builder(world, *, strength=1.0), or def builder(world, keys: MyKeys).",
         )
-    EFFECTS[name] = Effect(builder, summary or (inspect.getdoc(builder) or name).splitlines()[0])
-
-
-def _takes_a_world_and_keywords(builder: Any) -> bool:
-    """True for a callable of one positional argument whose keywords all have defaults."""
-    try:
-        parameters = inspect.signature(builder).parameters.values()
-    except (TypeError, ValueError):  # nothing that can be called, or a class of C without a signature
-        return False
-    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
-    required = [p for p in parameters if p.kind is p.KEYWORD_ONLY and p.default is p.empty and p.name not in SUPPLIED]
-    return len(positional) == 1 and not required
+    summary = summary or (inspect.getdoc(builder) or name).splitlines()[0]
+    EFFECTS[name] = Effect(builder, summary, keys_of_builder(builder, name))

@@ -10,7 +10,6 @@ from clothsim.keys.model_keys import ModelTable
 from clothsim.keys.rigid_keys import RigidTable
 from clothsim.keys.schema import Key, SceneKey, choices, keys_of, members
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
-from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.reference import sections
 
@@ -27,7 +26,8 @@ def json_schema() -> dict[str, Any]:
         is checked when the scene is read.
     """
     meshes: tuple[type, ...] = (FilePart, *GENERATOR_KEYS.values())
-    effects = {name: _effect(name) for name in EFFECTS}
+    described = {name: sections()[f"effects.{name}"].summary for name in EFFECTS}
+    effects = {name: _object(described[name], (effect.keys_class,), ()) for name, effect in EFFECTS.items()}
     properties = {
         "cloth": _one_or_several(_object("A cloth", (ClothTable, PatternFile, *meshes), ("mesh",))),
         "body": _one_or_several(_object("A body", (BodyTable, FramesTable, ModelTable, *meshes), ())),
@@ -44,15 +44,6 @@ def json_schema() -> dict[str, Any]:
         "required": ["cloth"],
         "additionalProperties": False,
     }
-
-
-def _effect(name: str) -> dict[str, Any]:
-    if name in TYPED_EFFECTS:
-        kind = TYPED_EFFECTS[name]
-        return _object((kind.__doc__ or "").splitlines()[0], (kind,), ())
-    section = sections()[f"effects.{name}"]
-    keys = {key: {"description": known.key.meaning} for key, known in section.keys.items()}
-    return {"type": "object", "description": section.summary, "properties": keys, "additionalProperties": False}
 
 
 def _object(description: str, kinds: tuple[type, ...], required: tuple[str, ...]) -> dict[str, Any]:

@@ -40,9 +40,9 @@ def override(scene: Scene, assignment: str) -> Scene:
     >>> import clothsim
     >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "size": [1, 1]})
     >>> override(scene, "solver.dt=0.02").solver
-    {'dt': 0.02}
+    Solver(dt=0.02)
     >>> override(scene, "cloth.mesh=disk").cloth
-    {'mesh': 'disk'}
+    ClothTable(mesh='disk')
     """
     path, equals, text = assignment.partition("=")
     if not equals or len(parts := parts_of(path)) < 2:

@@ -16,11 +16,9 @@ from clothsim.base.inputs import shown
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
 from clothsim.keys.keys import refuse_unknown
-from clothsim.keys.mesh_keys import FilePart, body_sections, check_body, check_cloth, cloth_sections
-from clothsim.keys.rigid_keys import check_rigid, rigid_sections
-from clothsim.keys.schema import SceneKey, keys_of
-from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
-from clothsim.keys.typed_effects import TYPED_EFFECTS
+from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth
+from clothsim.keys.rigid_keys import check_rigid
+from clothsim.keys.schema import keys_of
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import SECTIONS, Scene
 
@@ -28,12 +26,7 @@ SOURCES = ("mesh", "frames", "model")
 """Keys of which a cloth or body has one."""
 LISTS = {"cloth": "cloths", "body": "bodies", "rigid": "rigid_bodies"}
 """Sections that may have several entries, and the attribute of a scene that has them all."""
-_MESHES: dict[str, tuple[Any, Any]] = {
-    "cloth": (check_cloth, cloth_sections),
-    "body": (check_body, body_sections),
-    "rigid": (check_rigid, rigid_sections),
-}
-_SETTINGS: dict[str, type[KeyTable]] = {"solver": Solver, "contact": Contact, "run": RunSettings, "seed": Seed}
+_CHECKS: dict[str, Any] = {"cloth": check_cloth, "body": check_body, "rigid": check_rigid}
 _INSTEAD = {
     "error": "dt",
     "dt": "error",
@@ -56,7 +49,7 @@ def get(scene: Scene, path: str) -> Any:
     Returns
     -------
     Any
-        Of an entry of a section, as "cloth[1]" or "effects.gravity", its table. None where the default depends on the
+        Of an entry, as "cloth[1]" or "effects.gravity", its section. None where the default depends on the
         scene, as that of a key of the fabric.
 
     Raises
@@ -72,12 +65,11 @@ def get(scene: Scene, path: str) -> Any:
     (2, 0.01, (0.0, 0.0, -9.81))
     """
     section, entry, keys = located(scene, path)
-    table = _table(scene, section, entry)
-    if section == "effects" and table is None:
+    value, where = _entry(scene, section, entry), section
+    if value is None:
         raise InputError(f"The scene has no effect {entry!r}.", f"It has {', '.join(scene.effects) or 'none'}.")
-    value, declared, where = table, _declared(scene, section, entry), section
     for key in keys:
-        value, declared = _inside(path, where, value, declared, key)
+        value = _inside(path, where, value, key)
         where = f"{where}[{key}]" if isinstance(key, int) else f"{where}.{key}"
     return value
 
@@ -110,20 +102,20 @@ def replace(scene: Scene, path: str, value: Any) -> Scene:
     >>> import clothsim
     >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "size": [1, 1]})
     >>> replace(scene, "solver.dt", 0.02).solver
-    {'dt': 0.02}
+    Solver(dt=0.02)
     >>> replace(scene, "cloth.mesh", "disk").cloth
-    {'mesh': 'disk'}
+    ClothTable(mesh='disk')
     """
     section, entry, keys = located(scene, path)
-    old = _table(scene, section, entry)
+    old = _entry(scene, section, entry)
     new = _changed(path, section, {} if old is None else old, keys, value)
-    if section in _MESHES and keys:
+    if section in LISTS and keys:
         new = _with_mesh(section, new, old)
     if section == "solver":
         new.pop(_INSTEAD.get(str(keys[0])), None)
     if section == "effects":
         new = {**scene.effects, entry: new}
-    elif section in LISTS and not isinstance(getattr(scene, section), Mapping):
+    elif section in LISTS and isinstance(getattr(scene, section), tuple):
         new = [new if k == entry else each for k, each in enumerate(getattr(scene, LISTS[section]))]
     changed: dict[str, Any] = {section: new}
     return dataclasses.replace(scene, **changed)
@@ -166,10 +158,10 @@ def located(scene: Scene, path: str) -> tuple[str, str | int | None, list[str | 
     return str(section), *entry_of(path, names_of(str(section), tables), keys)
 
 
-def names_of(section: str, tables: Sequence[Mapping[str, Any]]) -> list[str]:
+def names_of(section: str, entries: Sequence[Any]) -> list[str]:
     """The names of the entries of a section; of one without a name "cloth", or "cloth[1]" where there are several."""
-    several = len(tables) > 1
-    return [str(keys.get("name", f"{section}[{k}]" if several else section)) for k, keys in enumerate(tables)]
+    several = len(entries) > 1
+    return [keys.name or (f"{section}[{k}]" if several else section) for k, keys in enumerate(entries)]
 
 
 def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[int, list[str | int]]:
@@ -177,7 +169,8 @@ def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[in
     first, several = keys[0], len(names) > 1
     if isinstance(first, int):
         if first >= len(names):
-            raise InputError(f"{path}: there {_are(names)}.", f"They count from 0: {', '.join(names)}.")
+            there = "is one" if len(names) == 1 else f"are {len(names)}"
+            raise InputError(f"{path}: there {there}.", f"They count from 0: {', '.join(names)}.")
         return first, keys[1:]
     if first in names and (several or len(keys) > 1):
         if names.count(first) > 1:
@@ -191,46 +184,25 @@ def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[in
     return 0, keys
 
 
-def _are(names: Sequence[str]) -> str:
-    return "is one" if len(names) == 1 else f"are {len(names)}"
-
-
-def _table(scene: Scene, section: str, entry: str | int | None) -> Any:
-    """The table of an entry; None of an effect that the scene has not."""
+def _entry(scene: Scene, section: str, entry: str | int | None) -> Any:
+    """The section of an entry; None of an effect that the scene has not."""
     if section == "effects":
         return scene.effects.get(str(entry))
     return getattr(scene, section) if entry is None else getattr(scene, LISTS[section])[entry]
 
 
-def _declared(scene: Scene, section: str, entry: str | int | None) -> dict[str, SceneKey] | dict[str, Any]:
-    """The keys that an entry may have."""
-    if section == "effects":
-        kind = TYPED_EFFECTS.get(str(entry))
-        return EFFECTS[str(entry)].keys() if kind is None else keys_of(kind)
-    if section in _SETTINGS:
-        return keys_of(_SETTINGS[section])
-    kinds = _MESHES[section][1](section, _table(scene, section, entry))
-    return {name: key for kind in kinds for name, key in keys_of(kind).items()}
-
-
-def _inside(path: str, where: str, value: Any, declared: Mapping[str, Any], key: str | int) -> tuple[Any, Any]:
-    """The value at one key of a table or one entry of a list, and the keys that are declared for what it holds."""
+def _inside(path: str, where: str, value: Any, key: str | int) -> Any:
+    """The value of one key of a table, or one entry of a list."""
     if isinstance(key, int):
-        entries = value if isinstance(value, list | tuple) or np.ndim(value) else ()
+        entries = value if isinstance(value, list | tuple | np.ndarray) else ()
         if key >= len(entries):
             raise InputError(f"{path}: {where} has no [{key}].", f"It is {shown(value)}.")
-        return entries[key], declared
+        return entries[key]
     if not isinstance(value, Mapping):
         raise InputError(f"{path}: {where} is no table of keys, but {shown(value)}.", f"Name {where} itself.")
-    refuse_unknown(where, [key], [*declared, *value] if declared else value)
-    known = declared.get(key)
-    if not isinstance(known, SceneKey):
-        return value.get(key, known), {}
-    inner = value.get(key, None if known.required else known.default)
-    kinds = known.key.tables
-    if len(kinds) > 1 and isinstance(inner, Mapping):
-        kinds = tuple(kind for kind in kinds if keys_of(kind)["kind"].default == inner.get("kind"))
-    return inner, keys_of(kinds[0]) if kinds else {}
+    known = keys_of(type(value)) if isinstance(value, KeyTable) else None
+    refuse_unknown(where, [key], known or value)
+    return getattr(value, known[key].field) if known else value[key]
 
 
 def _changed(path: str, where: str, old: Any, keys: Sequence[str | int], value: Any) -> Any:
@@ -239,14 +211,21 @@ def _changed(path: str, where: str, old: Any, keys: Sequence[str | int], value: 
         return value
     first, *others = keys
     if isinstance(first, int):
-        entries = list(old) if isinstance(old, list | tuple) or np.ndim(old) else []
+        entries = list(old) if isinstance(old, list | tuple | np.ndarray) else []
         if first >= len(entries):
             raise InputError(f"{path}: {where} has no [{first}].", f"It is {shown(old)}.")
         entries[first] = _changed(path, f"{where}[{first}]", entries[first], others, value)
         return entries
     if not isinstance(old, Mapping):
         raise InputError(f"{path}: {where} is no table of keys, but {shown(old)}.", f"Set {where} itself.")
-    return {**old, first: _changed(path, f"{where}.{first}", old.get(first, {}), others, value)}
+    inner = old.get(first, _default(old, first))
+    return {**old, first: _changed(path, f"{where}.{first}", {} if inner is None else inner, others, value)}
+
+
+def _default(section: Mapping[str, Any], key: str) -> Any:
+    """The default of a key of a section; None of another table."""
+    known = keys_of(type(section)) if isinstance(section, KeyTable) else {}
+    return getattr(section, known[key].field) if key in known else None
 
 
 def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
@@ -268,7 +247,7 @@ def _fits(section: str, table: Mapping[str, Any], key: str) -> bool:
     """True where a cloth or body of that mesh takes the key with its value."""
     source = {name: table[name] for name in SOURCES if name in table}
     try:
-        _MESHES[section][0](section, {**source, key: table[key]})
+        _CHECKS[section](section, {**source, key: table[key]})
     except InputError:
         return False
     return True

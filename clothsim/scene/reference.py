@@ -1,16 +1,15 @@
 """Reference of the keys of a scene: every section with type, default, unit, range and meaning of its keys."""
 
 import inspect
-import re
 from collections.abc import Iterator
-from dataclasses import MISSING, dataclass
+from dataclasses import dataclass
 
 from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
 from clothsim.keys.model_keys import ClipKeys, ModelTable
 from clothsim.keys.rigid_keys import JointKeys, RigidTable, TieKeys
-from clothsim.keys.schema import Key, SceneKey, keys_of, type_in_words
+from clothsim.keys.schema import SceneKey, keys_of, type_in_words
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.keys.value_checks import as_toml
@@ -110,13 +109,11 @@ def _sections() -> Iterator[Section]:
     yield _of("cloth of a sewing pattern", PatternFile)
     for name, kind in GENERATOR_KEYS.items():
         yield _of(f'mesh = "{name}"', kind)
-    for name in EFFECTS:
-        if name in TYPED_EFFECTS:
-            yield _of(f"effects.{name}", TYPED_EFFECTS[name])
-            for nested, kind in NESTED.get(name, ()):
-                yield _of(nested, kind)
-        else:
-            yield _of_builder(name)
+    for name, effect in EFFECTS.items():
+        own = "" if name in TYPED_EFFECTS else f"{effect.summary[:1].upper()}{effect.summary[1:]}."
+        yield _of(f"effects.{name}", effect.keys_class, own)
+        for nested, kind in NESTED.get(name, ()):
+            yield _of(nested, kind)
     for kind in (Solver, Contact, RunSettings, Seed):
         yield _of(kind.section, kind)
 
@@ -126,33 +123,10 @@ def _of(name: str, kind: type, summary: str = "") -> Section:
     return Section(name, summary or inspect.cleandoc(kind.__doc__ or "").splitlines()[0], dict(keys))
 
 
-def _of_builder(name: str) -> Section:
-    """The section of an effect that has no typed class: its builder's keywords, and what its docstring has of them."""
-    effect = EFFECTS[name]
-    builder = effect.load()
-    meanings = _parameters(inspect.getdoc(builder) or "")
-    annotations = inspect.signature(builder).parameters
-    keys = {
-        key: SceneKey(key, key, annotations[key].annotation, default, Key(*meanings.get(key, ("", "-"))))
-        for key, default in effect.keys().items()
-    }
-    return Section(f"effects.{name}", f"{effect.summary[:1].upper()}{effect.summary[1:]}.", keys)
-
-
-def _parameters(docstring: str) -> dict[str, tuple[str, str]]:
-    """Meaning and unit of each parameter of a numpydoc docstring: "rate : float [1/s]" and the indented lines below."""
-    entries = {}
-    for name, kind, below in re.findall(r"^(\w+) : (.*)((?:\n[ \t]+.+)*)", docstring, re.M):
-        text = " ".join((below or kind).split())
-        unit = re.search(r"\[([^\]]+)\]", f"{kind} {text}")
-        entries[name] = (text.split(". ")[0].rstrip("."), unit[1] if unit else "-")
-    return entries
-
-
 def _default(key: SceneKey) -> str:
     if key.key.shown:
         return key.key.shown
-    if key.required or key.default is inspect.Parameter.empty or key.default is MISSING:
+    if key.required:
         return "required"
     return "none" if key.default in ((), "") else as_toml(key.default)
 

@@ -10,26 +10,27 @@ import numpy as np
 
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown, table
-from clothsim.keys.frozen import frozen
-from clothsim.keys.key_table import KeyTable, as_tables
+from clothsim.keys.frozen import FrozenTable, frozen
+from clothsim.keys.key_table import KeyTable
 from clothsim.keys.keys import refuse_deep, refuse_unknown
 from clothsim.keys.mesh_arrays import TEXT, MeshArrays
-from clothsim.keys.mesh_keys import check_body, check_cloth
-from clothsim.keys.rigid_keys import check_rigid
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FramesTable, check_body, check_cloth
+from clothsim.keys.model_keys import ModelTable
+from clothsim.keys.rigid_keys import RigidTable, check_rigid
 from clothsim.keys.schema import FUNCTION
 from clothsim.keys.section_hints import effect_remedy, section_remedy
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
-from clothsim.keys.typed_effects import TYPED_EFFECTS, EffectKeys, effect_tables
-from clothsim.keys.value_checks import check_table
+from clothsim.keys.typed_effects import EffectKeys, effects_by_name
 from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.given_meshes import mesh_arrays
 from clothsim.scene.mesh_objects import is_mesh
 
 Table = Mapping[str, Any]
+BodyKind = BodyTable | FramesTable | ModelTable
 
 
-@dataclass(frozen=True, init=False)
+@dataclass(frozen=True, init=False, eq=False)
 class Scene:
     """Data of a simulation, with the names of a scene file.
 
@@ -50,8 +51,11 @@ class Scene:
 
     Attributes
     ----------
-    solver_settings, contact_settings, run_settings, seed_settings
-        The sections with their defaults.
+    cloth, body, rigid, effects[...], solver, contact, run, seed
+        Sections: each key is an attribute, with its default where it was not given; as a mapping a section has the keys
+        that were given.
+    cloths, bodies, rigid_bodies
+        The sections of all of them, also of the only one.
 
     Raises
     ------
@@ -67,20 +71,21 @@ class Scene:
     ...     run=clothsim.RunSettings(duration=0.1),
     ... )
     >>> scene.effects
-    {'inertia': {}, 'membrane': {}, 'gravity': {}}
-    >>> scene.solver_settings.dt
-    0.01
+    {'inertia': Inertia(), 'membrane': Membrane(), 'gravity': Gravity()}
+    >>> scene.effects["gravity"].acceleration, scene.cloth.size, scene.solver.dt
+    ((0.0, 0.0, -9.81), (1.0, 1.0), 0.01)
     """
 
-    cloth: Table | Sequence[Table]
-    body: Table | Sequence[Table]
-    effects: Mapping[str, Table]
-    solver: Table
-    contact: Table
-    run: Table
-    seed: Table
+    # Any: type checkers let `dataclasses.replace` take tables for them; `cloths`, `solver_settings` ... have the types.
+    cloth: Any
+    body: Any
+    effects: Mapping[str, Any]
+    solver: Any
+    contact: Any
+    run: Any
+    seed: Any
     directory: Path
-    rigid: Table | Sequence[Table]
+    rigid: Any
 
     def __init__(
         self,
@@ -96,79 +101,92 @@ class Scene:
     ) -> None:
         for name, value in (("cloth", cloth), ("body", body), ("rigid", rigid), ("effects", effects)):
             refuse_deep(name, value)
-        given = {
-            "cloth": _mesh_tables("cloth", cloth),
-            "body": _mesh_tables("body", body),
-            "rigid": _mesh_tables("rigid", rigid),
-            "effects": effect_tables(effects),
-            "directory": directory,
+        named = effects_by_name(effects)
+        refuse_unknown("effects", table("effects", named, "Write [effects.gravity]."), EFFECTS)
+        made: dict[str, Any] = {"effects": FrozenTable({name: _effect(name, keys) for name, keys in named.items()})}
+        settings: dict[str, tuple[type[KeyTable], Any]] = {
+            "solver": (Solver, solver),
+            "run": (RunSettings, run),
+            "seed": (Seed, seed),
+            "contact": (Contact, contact),
         }
-        for name, value in (("solver", solver), ("contact", contact), ("run", run), ("seed", seed)):
-            given[name] = value.as_table() if isinstance(value, KeyTable) else {} if value is None else value
-        for name, value in given.items():
+        for name, (kind, value) in settings.items():
+            refuse_deep(name, value)
+            made[name] = kind.parsed(name, {} if value is None else value)
+        for name, value in (("cloth", cloth), ("body", body), ("rigid", rigid)):
+            made[name] = _sections(name, value)
+        for name, value in {**made, "directory": directory}.items():
             object.__setattr__(self, name, value)
-        self._check()
-        for name in SECTIONS:
-            object.__setattr__(self, name, frozen(given[name]))
 
-    def _check(self) -> None:
-        """Check every section; parse the settings once."""
-        refuse_unknown("effects", table("effects", self.effects, "Write [effects.gravity]."), EFFECTS)
-        for name, given in self.effects.items():
-            section, where = TYPED_EFFECTS.get(name), f"effects.{name}"
-            keys = table(where, given, effect_remedy(name))
-            if section is not None:
-                check_table(where, keys, section)
-            else:  # an effect of a user's own: its builder's keywords
-                refuse_unknown(where, keys, EFFECTS[name].keys())
-        settings: dict[str, type[KeyTable]] = {"solver": Solver, "run": RunSettings, "seed": Seed, "contact": Contact}
-        for name, kind in settings.items():
-            refuse_deep(name, getattr(self, name))
-            object.__setattr__(self, f"_{name}", kind.parsed(name, getattr(self, name)))
-        for k, keys in enumerate(self.cloths):
-            check_cloth("cloth" if len(self.cloths) == 1 else f"cloth[{k}]", keys)
-        for k, keys in enumerate(self.bodies):
-            check_body("body" if len(self.bodies) == 1 else f"body[{k}]", keys)
-        for k, keys in enumerate(self.rigid_bodies):
-            check_rigid("rigid" if len(self.rigid_bodies) == 1 else f"rigid[{k}]", keys)
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
 
     @property
-    def cloths(self) -> tuple[Table, ...]:
-        """The tables of the cloths."""
-        return _several("cloth", self.cloth)
+    def _content(self) -> tuple[Any, ...]:
+        settings = (self.solver, self.contact, self.run, self.seed)
+        return (self.cloths, self.bodies, self.rigid_bodies, self.effects, *settings, self.directory)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, ({name: _tables(getattr(self, name)) for name in SECTIONS}, self.directory)
 
     @property
-    def bodies(self) -> tuple[Table, ...]:
-        """The tables of the bodies."""
-        return _several("body", self.body)
+    def cloths(self) -> tuple[ClothTable, ...]:
+        """The cloths."""
+        return _several(self.cloth)
 
     @property
-    def rigid_bodies(self) -> tuple[Table, ...]:
-        """The tables of the rigid bodies."""
-        return _several("rigid", self.rigid)
+    def bodies(self) -> tuple[BodyKind, ...]:
+        """The bodies."""
+        return _several(self.body)
+
+    @property
+    def rigid_bodies(self) -> tuple[RigidTable, ...]:
+        """The rigid bodies."""
+        return _several(self.rigid)
 
     @property
     def solver_settings(self) -> Solver:
-        """[solver] with its defaults."""
-        return self._solver  # type: ignore[attr-defined]
+        """[solver]."""
+        return self.solver
 
     @property
     def run_settings(self) -> RunSettings:
-        """[run] with its defaults."""
-        return self._run  # type: ignore[attr-defined]
+        """[run]."""
+        return self.run
 
     @property
     def seed_settings(self) -> Seed:
-        """[seed] with its defaults."""
-        return self._seed  # type: ignore[attr-defined]
+        """[seed]."""
+        return self.seed
 
     @property
     def contact_settings(self) -> Contact:
-        """[contact] with its defaults."""
-        return self._contact  # type: ignore[attr-defined]
+        """[contact]."""
+        return self.contact
+
+    @property
+    def up(self) -> tuple[float, ...]:
+        """Unit vector against gravity; z where there is none."""
+        acceleration = np.array(self.effects["gravity"].acceleration if "gravity" in self.effects else (), np.float64)
+        length = float(np.linalg.norm(acceleration))
+        return tuple((-acceleration / length).tolist()) if length else (0.0, 0.0, 1.0)
+
+    @staticmethod
+    def from_text(text: str, here: Path = Path()) -> "Scene":
+        """The scene that `to_text` wrote; a relative directory, as in an archive, starts at `here`.
+
+        Raises
+        ------
+        InputError
+            Where the text is none of a scene.
+        """
+        return scene_from_text(text, here)
 
     def to_text(self, names_of_functions: bool = False) -> str:
-        """The scene as JSON text, which `scene_from_text` reads back; meshes in memory are in it.
+        """The scene as JSON text, which `from_text` reads back; meshes in memory are in it.
 
         Parameters
         ----------
@@ -232,45 +250,68 @@ def scene_from_text(text: str, here: Path = Path()) -> Scene:
     return make_scene(data, directory)
 
 
-def _mesh_tables(name: str, value: Any) -> Any:
-    """The tables of cloths or bodies, with meshes in memory as `MeshArrays`; what is none of them as it is."""
-    if isinstance(value, list | tuple):
-        several = len(value) > 1
-        return [_mesh_table(f"{name}[{k}]" if several else name, entry) for k, entry in enumerate(value)]
-    return _mesh_table(name, value)
+def _several(sections: Any) -> tuple[Any, ...]:
+    """The sections of one or several."""
+    return sections if isinstance(sections, tuple) else (sections,)
 
 
-def _mesh_table(where: str, value: Any) -> Any:
-    if isinstance(value, Cloth | Body | Rigid):
-        if value.section != where.partition("[")[0]:
-            given, right = value.section.capitalize(), where.partition("[")[0].capitalize()
-            raise InputError(f"{where} is a clothsim.{given}.", f"Give a clothsim.{right}.")
-        return value.as_table()
-    if not isinstance(value, Mapping):
-        return {"mesh": mesh_arrays(where, value)} if isinstance(value, MeshArrays) or is_mesh(value) else value
-    keys = as_tables(value)
-    mesh = keys.get("mesh")
-    if mesh is None or isinstance(mesh, str | int | float | bytes):
-        return keys
-    return {**keys, "mesh": mesh_arrays(f"{where}.mesh", mesh)}
+def _effect(name: str, keys: Any) -> EffectKeys:
+    """The section of an effect."""
+    where = f"effects.{name}"
+    return EFFECTS[name].keys_class.parsed(where, table(where, keys, effect_remedy(name)))
 
 
-def _several(name: str, value: Any) -> tuple[Table, ...]:
-    if isinstance(value, Mapping):
-        return (value,)
-    if isinstance(value, str) or not isinstance(value, Sequence):
+def _sections(name: str, value: Any) -> Any:
+    """The section of a cloth or body, or those of several."""
+    several = isinstance(value, list | tuple)
+    if not several and not isinstance(value, Mapping | MeshArrays) and not is_mesh(value):
         raise InputError(
             f"{name} must be a table or a list of tables, not {shown(value)}.",
             f"Write [{name}] or [[{name}]] with a mesh; in Python a dict, clothsim.{name.capitalize()} or a mesh.",
         )
-    return tuple(
-        table(
-            f"{name}[{k}]",
-            entry,
-            f"Write [[{name}]]; arrays go into clothsim.{name.capitalize()}(vertices, triangles).",
-        )
-        for k, entry in enumerate(value)
+    entries = value if several else (value,)
+    made = tuple(
+        _CHECKS[name](where := f"{name}[{k}]" if len(entries) > 1 else name, _mesh_table(where, entry))
+        for k, entry in enumerate(entries)
     )
+    return made if several else made[0]
+
+
+_CHECKS: dict[str, Any] = {"cloth": check_cloth, "body": check_body, "rigid": check_rigid}
+
+
+def _tables(value: Any) -> Any:
+    """The tables of a section, of several or of the effects."""
+    if isinstance(value, KeyTable):
+        return frozen(dict(value))
+    if isinstance(value, tuple):
+        return tuple(_tables(each) for each in value)
+    return {name: _tables(each) for name, each in value.items()}
+
+
+def _restored(tables: Mapping[str, Any], directory: Path) -> Scene:
+    """A scene from its pickle."""
+    return Scene(**tables, directory=directory)
+
+
+def _mesh_table(where: str, value: Any) -> Any:
+    section = where.partition("[")[0]
+    if isinstance(value, Cloth | Body | Rigid):
+        if value.section != section:
+            given, right = value.section.capitalize(), section.capitalize()
+            raise InputError(f"{where} is a clothsim.{given}.", f"Give a clothsim.{right}.")
+        return value
+    if isinstance(value, MeshArrays) or is_mesh(value):
+        return {"mesh": mesh_arrays(where, value)}
+    keys = table(
+        where,
+        value,
+        f"Write [[{section}]]; arrays go into clothsim.{section.capitalize()}(vertices, triangles).",
+    )
+    mesh = keys.get("mesh")
+    if mesh is None or isinstance(mesh, str | int | float | bytes | MeshArrays):
+        return keys
+    return {**keys, "mesh": mesh_arrays(f"{where}.mesh", mesh)}
 
 
 def _refuse_functions(where: str, value: Any) -> None:
@@ -293,8 +334,6 @@ def _plain(value: Any) -> Any:
     """Values that JSON does not know: arrays, scalars, mappings, meshes and paths; of a function its name."""
     if isinstance(value, MeshArrays):
         return {TEXT: value.text}
-    if isinstance(value, KeyTable):
-        return value.as_table()
     if callable(value):
         return {FUNCTION: getattr(value, "__qualname__", type(value).__name__)}
     if isinstance(value, np.ndarray | np.generic) or hasattr(value, "tolist"):

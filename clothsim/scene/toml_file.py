@@ -31,11 +31,11 @@ def load_scene(path: str | Path) -> Scene:
         Where the file is missing, is no TOML (with the line), or has an unknown key or a bad value.
     """
     file = scene_file(Path(path))
+    if not file.exists():
+        raise InputError(f"There is no scene file {file}.", _near(file))
     try:
         text = read_regular_file(file, MOST_BYTES).decode("utf-8-sig")  # editors of Windows begin with a mark
         data = tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))
-    except FileNotFoundError as error:
-        raise InputError(f"There is no scene file {file}.", _near(file)) from error
     except UnicodeDecodeError as error:
         raise InputError(f"{file} cannot be read as a scene: {error}.", "Name a TOML file of text in UTF-8.") from error
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, and a number of too many digits

@@ -2,25 +2,33 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import TypeVar
 
 import numpy as np
 
 from clothsim import Scene
 from clothsim.base.arrays import Floats
 from clothsim.study.cost_model import predicted_seconds
-from clothsim.study.front import cheapest_within, pareto_front, predicted_errors, targets, worth_trying
-from clothsim.study.joint_refinement import Reference, large_knobs, reference
-from clothsim.study.knobs import INTEGRATOR, SWITCH, Knob
+from clothsim.study.parameters import INTEGRATOR, SWITCH, Parameter
 from clothsim.study.points import BASE, Point, point
-from clothsim.study.reference_solution import Limit, Norm, limit
-from clothsim.study.time_error import not_below, with_other_formula
+from clothsim.study.reference_solution import (
+    Limit,
+    Norm,
+    Reference,
+    large_parameters,
+    limit,
+    not_below,
+    reference,
+    with_other_formula,
+)
 
 RESOLVED = 10.0
 """Least ratio of a resolved error to the reference's own error."""
-JOINT = (1, -1, 2)
-"""Levels at which knobs are refined together, the most telling first."""
+TOGETHER = (1, -1, 2)
+"""Levels at which parameters are refined together, the most telling first."""
 ADDITIVE = 0.25
-"""What the knobs add only together, over the base's error, up to which predicted combinations are believed."""
+"""What the parameters add only together, over the base's error, up to which predicted combinations are believed."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +41,8 @@ class Compared:
         Compared data {point: (n, k) array} of the data points, base included.
     seconds : dict
         Seconds of the processor {point: s}.
-    knobs : dict
-        The knobs of the study by name.
+    parameters : dict
+        The parameters of the study by name.
     base : Scene
         Scene of the base.
     norm : Norm
@@ -43,12 +51,12 @@ class Compared:
     estimate : float
         Error of the time steps and of Newton's end by the certificate of the base [m].
     in_time : str
-        Name of the knob of the time steps; empty where there is none.
+        Name of the parameter of the time steps; empty where there is none.
     """
 
     fields: Mapping[Point, Floats]
     seconds: Mapping[Point, float]
-    knobs: Mapping[str, Knob]
+    parameters: Mapping[str, Parameter]
     base: Scene
     norm: Norm
     noise: float
@@ -57,12 +65,12 @@ class Compared:
 
     @property
     def always(self) -> tuple[str, ...]:
-        """The knobs without which no error is stated: that of the time steps, and cells."""
+        """The parameters without which no error is stated: that of the time steps, and cells."""
         return tuple(name for name in (self.in_time, "cells") if name)
 
     def sweeps(self) -> dict[str, dict[int, Floats]]:
-        """The one-knob runs {knob: {level: field}} of the knobs that have a finer one."""
-        sweeps: dict[str, dict[int, Floats]] = {name: {} for name in self.knobs}
+        """The one-parameter runs {parameter: {level: field}} of the parameters that have a finer one."""
+        sweeps: dict[str, dict[int, Floats]] = {name: {} for name in self.parameters}
         for where, each in self.fields.items():
             if len(where.levels) == 1 and not where.variant and where.levels[0][0] in sweeps:
                 name, level = where.levels[0]
@@ -84,7 +92,11 @@ class Compared:
         start, norm = self.fields[BASE], self.norm
         limits = {
             name: limit(
-                {0: start, **sweep}, self.knobs[name].ratio, self.knobs[name].order(self.base), norm, self.noise
+                {0: start, **sweep},
+                self.parameters[name].ratio,
+                self.parameters[name].order(self.base),
+                norm,
+                self.noise,
             )
             for name, sweep in self.sweeps().items()
         }
@@ -97,22 +109,22 @@ class Compared:
         sweep = {0: self.fields[BASE], **self.sweeps()[self.in_time]}
         if other:
             turned = SWITCH.put(self.base, self.base, 1)
-            order = self.knobs[self.in_time].order(turned) or 1.0
+            order = self.parameters[self.in_time].order(turned) or 1.0
             second_order = turned.solver_settings.integrator == "bdf2"
             own = with_other_formula(sweep, own, other, order, second_order, norm)
         return not_below(self.estimate, sweep, own, other, norm)
 
     def together(self) -> tuple[str, ...]:
-        """The knobs to refine together."""
-        return large_knobs(self.fields[BASE], self.limits(), self.always, self.norm)
+        """The parameters to refine together."""
+        return large_parameters(self.fields[BASE], self.limits(), self.always, self.norm)
 
-    def joint_points(self, levels: Sequence[int]) -> list[Point]:
-        """The runs of those knobs together, at levels; none where there are fewer than two."""
+    def points_together(self, levels: Sequence[int]) -> list[Point]:
+        """The runs of those parameters together, at levels; none where there are fewer than two."""
         names = self.together()
         return [point(dict.fromkeys(names, level)) for level in levels] if len(names) > 1 else []
 
     def least_certain(self) -> list[Point]:
-        """The next finer run of the knob whose limit is least certain."""
+        """The next finer run of the parameter whose limit is least certain."""
         limits = self.limits()
         if not limits:
             return []
@@ -124,8 +136,8 @@ class Compared:
 class Findings:
     """reference; errors {point: RMS}, largest {point: max} and seconds of the data points [m, s].
 
-    bars {knob: what it adds to the base's error}; remainder: what they leave of it, nan without a joint run; front:
-    points, the cheapest first.
+    bars {parameter: what it adds to the base's error}; remainder: what they leave of it, nan without a run of several;
+    front: points, the cheapest first.
     """
 
     reference: Reference
@@ -150,13 +162,13 @@ def findings(compared: Compared) -> Findings:
     """Errors, front and limits."""
     fields, norm, start = compared.fields, compared.norm, compared.fields[BASE]
     limits, names = compared.limits(), compared.together()
-    joint = {
+    combined = {
         level: fields[point(dict.fromkeys(names, level))]
-        for level in JOINT
+        for level in TOGETHER
         if point(dict.fromkeys(names, level)) in fields
     }
-    ratios = {name: compared.knobs[name].ratio for name in limits}
-    estimate = reference(start, compared.sweeps(), limits, joint, names, ratios, norm, compared.noise)
+    ratios = {name: compared.parameters[name].ratio for name in limits}
+    estimate = reference(start, compared.sweeps(), limits, combined, names, ratios, norm, compared.noise)
     errors = {where: norm(each - estimate.field) for where, each in fields.items()}
     largest = {where: float(np.linalg.norm(each - estimate.field, axis=1).max()) for where, each in fields.items()}
     whole = start - estimate.field
@@ -169,13 +181,13 @@ def findings(compared: Compared) -> Findings:
         largest,
         compared.seconds,
         {name: norm(part) for name, part in parts.items()},
-        norm(whole - sum(parts.values(), start=np.zeros_like(whole))) if estimate.joint else np.nan,
+        norm(whole - sum(parts.values(), start=np.zeros_like(whole))) if estimate.combined else np.nan,
         tuple(points[row] for row in rows),
     )
 
 
 def predicted(compared: Compared) -> tuple[list[Point], list[float]]:
-    """Combinations of swept levels, and the errors that they would have if the knobs' own errors added up.
+    """Combinations of swept levels, and the errors that they would have if the parameters' own errors added up.
 
     The time steps are one axis: their levels with either difference formula.
     """
@@ -189,16 +201,16 @@ def predicted(compared: Compared) -> tuple[list[Point], list[float]]:
             for level in sorted(other, key=abs):
                 own[name][point({name: level, INTEGRATOR: 1})] = other[level] - each.field
     combinations, errors = predicted_errors(own, compared.norm)
-    merged = [{knob: level for part in each.values() for knob, level in part.levels} for each in combinations]
+    merged = [{parameter: level for part in each.values() for parameter, level in part.levels} for each in combinations]
     return [point(levels) for levels in merged], errors
 
 
 def next_points(compared: Compared, most: int) -> list[Point]:
-    """Combinations on the front that the one-knob runs predict; none where no limit is known."""
+    """Combinations on the front that the one-parameter runs predict; none where no limit is known."""
     if not compared.sweeps():
         return []
     points, errors = predicted(compared)
-    costs = [predicted_seconds(where, compared.seconds, compared.knobs) for where in points]
+    costs = [predicted_seconds(where, compared.seconds, compared.parameters) for where in points]
     return worth_trying([dict(where.levels) for where in points], errors, costs, most)
 
 
@@ -233,8 +245,8 @@ def recommendations(findings: Findings, unit: float) -> list[Recommendation]:
 def half(findings: Findings, compared: Compared) -> Recommendation | None:
     """The cheapest data point with half the base's error; without one, the cheapest predicted.
 
-    None without either, where the reference is less certain than that, and no prediction where the knobs' errors do not
-    add up.
+    None without either, where the reference is less certain than that, and no prediction where the parameters' errors
+    do not add up.
     """
     target = 0.5 * findings.errors[BASE]
     if findings.reference.error > target:
@@ -244,9 +256,82 @@ def half(findings: Findings, compared: Compared) -> Recommendation | None:
     row = cheapest_within(target, seconds, errors)
     if row is not None:
         return Recommendation(target, points[row], errors[row], seconds[row])
-    if not findings.reference.limits or not findings.reference.cross <= ADDITIVE * findings.errors[BASE]:
+    if not findings.reference.limits or not findings.reference.interaction <= ADDITIVE * findings.errors[BASE]:
         return None
     others, guesses = predicted(compared)
-    costs = [predicted_seconds(where, findings.seconds, compared.knobs) for where in others]
+    costs = [predicted_seconds(where, findings.seconds, compared.parameters) for where in others]
     row = cheapest_within(target, costs, guesses)
     return None if row is None else Recommendation(target, others[row], guesses[row], costs[row], measured=False)
+
+
+T = TypeVar("T")
+MOST_COMBINATIONS = 20_000
+ROUND = (1.0, 2.0, 5.0)
+WORTH = 0.9
+
+
+def pareto_front(seconds: Sequence[float], errors: Sequence[float]) -> list[int]:
+    """The rows that no other beats in both, from the cheapest on; of equal ones the first."""
+    front: list[int] = []
+    best = np.inf
+    for row in sorted(range(len(seconds)), key=lambda row: (seconds[row], errors[row])):
+        if errors[row] < best:
+            front.append(row)
+            best = errors[row]
+    return front
+
+
+def predicted_errors(own: Mapping[str, Mapping[T, Floats]], norm: Norm) -> tuple[list[dict[str, T]], list[float]]:
+    """Every combination of swept levels, and its error if the own error fields {parameter: {level: field}} add up.
+
+    Fields, not numbers, are added: two errors of the same direction add, opposite ones cancel. The number of
+    combinations is held to MOST_COMBINATIONS by leaving out the last levels of a parameter: those furthest from the
+    base.
+    """
+    levels = {name: list(fields) for name, fields in own.items()}
+    while np.prod([len(each) for each in levels.values()]) > MOST_COMBINATIONS:
+        longest = max(levels, key=lambda name: len(levels[name]))
+        levels[longest] = levels[longest][:-1]
+    flat = [own[name][level] for name in levels for level in levels[name]]
+    gram = np.array([[norm.inner(one, other) for other in flat] for one in flat])
+    starts = np.cumsum([0, *(len(each) for each in levels.values())])
+    index_tuples = product(*(range(len(each)) for each in levels.values()))
+    combinations, errors = [], []
+    for indices in index_tuples:
+        rows = [start + k for start, k in zip(starts[:-1], indices, strict=True)]
+        combinations.append({name: levels[name][k] for name, k in zip(levels, indices, strict=True)})
+        errors.append(float(np.sqrt(max(0.0, gram[np.ix_(rows, rows)].sum()))))
+    return combinations, errors
+
+
+def worth_trying(
+    combinations: Sequence[Mapping[str, int]], errors: Sequence[float], seconds: Sequence[float], most: int
+) -> list[Point]:
+    """The combinations on the predicted front, at most `most` of them, spread evenly over it.
+
+    One whose error is not below WORTH times that of the one before it is not worth a run.
+    """
+    selected: list[int] = []
+    for row in pareto_front(seconds, errors):
+        if not selected or errors[row] < WORTH * errors[selected[-1]]:
+            selected.append(row)
+    chosen = np.unique(np.linspace(0, len(selected) - 1, min(most, len(selected))).round().astype(int))
+    return [point(combinations[selected[k]]) for k in chosen]
+
+
+def targets(errors: Sequence[float]) -> list[float]:
+    """1, 2, 5, 10 ... of the unit, from the first above the smallest of `errors` to the first above the largest."""
+    low, high = min(errors), max(errors)
+    if not 0 < low < np.inf:
+        return []
+    decades = range(int(np.floor(np.log10(low))) - 1, int(np.ceil(np.log10(high))) + 1)
+    series = [step * 10.0**decade for decade in decades for step in ROUND]
+    first = next(each for each in series if each >= low)
+    last = next((each for each in series if each >= high), series[-1])
+    return [float(f"{each:.0e}") for each in series if first <= each <= last]
+
+
+def cheapest_within(target: float, seconds: Sequence[float], errors: Sequence[float]) -> int | None:
+    """The cheapest row whose error is at most `target`; None where there is none."""
+    within = [row for row in range(len(errors)) if errors[row] <= target]
+    return min(within, key=lambda row: seconds[row]) if within else None

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from clothsim.study.headline import KNOWN, MM, PARTIAL, RANGE, UNFINISHED
-from clothsim.study.points import written
+from clothsim.study.parameters import written
 
 SAME = 0.5
-"""What the knobs add only together, over the error, from which the report says that they do not add up."""
+"""What the parameters add only together, over the error, from which the report says that they do not add up."""
 
 
 def answer(result: Mapping[str, Any]) -> list[str]:
@@ -60,8 +60,9 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
         "seeds": "its folds are chaotic, and there are too few runs with other starts to compare",
     }
     failed = [name for name in headline["missing"] if f"{name} +1" in {entry["label"] for entry in result["failed"]}]
-    knobs = [name for name in headline["missing"] if name not in (*words, *failed)]
-    missing = [f"{' and '.join(knobs)} {'was' if len(knobs) == 1 else 'were'} not refined"] if knobs else []
+    parameters = [name for name in headline["missing"] if name not in (*words, *failed)]
+    was = "was" if len(parameters) == 1 else "were"
+    missing = [f"{' and '.join(parameters)} {was} not refined"] if parameters else []
     missing += [f"the finer run of {name} is no data point" for name in failed]
     missing += [words[name] for name in headline["missing"] if name in words]
     why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
@@ -107,8 +108,8 @@ def _half(result: Mapping[str, Any]) -> list[str]:
 
 
 def _sources(result: Mapping[str, Any]) -> list[str]:
-    """The largest source, what is not in the error, and what the knobs show together."""
-    adds = {name: knob["adds"] for name, knob in result["knobs"].items() if knob["adds"] is not None}
+    """The largest source, what is not in the error, and what the parameters show together."""
+    adds = {name: parameter["adds"] for name, parameter in result["knobs"].items() if parameter["adds"] is not None}
     lines = []
     if adds:
         worst = max(adds, key=lambda name: adds[name])

@@ -53,7 +53,7 @@ class Gatherer:
     budget: float
     left: Callable[[], float]
     cores: int
-    on_progress: Callable[[Progress], None]
+    progress: Callable[[Progress], None]
     stored: dict[str, dict[str, Any]]
     outcomes: dict[Point, Outcome] = field(default_factory=dict)
     left_out: dict[Point, str] = field(default_factory=dict)
@@ -95,7 +95,7 @@ class Gatherer:
         """
         done = self.field_seconds() or {BASE: monotonic() - self.started}
         guesses = [
-            predicted_seconds(where, done, self.bench.knobs) * self.slowness
+            predicted_seconds(where, done, self.bench.parameters) * self.slowness
             for where in points
             if where not in self.outcomes
         ]
@@ -172,10 +172,10 @@ class Gatherer:
         done = self.field_seconds()
         if BASE not in done or where.variant:
             return done.get(BASE, 0.0) * FIRST_GUESS.get(where.variant, 1.2)
-        return predicted_seconds(where, done, self.bench.knobs)
+        return predicted_seconds(where, done, self.bench.parameters)
 
     def _tell(self, label: str, left: int) -> None:
-        self.on_progress(
+        self.progress(
             Progress(len(self.outcomes), len(self.outcomes) + left, monotonic() - self.started, self.budget, label)
         )
 

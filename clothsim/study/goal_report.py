@@ -124,7 +124,7 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
     The hem of a sheet that hangs from an edge: the estimate is the difference.
 
     >>> import clothsim
-    >>> from clothsim.gradients.hem import hem_of
+    >>> from clothsim.gradients.losses import hem_of
     >>> def scene(cells):
     ...     cloth = {"mesh": "rectangle", "size": [0.1, 0.2], "cells": cells, "rotation_degrees": [90, 0, 0]}
     ...     effects = [clothsim.Membrane(), clothsim.Bending(), clothsim.Gravity(), clothsim.Pins(select="top")]
@@ -198,8 +198,8 @@ class NamedGoal:
 
 def refuse_goal(bench: Bench) -> None:
     """InputError for a study of which no goal can be attributed to triangles."""
-    if "cells" not in bench.knobs:
-        raise InputError("The error of a goal by triangles needs finer cells, and they are no knob of this study.")
+    if "cells" not in bench.parameters:
+        raise InputError("The error of a goal by triangles needs finer cells, and they are no parameter of this study.")
 
 
 def goal_report(gatherer: Gatherer, goal: NamedGoal) -> dict[str, Any]:

@@ -28,15 +28,15 @@ class Headline:
     ----------
     status : str
         "known": `error` is within a factor of two; "range": from `low` to `high`; "partial": the same of what can be
-        refined, as `missing` cannot; "unfinished": runs are missing, of which `missing` names the knobs.
+        refined, as `missing` cannot; "unfinished": runs are missing, of which `missing` names the parameters.
     error, low, high : float or None
         The error and its range.
     missing : tuple of str
-        What was not run: finer runs of knobs, or "base", "integrator", "twins", "seeds".
+        What was not run: finer runs of parameters, or "base", "integrator", "twins", "seeds".
     needed_seconds : float or None
         Budget with which the study can go on to a statement; at least so much.
     so_far : dict
-        What each refined knob adds by itself {knob: mm}.
+        What each refined parameter adds by itself {parameter: mm}.
     certificate : float or None
         Error of the time steps and of Newton's end by the certificate of the run as it is.
     """

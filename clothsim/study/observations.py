@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, Ints
 from clothsim.study.analysis import Compared
 from clothsim.study.evaluation import Gatherer
-from clothsim.study.invariants import drape_coefficient, height_quantiles
 from clothsim.study.points import BASE, CONVERGENT, Point, point
 from clothsim.study.reference_solution import Norm
 from clothsim.study.resample import point_areas
@@ -84,8 +83,8 @@ class Observations:
         """The data to analyse; the base must be known."""
         gatherer, bench, fields = self.gatherer, self.gatherer.bench, self.fields()
         estimate = gatherer.outcomes[BASE].estimate
-        knobs, seconds = bench.knobs, self._seconds(fields)
-        return Compared(fields, seconds, knobs, bench.base, self.norm, self.noise, estimate, bench.in_time)
+        parameters, seconds = bench.parameters, self._seconds(fields)
+        return Compared(fields, seconds, parameters, bench.base, self.norm, self.noise, estimate, bench.in_time)
 
     def _seconds(self, fields: dict[Point, Floats]) -> dict[Point, float]:
         """Seconds of each point of `fields`; the median of its seeds."""
@@ -130,11 +129,7 @@ class Observations:
 
 def observations(gatherer: Gatherer) -> Observations:
     """The runs so far, compared by positions."""
-    acceleration = gatherer.bench.base.effects.get("gravity", {}).get("acceleration", (0.0, 0.0, -9.81))
-    down = np.asarray(acceleration, float)
-    length = float(np.linalg.norm(down))
-    up = -down / length if "gravity" in gatherer.bench.base.effects and length else np.array([0.0, 0.0, 1.0])
-    return Observations(gatherer, point_areas(gatherer.material), up)
+    return Observations(gatherer, point_areas(gatherer.material), np.array(gatherer.bench.base.up))
 
 
 def with_twins(seen: Observations, needed: Sequence[Point]) -> Observations:
@@ -163,6 +158,38 @@ def seeded(points: Sequence[Point]) -> list[Point]:
     return [replace(where, seed=seed) for seed in range(1, SEEDS + 1) for where in points]
 
 
-def one_knob(names: Sequence[str], level: int) -> list[Point]:
-    """The points with one of the knobs at a level."""
+def one_parameter(names: Sequence[str], level: int) -> list[Point]:
+    """The points with one of the parameters at a level."""
     return [point({name: level}) for name in names]
+
+
+QUANTILES = 64
+PIXELS = 1024
+
+
+def height_quantiles(positions: Floats, areas: Floats, up: Floats) -> Floats:
+    """The heights [m] below which equal fractions of the area lie, (QUANTILES, 1): height quantiles.
+
+    The RMS difference of two of them is the 2-Wasserstein distance of the two histograms; their mean over seeds is the
+    histograms' barycentre.
+    """
+    heights = positions @ up
+    order = np.argsort(heights, kind="stable")
+    quantiles = np.cumsum(areas[order]) - 0.5 * areas[order]
+    wanted = (np.arange(QUANTILES) + 0.5) / QUANTILES * areas.sum()
+    return np.interp(wanted, quantiles, heights[order])[:, None]
+
+
+def drape_coefficient(positions: Floats, triangles: Ints, area: float, up: Floats) -> float:
+    """The area of the shadow along `up` over `area`, the cloth's own [m2]; drawn with PIXELS along its longer side."""
+    from PIL import Image, ImageDraw
+
+    aside = np.linalg.svd(up[None])[2][1:]
+    flat = positions @ aside.T
+    low = flat.min(axis=0)
+    scale = (PIXELS - 1) / max(float((flat.max(axis=0) - low).max()), np.finfo(float).tiny)
+    image = Image.new("1", (PIXELS, PIXELS))
+    draw = ImageDraw.Draw(image)
+    for corners in ((flat - low) * scale)[triangles]:
+        draw.polygon([tuple(corner) for corner in corners], fill=1)
+    return float(np.asarray(image).sum() / scale**2 / area)

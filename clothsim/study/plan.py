@@ -4,31 +4,31 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from clothsim.base.errors import InputError
-from clothsim.engine import PRESETS
-from clothsim.study.analysis import JOINT, next_points
+from clothsim.study.analysis import TOGETHER, next_points
 from clothsim.study.evaluation import Gatherer
-from clothsim.study.knobs import INTEGRATOR
 from clothsim.study.observations import (
     TIGHT,
     Observations,
     enough_seeds,
     observations,
-    one_knob,
+    one_parameter,
     seeded,
     with_twins,
 )
+from clothsim.study.parameters import INTEGRATOR
 from clothsim.study.points import BASE, Bench, Point, point
+from clothsim.study.presets import PRESETS
 
 COMBINATIONS = 6
 LATE = 0.35
 """Largest fraction of the remaining budget for one of the runs that refine a statement."""
 FINER = 3
-"""Number of further levels that are run of the knob whose limit is least certain, one at a time."""
+"""Number of further levels that are run of the parameter whose limit is least certain, one at a time."""
 
 
 def first_refinements(bench: Bench) -> list[Point]:
     """The finer dt and the finer cells, without which no error is stated; those that the study has."""
-    return one_knob([name for name in (bench.in_time, "cells") if name in bench.knobs], 1)
+    return one_parameter([name for name in (bench.in_time, "cells") if name in bench.parameters], 1)
 
 
 def gathered(gatherer: Gatherer) -> Observations:
@@ -39,13 +39,13 @@ def gathered(gatherer: Gatherer) -> Observations:
         return observations(gatherer)
     gatherer.gather(needed)
     gatherer.gather(_second(bench))
-    gatherer.gather([*one_knob(list(bench.knobs), -1), *bench.other_formula((-1,))])
+    gatherer.gather([*one_parameter(list(bench.parameters), -1), *bench.other_formula((-1,))])
     gatherer.gather(needed)  # where coarser runs show that they fit after all
     seen = with_twins(observations(gatherer), needed)
     if seen.chaotic:
         return _of_folds(gatherer, seen, needed)
-    gatherer.gather(seen.compared().joint_points(JOINT[:1]))
-    gatherer.gather(seen.compared().joint_points(JOINT[1:2]))
+    gatherer.gather(seen.compared().points_together(TOGETHER[:1]))
+    gatherer.gather(seen.compared().points_together(TOGETHER[1:2]))
     if all(gatherer.good(each) for each in needed):
         _of_detail(gatherer, seen)
     return seen
@@ -55,7 +55,8 @@ def missing_points(seen: Observations) -> list[Point]:
     """The possible runs that a statement on the error needs and that are not known yet."""
     gatherer, bench = seen.gatherer, seen.gatherer.bench
     needed = first_refinements(bench)
-    points = [BASE, *bench.other_formula((0, 1)), *needed, *bench.tight(TIGHT), *one_knob(list(bench.knobs), 1)]
+    points = [BASE, *bench.other_formula((0, 1)), *needed, *bench.tight(TIGHT)]
+    points += one_parameter(list(bench.parameters), 1)
     if seen.chaotic:
         points += seeded([BASE, *needed])
     else:
@@ -68,14 +69,15 @@ def missing_points(seen: Observations) -> list[Point]:
 def unanswered(seen: Observations) -> list[str]:
     """What a statement on the error lacks.
 
-    Names of knobs without a finer run, dt and cells also where that run failed; "integrator" without runs of the other
-    difference formula; "twins" where chaos was not looked for; with chaotic folds "seeds" where those are too few.
+    Names of parameters without a finer run, dt and cells also where that run failed; "integrator" without runs of the
+    other difference formula; "twins" where chaos was not looked for; with chaotic folds "seeds" where those are too
+    few.
     """
     gatherer, bench = seen.gatherer, seen.gatherer.bench
     needed = first_refinements(bench)
     names = [
         name
-        for name in bench.knobs
+        for name in bench.parameters
         if not (gatherer.good if point({name: 1}) in needed else gatherer.outcomes.__contains__)(point({name: 1}))
     ]
     if not all(each in gatherer.outcomes for each in bench.other_formula((0, 1))):
@@ -86,25 +88,25 @@ def unanswered(seen: Observations) -> list[str]:
 
 
 def _second(bench: Bench) -> list[Point]:
-    """Twins, every knob finer, and the other difference formula with a finer dt."""
-    return [*bench.tight(TIGHT), *one_knob(list(bench.knobs), 1), *bench.other_formula((1,))]
+    """Twins, every parameter finer, and the other difference formula with a finer dt."""
+    return [*bench.tight(TIGHT), *one_parameter(list(bench.parameters), 1), *bench.other_formula((1,))]
 
 
 def _of_folds(gatherer: Gatherer, seen: Observations, needed: Sequence[Point]) -> Observations:
     """The runs of chaotic folds: seeds of the base and of every finer run."""
     gatherer.gather(seeded([BASE, *needed]))
-    gatherer.gather(seeded(one_knob(list(gatherer.bench.knobs), 1)), LATE)
+    gatherer.gather(seeded(one_parameter(list(gatherer.bench.parameters), 1)), LATE)
     _other_settings(gatherer)
     return replace(seen, noise=seen.spread())
 
 
 def _of_detail(gatherer: Gatherer, seen: Observations) -> None:
     """Finer runs of what is least certain, further levels, and combinations that may be worth their time."""
-    names = list(gatherer.bench.knobs)
+    names = list(gatherer.bench.parameters)
     gatherer.gather(seen.compared().least_certain(), LATE)
-    gatherer.gather(seen.compared().joint_points(JOINT[2:]), LATE)
+    gatherer.gather(seen.compared().points_together(TOGETHER[2:]), LATE)
     _other_settings(gatherer)
-    gatherer.gather([*one_knob(names, -2), *one_knob(names, 2), *gatherer.bench.other_formula((2,))], LATE)
+    gatherer.gather([*one_parameter(names, -2), *one_parameter(names, 2), *gatherer.bench.other_formula((2,))], LATE)
     gatherer.gather(next_points(seen.compared(), COMBINATIONS), LATE)
     for _ in range(FINER):
         gatherer.gather(seen.compared().least_certain(), LATE)

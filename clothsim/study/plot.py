@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.engine import PRESETS
 from clothsim.study.analysis import RESOLVED, Findings
 from clothsim.study.headline import MM
-from clothsim.study.points import BASE, Point, written
+from clothsim.study.parameters import written
+from clothsim.study.points import BASE, Point
+from clothsim.study.presets import PRESETS
 from clothsim.study.report import StudyData
 
 STYLES = (
@@ -22,7 +23,7 @@ STYLES = (
     ("#6c3483", "D", (0, (5, 1, 1, 1, 1, 1))),
     ("#5d6d7e", "P", (0, (3, 1, 1, 1))),
 )
-"""Colour, marker and line of each knob: distinguished in grey by the last two."""
+"""Colour, marker and line of each parameter: distinguished in grey by the last two."""
 
 STRIDE, SHORT = 6.0, 110.0
 """Pixels between places along a curve that no label may cover; a curve shorter than SHORT gets one label."""
@@ -45,7 +46,7 @@ def draw(study_data: StudyData, findings: Findings, target: Path) -> None:
 
 
 def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> None:
-    """Log error against log seconds: a curve a knob, the front, the variants, what the reference does not resolve."""
+    """Log error against log seconds: curves, the front, the variants, what the reference does not resolve."""
     axes.set(xscale="log", yscale="log", xlabel="processor time of the run [s]")
     axes.set_ylabel(f"RMS error {'of the histogram of heights' if study_data.chaotic else 'at the last frame'} [mm]")
     axes.set_title(f"{study_data.name}: what accuracy costs", loc="left", fontsize=10)
@@ -56,7 +57,7 @@ def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> No
     lines = [axes.transData.transform([_at(findings, where) for where in findings.errors])]
     variants = [where for where in findings.errors if where.variant]
     marks += [(*_at(findings, where), where.variant, "black") for where in variants]
-    for (name, knob), (colour, marker, line) in zip(study_data.bench.knobs.items(), STYLES * 2, strict=False):
+    for (name, parameter), (colour, marker, line) in zip(study_data.bench.parameters.items(), STYLES * 2, strict=False):
         curve = sorted(_curve(findings, name), key=lambda where: where.level(name))
         swept.update(curve)
         if len(curve) < 2:
@@ -65,7 +66,7 @@ def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> No
         axes.plot(x, y, color=colour, marker=marker, ls=line, ms=5, lw=1.3, mfc="white", mec=colour, zorder=3)
         lines += [_pixels(axes, one, other) for one, other in pairwise(zip(x, y, strict=True))]
         ends = [end for end in (curve[0], curve[-1]) if end != BASE]
-        texts = [written(name, knob.value(study_data.bench.base, end.level(name))) for end in ends]
+        texts = [written(name, parameter.value(study_data.bench.base, end.level(name))) for end in ends]
         if np.ptp(axes.transData.transform(np.column_stack([x, y])), axis=0).max() < SHORT:
             ends, texts = ends[-1:], [name]
         marks += [(*_at(findings, end), text, colour) for end, text in zip(ends, texts, strict=True)]
@@ -167,9 +168,9 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _bars(axes: Any, study_data: StudyData, findings: Findings) -> None:
-    """Error contributions of the knobs at the base settings, and the remainder."""
+    """Error contributions of the parameters at the base settings, and the remainder."""
     rows = sorted(findings.bars.items(), key=lambda row: row[1])
-    rest = [("remainder", findings.remainder / MM)] if findings.reference.joint else []
+    rest = [("remainder", findings.remainder / MM)] if findings.reference.combined else []
     names = [*(name for name, _ in rest), *(_slopes(study_data, findings, name) for name, _ in rows)]
     values = [*(value for _, value in rest), *(each / MM for _, each in rows)]
     shades = [*(["0.85"] * len(rest)), *(["0.45"] * len(rows))]
@@ -190,8 +191,8 @@ def _bars(axes: Any, study_data: StudyData, findings: Findings) -> None:
 
 
 def _slopes(study_data: StudyData, findings: Findings, name: str) -> str:
-    """The knob's name, its observed slope and the expected one."""
-    each, expected = findings.reference.limits[name], study_data.bench.knobs[name].order(study_data.bench.base)
+    """The parameter's name, its observed slope and the expected one."""
+    each, expected = findings.reference.limits[name], study_data.bench.parameters[name].order(study_data.bench.base)
     if expected is None or not each.extrapolated:
         return name
     observed = f"{each.order:.2f}" if each.order == each.order else "not seen"

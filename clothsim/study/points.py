@@ -1,19 +1,19 @@
-"""Points of a study: levels of its knobs, and the outcome of a run."""
+"""Points of a study: levels of its parameters, and the outcome of a run."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
-from clothsim import Bending, Scene, engine
+from clothsim import Scene, engine
 from clothsim.base.arrays import Floats
-from clothsim.engine import PRESETS, with_preset
-from clothsim.study.knobs import IN_TIME, INTEGRATOR, Knob, any_knob, newton_knob
+from clothsim.study.parameters import INTEGRATOR, TIME, Parameter, any_parameter, newton_parameter
+from clothsim.study.presets import PRESETS, with_preset
 
 
 @dataclass(frozen=True)
 class Point:
-    """levels: (knob, level) of the knobs that are not at the base, sorted; or a variant; seed: of its jitter, 0: none.
+    """levels: (parameter, level) of those that are not at the base, sorted; or a variant; seed: of its jitter, 0: none.
 
     Made by `point`, so that equal settings are equal points. variant: a preset or one of VARIANTS.
     """
@@ -22,19 +22,19 @@ class Point:
     variant: str = ""
     seed: int = 0
 
-    def level(self, knob: str) -> int:
-        """The level of a knob."""
-        return dict(self.levels).get(knob, 0)
+    def level(self, parameter: str) -> int:
+        """The level of a parameter."""
+        return dict(self.levels).get(parameter, 0)
 
     def label(self) -> str:
         """Short label of the point."""
-        name = self.variant or ", ".join(f"{knob} {level:+d}" for knob, level in self.levels) or "base"
+        name = self.variant or ", ".join(f"{parameter} {level:+d}" for parameter, level in self.levels) or "base"
         return f"{name}, seed {self.seed}" if self.seed else name
 
 
 def point(levels: Mapping[str, int], seed: int = 0) -> Point:
     """The point with these levels."""
-    return Point(tuple(sorted((knob, level) for knob, level in levels.items() if level)), seed=seed)
+    return Point(tuple(sorted((parameter, level) for parameter, level in levels.items() if level)), seed=seed)
 
 
 BASE = Point()
@@ -65,22 +65,22 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Bench:
-    """A scene under study: as the user gave it, with everything written out (see `knobs.fixed`), and its knobs."""
+    """A scene under study: as the user gave it, with everything written out, and its parameters."""
 
     given: Scene
     base: Scene
-    knobs: Mapping[str, Knob]
+    parameters: Mapping[str, Parameter]
 
     @property
     def convergent(self) -> bool:
         """True where the bending model converges to the fabric's own stiffness (docs/results/validation.md, A3)."""
         bending = self.given.effects.get("bending")
-        return bending is None or bending.get("model", Bending().model) == CONVERGENT
+        return bending is None or bending.model == CONVERGENT
 
     @property
     def in_time(self) -> str:
-        """The knob of the time steps; empty where the study has none."""
-        return IN_TIME if IN_TIME in self.knobs else ""
+        """The parameter of the time steps; empty where the study has none."""
+        return TIME if TIME in self.parameters else ""
 
     def scene(self, where: Point) -> Scene:
         """The scene of a point, without its jitter. InputError where there is none.
@@ -94,7 +94,7 @@ class Bench:
             path, value = VARIANTS[where.variant]
             scene = engine.replace(scene, path, value)
         for name, level in where.levels:
-            scene = (self.knobs.get(name) or any_knob(name)).put(self.base, scene, level)
+            scene = (self.parameters.get(name) or any_parameter(name)).put(self.base, scene, level)
         return scene
 
     def variants(self) -> list[Point]:
@@ -102,38 +102,27 @@ class Bench:
         return [] if self.convergent else [Point(variant=CONVERGENT)]
 
     def other_formula(self, levels: Iterable[int]) -> list[Point]:
-        """The scene with the other difference formula, at levels of its knob of time; none without inertia."""
+        """The scene with the other difference formula, at levels of its parameter of time; none without inertia."""
         if "inertia" not in self.base.effects:
             return []
         finer = [{self.in_time: level} if self.in_time else {} for level in levels]
         return list(dict.fromkeys(point({INTEGRATOR: 1, **each}) for each in finer))
 
     def settings(self, where: Point) -> dict[str, Any]:
-        """The values of the knobs at a point, or its preset; with a variant its name too."""
+        """The values of the parameters at a point, or its preset; with a variant its name too."""
         if where.variant in PRESETS:
             return {"preset": where.variant}
-        turned = {name: any_knob(name) for name, _ in where.levels}
-        values = {name: knob.value(self.base, where.level(name)) for name, knob in {**self.knobs, **turned}.items()}
+        turned = {name: any_parameter(name) for name, _ in where.levels}
+        refined = {**self.parameters, **turned}
+        values = {name: parameter.value(self.base, where.level(name)) for name, parameter in refined.items()}
         return {**values, VARIANTS[where.variant][0].split(".")[-1]: where.variant} if where.variant else values
 
     def tight(self, level: int) -> tuple[Point, Point]:
         """A point with a tight tolerance, and its twin with a jittered start."""
-        levels = {newton_knob(self.base): level}
+        levels = {newton_parameter(self.base): level}
         return point(levels), point(levels, seed=1)
 
     def key(self, where: Point) -> str:
         """A name for the settings of a point and its seed: equal settings have equal names, however they came about."""
         text = replace(self.scene(where), run=self.base.run).to_text()
         return sha256(f"{text} {where.seed}".encode()).hexdigest()[:16]
-
-
-def written(name: str, value: Any) -> str:
-    """A value of a knob for people: "dt 1/60 s", "cells 40x40", "tolerance 0.001 m/s"."""
-    if name in ("dt",) and abs(1 / value - round(1 / value)) < 1e-6 / value and value < 1:
-        return f"dt 1/{round(1 / value)} s"
-    if isinstance(value, list | tuple):
-        return f"{name} {'x'.join(str(count) for count in value)}"
-    if name == "d_hat":
-        return f"d_hat {1e3 * value:.3g} mm"
-    unit = {"tolerance": " m/s", "eps_v": " m/s"}.get(name, "")
-    return f"{name} {value:.3g}{unit}" if isinstance(value, float) else f"{name} {value}"

@@ -1,6 +1,7 @@
-"""Data of a study and the content of study.json."""
+"""Data of a study, the content of study.json, and the report for people: study.md."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -9,17 +10,21 @@ from typing import Any
 import numpy as np
 
 from clothsim.study.analysis import Compared, Findings, Recommendation, half, recommendations
+from clothsim.study.answer import answer, in_mm, in_seconds, settings_text
 from clothsim.study.evaluation import Gatherer
+from clothsim.study.goal_report import PICTURE_NAME, goal_lines
 from clothsim.study.headline import MM, Headline
 from clothsim.study.observations import Observations
+from clothsim.study.parameters import written
 from clothsim.study.plan import first_refinements
 from clothsim.study.points import BASE, CONVERGENT, Bench, Point
 from clothsim.study.reference_solution import Limit
+from clothsim.study.worker import SHORT, TIMES
 
 
 @dataclass(frozen=True)
 class StudyData:
-    """Data of a study to report: name of the scene, runs and how they are compared, reasons for missing knobs."""
+    """Data of a study to report: name of the scene, runs and how they are compared, reasons for missing parameters."""
 
     name: str
     bench: Bench
@@ -63,7 +68,7 @@ def document(
         "unit": "mm",
         "measure": measure(chaotic),
         "size": study_data.size,
-        "knobs": {name: _knob(study_data, findings, name) for name in study_data.bench.knobs},
+        "knobs": {name: _parameter(study_data, findings, name) for name in study_data.bench.parameters},
         "bending_model": _model(study_data),
         "missing_knobs": dict(study_data.missing),
         "left_out": {where.label(): reason for where, reason in gatherer.left_out.items()},
@@ -112,11 +117,11 @@ def _answers(study_data: StudyData, findings: Findings | None, headline: Headlin
             "own_error": findings.reference.error / MM,
             "valid": findings.valid,
             "smallest_error": min(findings.errors.values()) / MM,
-            "cross": findings.reference.cross / MM,
+            "cross": findings.reference.interaction / MM,
             "distance_of_base": findings.errors[BASE] / MM,
         },
         "remainder": findings.remainder / MM,
-        "together": list(findings.reference.names) if findings.reference.joint else None,
+        "together": list(findings.reference.names) if findings.reference.combined else None,
     }
 
 
@@ -155,13 +160,14 @@ def _advice(study_data: StudyData, each: Recommendation) -> dict[str, Any]:
             "predicted_error": None if each.measured else each.error / MM}  # fmt: skip
 
 
-def _knob(study_data: StudyData, findings: Findings | None, name: str) -> dict[str, Any]:
-    compared, knob = study_data.compared, study_data.bench.knobs[name]
+def _parameter(study_data: StudyData, findings: Findings | None, name: str) -> dict[str, Any]:
+    compared, parameter = study_data.compared, study_data.bench.parameters[name]
     limits: Mapping[str, Limit] = {}
     if compared is not None:
         limits = compared.limits() if findings is None else findings.reference.limits
     each = limits.get(name)
-    settings = {"base": knob.value(study_data.bench.base, 0), "expected_slope": knob.order(study_data.bench.base)}
+    base = study_data.bench.base
+    settings = {"base": parameter.value(base, 0), "expected_slope": parameter.order(base)}
     if compared is None or each is None:
         unknown = dict.fromkeys(("observed_slope", "adds", "own_uncertainty"))
         return {**settings, **unknown, "extrapolated": False}
@@ -172,3 +178,118 @@ def _knob(study_data: StudyData, findings: Findings | None, name: str) -> dict[s
         "adds": compared.norm(compared.fields[BASE] - each.field) / MM,
         "own_uncertainty": each.error / MM,
     }
+
+
+def markdown(name: str, result: Mapping[str, Any]) -> str:
+    """The report: the answer first."""
+    parts = [f"# What accuracy costs: {name}", "\n".join(answer(result))]
+    if result["front"]:
+        parts += [
+            "![Error against processor seconds](study.png)",
+            "## What to take",
+            _table(("error at most", "settings", "measured error", "processor time"), _advice_rows(result)),
+        ]
+    parts += [
+        "## Where the error comes from",
+        _table(("parameter", "at the base", "adds", "expected slope", "observed slope"), _parameter_rows(result)),
+        f"The remainder, which the parameters add only together: {_remainder(result['remainder'])}.",
+        "## Every point",
+        _table(("settings", "error (RMS)", "largest", "of the size", "processor time", "front"), _point_rows(result)),
+        "## How this was measured",
+        "\n".join(f"* {line}" for line in _method(result)),
+    ]
+    if "goal" in result:
+        parts[-2:-2] = _goal(result["goal"])
+    if result["left_out"] or result["failed"]:
+        lines = [f"* {name}: {reason}." for name, reason in result["left_out"].items()]
+        lines += [f"* {entry['label']} is no data point: {entry['failed']}" for entry in result["failed"]]
+        parts += ["## Left out", "\n".join(lines)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _goal(goal: dict[str, Any]) -> list[str]:
+    picture = [] if goal["failed"] else [f"![Error of {goal['name']} on the cloth]({PICTURE_NAME})"]
+    return [f"## Which triangles make the error of {goal['name']}", "\n".join(goal_lines(goal)), *picture]
+
+
+def _remainder(length: float | None) -> str:
+    known = length is not None and math.isfinite(length)
+    return in_mm(length) if known else "not measured, for want of a run with several of them"
+
+
+def _advice_rows(result: Mapping[str, Any]) -> list[list[str]]:
+    return [
+        [
+            f"<= {each['error']:g} mm",
+            settings_text(each["settings"]),
+            in_mm(each["measured_error"]),
+            in_seconds(each["seconds"]),
+        ]
+        for each in result["recommended"]
+    ]
+
+
+def _parameter_rows(result: Mapping[str, Any]) -> list[list[str]]:
+    rows = []
+    for name, parameter in result["knobs"].items():
+        observed = parameter["observed_slope"]
+        known = observed is not None and math.isfinite(observed)
+        expected = "" if parameter["expected_slope"] is None else f"{parameter['expected_slope']:.2g}"
+        slope = (f"{observed:.2f}" if known else "") + ("" if parameter["extrapolated"] or not known else " (not used)")
+        adds = "not known" if parameter["adds"] is None else in_mm(parameter["adds"])
+        rows.append([name, written(name, parameter["base"]).removeprefix(f"{name} "), adds, expected, slope])
+    return rows
+
+
+def _point_rows(result: Mapping[str, Any]) -> list[list[str]]:
+    front = {each["label"] for each in result["front"]}
+    return [
+        [
+            settings_text(each["settings"]) + ("" if each["resolved"] or each["error"] is None else " *"),
+            *(_error_cells(each)),
+            in_seconds(each["seconds"]),
+            "yes" if each["label"] in front else "",
+        ]
+        for each in sorted(result["points"], key=lambda each: each["seconds"])
+    ]
+
+
+def _error_cells(point: Mapping[str, Any]) -> list[str]:
+    if point["error"] is None:
+        return ["", "", ""]
+    return [in_mm(point["error"]), in_mm(point["max_error"]), f"{100 * point['relative']:.2g} %"]
+
+
+def _method(result: Mapping[str, Any]) -> list[str]:
+    reference = result["reference"]
+    own = "not known" if reference is None else in_mm(reference["own_error"])
+    names = result["together"]
+    combined = f" and runs of {', '.join(names)} together" if names else ""
+    warm = max((entry.get("warmup_seconds", 0.0) for entry in result["points"]), default=0.0)
+    return [
+        f"Error: {result['measure']}; size: the diagonal of the cloth at rest, {result['size']:.3g} m.",
+        f"Reference: the one-parameter runs{combined}, extrapolated by Richardson at their observed order; its own "
+        f"error is {own}. A point marked * is closer to it than ten times that.",
+        f"Twins, one with a start jittered by a millionth of the size, end {in_mm(result['twins_differ'])} apart.",
+        f"Time: seconds of the processor, one thread, warm-up (up to {warm:.1f} s of loading and compiling) apart; "
+        f"{result['workers']:g} processes at a time; runs below {SHORT:g} s: the median of {TIMES}.",
+        f"{result['date']}: {result['seconds']:.0f} s of a budget of {result['budget']:.0f} s, "
+        f"{result['reused']} runs taken from an earlier study.",
+        *(f"{text}." for text in _invariants(result["invariants"])),
+        *(f"No parameter {name}: {reason}." for name, reason in result["missing_knobs"].items()),
+    ]
+
+
+def _invariants(invariants: Mapping[str, Any]) -> list[str]:
+    """Invariants of chaotic folds at the base settings: mean and spread over the seeds."""
+    units = {"drape_coefficient": ("Drape coefficient", ""), "energy": ("Energy", " J")}
+    return [
+        f"{units[name][0]} as given, over {each['seeds']} seeds: {each['mean']:.4g}{units[name][1]}, spread "
+        f"{each['spread']:.2g}{units[name][1]}"
+        for name, each in invariants.items()
+    ]
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

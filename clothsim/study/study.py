@@ -18,24 +18,24 @@ from clothsim import Scene, engine, simulate
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.parallel import available_cores
+from clothsim.base.renamed import renamed
 from clothsim.base.safe_files.directory import make_directory
-from clothsim.engine import World, build, fixed
+from clothsim.engine import World, build
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
 from clothsim.study.error_control.resolution import Resolution, resolvable
 from clothsim.study.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
 from clothsim.study.goal_report import NamedGoal, goal_report, refuse_goal
 from clothsim.study.headline import UNFINISHED, headline, needed_seconds
-from clothsim.study.knobs import usable
+from clothsim.study.parameters import usable, with_explicit_lengths
 from clothsim.study.plan import gathered
 from clothsim.study.plot import draw
 from clothsim.study.points import BASE, Bench, Point, point
 from clothsim.study.pool import Runner, worker_processes
-from clothsim.study.report import StudyData, document
-from clothsim.study.report_text import markdown
+from clothsim.study.report import StudyData, document, markdown
 from clothsim.study.resample import world_material
 
-# Settings of a scene with solver.error, found by one search, around which a study then varies its knobs.
+# Settings of a scene with solver.error, found by one search, around which a study then varies its parameters.
 
 SEARCHED_NAME = "searched.json"
 LARGEST_FRACTION = 0.3
@@ -133,13 +133,14 @@ class Study:
         return (self.directory / REPORT_NAME).read_text(encoding="utf-8")
 
 
+@renamed(knobs="parameters", on_progress="progress")
 def study_accuracy(
     scene: Scene,
     output: str | Path | None = None,
-    knobs: Sequence[str] | None = None,
+    parameters: Sequence[str] | None = None,
     budget: float = 120.0,
     workers: int | None = None,
-    on_progress: Callable[[Progress], None] = lambda progress: None,
+    progress: Callable[[Progress], None] = lambda done: None,
     runners: Callable[[int], AbstractContextManager[Runner]] = worker_processes,
     name: str = "the scene",
     stopped: Callable[[], bool] = lambda: False,
@@ -158,13 +159,13 @@ def study_accuracy(
     output : str or Path, optional
         Directory of the results; points of an earlier study of the same scene there are reused. None: a new temporary
         directory.
-    knobs : sequence of str, optional
-        Names of `knobs.KNOBS`; None: all that the scene has.
+    parameters : sequence of str, optional
+        Names of `parameters.PARAMETERS`; None: all that the scene has.
     budget : float
         Wall-clock time of the whole study [s].
     workers : int, optional
         Number of processes; None: one a core.
-    on_progress : callable
+    progress : callable
         Called with a `Progress` at the start and the end of each run.
     runners : callable
         Context manager of a runner of jobs, given the number of processes.
@@ -189,7 +190,7 @@ def study_accuracy(
     --------
     >>> import clothsim
     >>> scene = clothsim.load_scene("scenes/study_strip.toml")  # doctest: +SKIP
-    >>> study = clothsim.study_accuracy(scene, budget=60, knobs=["dt", "cells"])  # doctest: +SKIP
+    >>> study = clothsim.study_accuracy(scene, budget=60, parameters=["dt", "cells"])  # doctest: +SKIP
     >>> [row["label"] for row in study.result["front"]]  # doctest: +SKIP
     ['cells -1', 'base', 'dt +1']
     """
@@ -202,9 +203,9 @@ def study_accuracy(
     scene, found = searched_settings(scene, directory, seconds)
     if found is not None:
         built = build(scene)
-    base = fixed(scene, built)
-    knobs_used, missing = usable(base, None if knobs is None else list(knobs))
-    bench = Bench(scene, base, knobs_used)
+    base = with_explicit_lengths(scene, built.energies)
+    used, missing = usable(base, None if parameters is None else list(parameters))
+    bench = Bench(scene, base, used)
     if goal is not None:
         StateAtRest.refuse_history(built)
         refuse_goal(bench)
@@ -227,7 +228,7 @@ def study_accuracy(
             seconds,
             left,
             count,
-            on_progress,
+            progress,
             stored_points(directory, fingerprint),
         )
         seen = gathered(gatherer)
@@ -244,11 +245,11 @@ def study_accuracy(
 
 
 def _coarsest(bench: Bench) -> Point:
-    """Every knob one level coarser, as far as it goes."""
+    """Every parameter one level coarser, as far as it goes."""
     levels: dict[str, int] = {}
-    for name, knob in bench.knobs.items():
+    for name, parameter in bench.parameters.items():
         try:
-            knob.value(bench.base, -1)
+            parameter.value(bench.base, -1)
         except InputError:
             continue
         levels[name] = -1

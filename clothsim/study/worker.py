@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import simulate
+from clothsim import Scene, simulate
 from clothsim.base.safe_files.record import to_json
-from clothsim.engine import cloths_at_start, scene_from_text
+from clothsim.engine import cloths_at_start
 from clothsim.files import write_obj
 
 SHORT, TIMES = 1.0, 3
@@ -64,7 +64,7 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
 
 def _run(job: dict[str, Any]) -> dict[str, Any]:
     with TemporaryDirectory(prefix="clothsim-study-") as folder:
-        scene = scene_from_text(job["scene"])
+        scene = Scene.from_text(job["scene"])
         if job["seed"]:
             scene = replace(scene, seed=_jittered(scene, job["seed"], Path(folder)))
         session: list[Any] = []

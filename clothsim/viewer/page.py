@@ -77,7 +77,7 @@ class Page(Served):
         """Colour the cloth by another quantity."""
         with self._lock:
             self.colouring = Colouring.of_run(self.run, name)
-            self.controls["legend"].content = legend_html(self.colouring.scale)
+            self.controls["legend"].content = legend_html(self.colouring)
             self.picked = None
             self.fade(self.controls["opacity"].value)
             self.show(self.frame)

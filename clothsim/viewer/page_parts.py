@@ -74,7 +74,7 @@ def add_controls(page: Page, names: list[str]) -> None:
     controls["play"] = gui.add_checkbox("Play", False)
     controls["speed"] = gui.add_slider("Speed", 0.05, 2.0, 0.05, 1.0)
     controls["colour"] = gui.add_dropdown("Colour", names, initial_value=page.colouring.name)
-    controls["legend"] = gui.add_html(legend_html(page.colouring.scale))
+    controls["legend"] = gui.add_html(legend_html(page.colouring))
     controls["opacity"] = gui.add_slider("Opacity of bodies", 0.0, 1.0, 0.05, 1.0)
     tabs = gui.add_tab_group()
     with tabs.add_tab("Solver"):

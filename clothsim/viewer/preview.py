@@ -138,8 +138,7 @@ def preview(scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPB
 def _add_scene(page: Preview, first: Prediction) -> None:
     server, made = page.server, page.predictor
     add_background(server)
-    up = -np.asarray(made.scene.effects.get("gravity", {}).get("acceleration", (0.0, 0.0, -1.0)), np.float64)
-    look_at(server, np.concatenate([first.cloth, *first.bodies]), up if up.any() else "z")
+    look_at(server, np.concatenate([first.cloth, *first.bodies]), made.scene.up)
     everything = np.concatenate([first.cloth, *first.bodies]).astype(np.float32)
     page.nodes["cloths"], page.nodes["bodies"] = [], []
     for part in made.cloths:

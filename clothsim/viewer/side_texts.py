@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.engine import certificate_rows
-from clothsim.render import Scale
+from clothsim.engine import Colouring
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -39,7 +38,7 @@ def certificate_text(run: "Run") -> str:
     """What the run certifies at its end."""
     if not run.summary:
         return "The certificate comes with the end of the run."
-    return table(certificate_rows(run.summary))
+    return table(run.certificate_rows)
 
 
 def solver_text(entries: Sequence[Mapping[str, Any]], time: float) -> str:
@@ -69,8 +68,9 @@ def speeds(places: Floats, times: Floats) -> Floats:
     return np.concatenate([[0.0], np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)])
 
 
-def legend_html(scale: Scale | None) -> str:
+def legend_html(colouring: Colouring) -> str:
     """Horizontal bar of a scale with its heading and ticks, as HTML; empty where the cloth is plain."""
+    scale = colouring.scale
     if scale is None:
         return ""
     painted = scale.colours(np.linspace(scale.low, scale.high, STOPS))

@@ -20,9 +20,9 @@ from clothsim.base.safe_files.record import to_json
 from clothsim.base.text_table import text_table
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
-from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.a6_inflation import balloon, blown_up, mylar
 from tests.known_answers.a8_wrinkles import Sheared, sheared, strip, thickness_of
+from tests.support.effect_builders import membrane
 
 SHEAR, HALF = 0.02, 0.2
 """Shear of the strip, and the half-wavelength that the theory gives it, over its height."""

@@ -19,15 +19,20 @@ def seconds(monkeypatch):
     return at
 
 
+def _compilation_of(function):
+    """Numba's event for a function."""
+    return SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=function)})
+
+
 def test_the_clock_counts_what_is_nested_once_and_what_is_under_way(seconds):
-    clock = CompilationClock()
-    assert clock.seconds() == 0.0
-    for now, notify in ((1.0, clock.on_start), (2.0, clock.on_start), (4.0, clock.on_end)):
+    clock, outer, inner = CompilationClock(), _compilation_of(shown), _compilation_of(CompilationClock.on_end)
+    assert (clock.seconds(), clock.kernel) == (0.0, "")
+    for now, notify, event in ((1.0, clock.on_start, outer), (2.0, clock.on_start, inner), (4.0, clock.on_end, inner)):
         seconds.now = now
-        notify(None)
-    assert clock.seconds() == 3.0
+        notify(event)
+    assert (clock.seconds(), clock.kernel) == (3.0, "progress.shown")
     seconds.now = 6.0
-    clock.on_end(None)
+    clock.on_end(outer)
     seconds.now = 60.0
     assert clock.seconds() == 5.0
 

@@ -8,8 +8,8 @@ import subprocess
 import pytest
 from command_line import FREE
 
-from clothsim.cli import main, parser_of_all
-from clothsim.cli.completion_command import bash, fish, zsh
+from clothsim.cli import COMMANDS, main, parser_of_all
+from clothsim.cli.completion_command import script
 
 
 @pytest.fixture
@@ -88,30 +88,29 @@ def test_lists_are_documents(capsys):
     assert {"cloth", "run", "effects.gravity"} <= set(everything)
 
 
-def completed(script, *words):
+def completed(text, *words):
     """The words that bash proposes for the last of `words`."""
     line = " ".join(f"'{word}'" for word in words)
-    program = f'{script}\nCOMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _clothsim; echo "${{COMPREPLY[@]}}"'
+    program = f'{text}\nCOMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _shtab_clothsim; echo "${{COMPREPLY[@]}}"'
     done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=True)
     return done.stdout.split()
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
 def test_bash_completes_commands_options_choices_and_files(place):
-    script = bash(parser_of_all())
-    assert completed(script, "clothsim", "ex") == ["explain", "export"]
-    assert completed(script, "clothsim", "export", "--f") == ["--frame", "--fps"]
-    assert completed(script, "clothsim", "export", "--up", "") == ["y", "z"]
-    assert completed(script, "clothsim", "completion", "f") == ["fish"]
-    assert completed(script, "clothsim", "run", "fr") == ["free.toml"]
+    text = script("bash")
+    assert completed(text, "clothsim", "ex") == ["explain", "export"]
+    assert completed(text, "clothsim", "export", "--f") == ["--frame", "--fps"]
+    assert completed(text, "clothsim", "export", "--up", "") == ["y", "z"]
+    assert completed(text, "clothsim", "completion", "f") == ["fish"]
+    assert completed(text, "clothsim", "farm", "wo") == ["work"]
+    assert completed(text, "clothsim", "run", "fr") == ["free.toml"]
 
 
 def test_scripts_of_other_shells_name_every_command(capsys):
-    parser = parser_of_all()
-    commands = next(action.choices for action in parser._actions if action.dest == "command")
-    for command in commands:
-        assert f"-a {command} " in fish(parser)
-    assert zsh(parser).startswith("autoload")
+    for shell in ("zsh", "fish", "tcsh"):
+        text = script(shell)
+        assert all(command in text for command in COMMANDS)
     assert main(["completion", "fish"]) == 0
-    assert capsys.readouterr().out == fish(parser)
-    assert main(["completion", "tcsh"]) == 2
+    assert capsys.readouterr().out == script("fish") + "\n"
+    assert main(["completion", "elvish"]) == 2

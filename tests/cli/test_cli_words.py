@@ -8,7 +8,7 @@ import pytest
 
 from clothsim import InputError
 from clothsim.cli import COMMANDS, GROUPS, _short, main, parser_of_all, without_group
-from clothsim.cli.completion_command import bash
+from clothsim.cli.completion_command import script
 from clothsim.cli.progress import Lines, clock
 from clothsim.run.summary import Progress
 
@@ -230,4 +230,4 @@ def test_a_renamed_option_does_the_same_and_names_the_new_one(capsys):
     assert parser.parse_args(["dress", "tunic", "--on", "shirt"]).waistband is False
     assert capsys.readouterr().err == ""
     assert "--hold" not in commands["dress"].format_help()
-    assert "--hold" not in bash(parser)
+    assert "--hold" not in script("bash")

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import built
 from meshes import cloth, deformed, irregular_grid
 
-from clothsim.gradients.backward_pass import SLOTS, _values, _with, past_by_differences
+from clothsim.gradients.backward_pass import SLOTS, _replace_slot, _values, past_by_differences
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.friction import Friction
+from clothsim.physics.contact.friction import FrictionEnergy
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.constraint import Constraint
 from clothsim.physics.energies.protocols import SeesPast
@@ -32,9 +33,9 @@ def table_world():
 def unbound(name):
     """The effect on the table world, a step to bind it to, and positions at its end; None for a constraint."""
     world = table_world()
-    filled = {"contacts": ("body_contact",), "built": {"bending": EFFECTS["bending"].build(world, {}, {})}}
+    filled = {"contacts": ("body_contact",), "built": {"bending": built("bending", world)}}
     keys = KEYS.get(name, EFFECTS[name].example().keys)
-    energy = EFFECTS[name].build(world, keys, filled)
+    energy = built(name, world, **keys, **filled)
     if isinstance(energy, tuple):
         assert isinstance(energy[1], Constraint)
         return None
@@ -42,7 +43,7 @@ def unbound(name):
     rng = np.random.default_rng(7)
     x = world.start()
     velocities, before = rng.standard_normal((2, *x.shape))
-    contact = EFFECTS["body_contact"].build(world, EFFECTS["body_contact"].example().keys, {})
+    contact = built("body_contact", world, **EFFECTS["body_contact"].example().keys)
     past = Past(x + 0.05 * before, velocities + 0.3 * before, 0.7 * 0.8)  # BDF2 with r = 1/3, b = .8
     bound = {"body_contact": contact}
     step = Step(0.3, 0.7, x, velocities, 0.6, np.zeros_like(x), bound=bound, weighed=past)
@@ -79,7 +80,7 @@ def test_the_start_of_a_step(name):
 
 def _along(energy, step, slot, values, d, x, a):
     h = 1e-6
-    forces = [energy.begin(_with(step, slot, values + sign * h * d)).gradient(x) for sign in (1, -1)]
+    forces = [energy.begin(_replace_slot(step, slot, values + sign * h * d)).gradient(x) for sign in (1, -1)]
     return np.vdot(a, forces[0] - forces[1]) / (2 * h)
 
 
@@ -88,7 +89,7 @@ def test_closed_forms_are_the_default(name):
     energy, step, x = unbound(name)
     bound = energy.begin(step)
     assert isinstance(bound, SeesPast)
-    assert name != "friction" or (isinstance(bound, Friction) and len(bound.elements) > 2)
+    assert name != "friction" or (isinstance(bound, FrictionEnergy) and len(bound.elements) > 2)
     a = np.random.default_rng(1).standard_normal(x.shape)
     closed, default = bound.past_sensitivity(step, x, a), past_by_differences(energy.begin, step, x, a)
     for slot in SLOTS:

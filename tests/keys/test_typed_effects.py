@@ -1,56 +1,30 @@
 """Typed effects and settings: the builders' keys and defaults, the tables of a scene file, and no import."""
 
+import pickle
 import subprocess
 import sys
-from dataclasses import MISSING, FrozenInstanceError
+from dataclasses import FrozenInstanceError
 
-import numpy as np
 import pytest
 
 import clothsim
 from clothsim import InputError, Scene
-from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+from clothsim.keys.builder_keys import takes_keys
+from clothsim.keys.effect_tables import Gust
 from clothsim.keys.frozen import frozen
-from clothsim.keys.schema import keys_of
 from clothsim.keys.typed_effects import TYPED_EFFECTS
-from clothsim.physics.energies import rest_angle, seams, springs, wind
-from clothsim.physics.energies.pins import GROUP
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 
 CLOTH = {"mesh": "rectangle", "cells": [2, 2]}
 
 
-@pytest.mark.parametrize("name", TYPED_EFFECTS)
-def test_the_keys_and_defaults_are_the_builders(name):
-    typed = {key: known.default for key, known in keys_of(TYPED_EFFECTS[name]).items()}
-    assert typed == EFFECTS[name].keys()
-
-
-@pytest.mark.parametrize(
-    ("section", "known"),
-    [
-        (PinGroup, GROUP),
-        (Spring, springs.KEYS),
-        (Seam, seams.KEYS),
-        (SeamLine, seams.SIDE),
-        (Crease, rest_angle.KEYS),
-        (Motion, ("velocity", "rotate_degrees_per_second", "centre")),
-        (Gust, ("kind", *wind.KINDS["gust"][1])),
-        (Vortex, ("kind", *wind.KINDS["vortex"][1])),
-    ],
-)
-def test_the_keys_of_nested_tables_are_the_effects(section, known):
-    assert set(keys_of(section)) == set(known)
-
-
-@pytest.mark.parametrize("section", [Gust, Vortex])
-def test_the_defaults_of_winds(section):
-    known = wind.KINDS[section.__name__.lower()][1]
-    for name, key in keys_of(section).items():
-        if name != "kind":
-            default = None if key.default is MISSING else key.default
-            assert np.array_equal(known[name], default)
+def test_the_table_of_effects_names_the_classes():
+    ours = {name: effect for name, effect in EFFECTS.items() if name in TYPED_EFFECTS}
+    assert {name: effect.keys_class for name, effect in ours.items()} == TYPED_EFFECTS
+    for name, effect in ours.items():
+        assert isinstance(effect.section, str)
+        assert takes_keys(effect.load()) == bool(effect.keys()), name
 
 
 def test_a_list_of_effects_is_their_tables():
@@ -118,6 +92,18 @@ def test_settings_are_parsed_once():
 def test_what_is_wrong_is_named(make, names):
     with pytest.raises(InputError, match=names):
         make()
+
+
+def test_a_section_knows_the_keys_that_were_given():
+    seam = clothsim.Seam(from_={"side": "left"}, to=clothsim.SeamLine(side="right"), end=1.0)
+    assert seam.given == ("from", "to", "end")
+    assert seam.from_ == clothsim.SeamLine(side="left")
+    assert seam.as_table() == {"from": {"side": "left"}, "to": {"side": "right"}, "end": 1.0}
+    later = seam.with_keys(end=2)
+    assert (later.end, later.given, seam.end) == (2.0, seam.given, 1.0)
+    assert pickle.loads(pickle.dumps(seam)).given == seam.given
+    gust = clothsim.Air.parsed("effects.air", {"wind": {"kind": "gust", "velocity": [1, 0, 0]}}).wind
+    assert (type(gust), gust.given, gust.period) == (Gust, ("velocity",), 1.0)
 
 
 def test_they_are_frozen():

@@ -9,11 +9,11 @@ from clothsim.base.errors import ClothsimError
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.topology import border_edges, border_vertices
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import cloth, grid, irregular_grid, random_rotation
 from tests.known_answers.unit_solver import equilibrium, held, those_on
+from tests.support.effect_builders import gravity
 
 MU, LAM = 1.0, 1.5
 FABRIC = Fabric(1.0, 1.0, 4 * MU * (LAM + MU) / (LAM + 2 * MU), LAM / (LAM + 2 * MU), 0.0)

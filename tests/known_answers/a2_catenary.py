@@ -8,11 +8,11 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import cloth, grid
 from tests.known_answers.unit_solver import equilibrium, held, those_on
+from tests.support.effect_builders import gravity
 
 WIDTH = 0.05
 SPAN = 1.0

@@ -7,10 +7,9 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.plates import flat
 from tests.known_answers.unit_solver import second_derivatives
+from tests.support.effect_builders import bending, membrane
 
 SMALL = 1e-10
 """The fraction of E2 that the weight is: small enough for its stresses to be proportional to it."""

@@ -8,15 +8,12 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.bending import bending
 from clothsim.physics.energies.constraint import Constraint
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve.stepping.stepping import Integrator
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import UNIT, cloth, irregular_grid, random_rotation
 from tests.known_answers.unit_solver import NOTHING, integrator_of, newton_of, pinned, run_of, those_on
+from tests.support.effect_builders import bending, gravity, inertia, membrane
 
 GRAVITY = np.array([0.3, -0.5, -9.81])
 HEIGHT = 0.8

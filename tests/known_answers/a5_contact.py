@@ -8,16 +8,11 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import World, make_world
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.contact.friction_coefficients import friction
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import UNIT, cloth, grid, irregular_grid
 from tests.known_answers.unit_solver import equilibrium, integrator_of, pinned, run_of, those_on
+from tests.support.effect_builders import bending, body_contact, friction, gravity, inertia, membrane
 
 G, D_HAT, STIFFNESS = 9.81, 0.01, 50.0
 SLAB = np.array([[-50.0, -50, 0], [50, -50, 0], [50, 50, 0], [-50, 50, 0]]), np.array([[0, 1, 2], [0, 2, 3]])

@@ -12,11 +12,10 @@ from clothsim.mesh.generators.sheets import disk
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy, Off
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pressure import pressure
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import cloth
 from tests.known_answers.unit_solver import equilibrium, held, those_on
+from tests.support.effect_builders import membrane, pressure
 
 RUBBER = Fabric(density=1.0, thickness=1.0, youngs_modulus=20 / 7, poisson_ratio=3 / 7, bending_stiffness=0.0)
 """mu = 1, lam = 1.5."""

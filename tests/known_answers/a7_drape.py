@@ -13,13 +13,11 @@ from clothsim.keys.fabric import Fabric
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.plates import flat
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.strips import random_ring
 from tests.known_answers.unit_solver import equilibrium, held, those_on
+from tests.support.effect_builders import bending, gravity, membrane
 
 SHARE = 0.6
 """Radius of the disc over that of the cloth, 18 cm : 30 cm."""

@@ -10,11 +10,10 @@ from clothsim.keys.fabric import Fabric
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy, Off
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.plates import flat
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_solver import equilibrium, held, those_on
+from tests.support.effect_builders import bending, membrane
 
 NU, LENGTH = 0.3, 2.0
 """Poisson's ratio; length of the strip over its height, which is 1."""

@@ -21,8 +21,6 @@ from clothsim.mesh.generators.sheets import disk, rectangle
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy, Off
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.time_loop import steps
 from tests.known_answers.elastica import elastica_height
@@ -37,6 +35,7 @@ from tests.known_answers.twisted_ribbon import (
 )
 from tests.known_answers.unit_meshes import cloth
 from tests.known_answers.unit_solver import integrator_of, pinned, second_derivatives, those_on
+from tests.support.effect_builders import bending, membrane
 
 PLATE = Fabric(density=1.0, thickness=1.0, youngs_modulus=1.0, poisson_ratio=0.3, bending_stiffness=1.0)
 BEAM = replace(PLATE, poisson_ratio=0.0)

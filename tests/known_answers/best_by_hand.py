@@ -10,8 +10,8 @@ from itertools import product
 
 from clothsim import Scene
 from clothsim.base.errors import ClothsimError
-from clothsim.study.error_control.choice import work
 from clothsim.study.error_control.resolution import CELLS, D_HAT, Resolution, resolvable
+from clothsim.study.error_control.search import work
 from tests.known_answers.error_reference import Solution, distance, solution
 
 LONGEST_STEP = 0.02
@@ -48,8 +48,8 @@ def best_by_hand(scene: Scene, asked: float, reference: Solution) -> ByHand | No
             Resolution(first * steps, Fraction(cells), Fraction(d_hat))
             for steps, cells, d_hat in product(
                 STEPS,
-                [each for each in CELL_FACTORS if each >= coarsest] if CELLS in ladder.knobs else (1,),
-                D_HAT_FACTORS if D_HAT in ladder.knobs else (1,),
+                [each for each in CELL_FACTORS if each >= coarsest] if CELLS in ladder.parameters else (1,),
+                D_HAT_FACTORS if D_HAT in ladder.parameters else (1,),
             )
         ),
         key=effort,

@@ -14,10 +14,10 @@ from typing import Any
 from clothsim import Run, Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.scene import paths
-from clothsim.scene.assembly.explicit_lengths import fixed
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import CONTACTS
+from clothsim.study.parameters import with_explicit_lengths
 from clothsim.study.reference_solution import Norm
 from clothsim.study.resample import Material, at_points_of, point_areas, world_material
 
@@ -45,7 +45,7 @@ class Solution:
 def reference_scene(scene: Scene, finer: Refinement = Refinement()) -> Scene:
     """The scene of the reference; lengths that the mesh gives (d_hat, eps_v) are those of the scene's own mesh."""
     solver = {key: value for key, value in scene.solver.items() if key != "error"}
-    scene = fixed(replace(scene, solver=solver), build(scene))
+    scene = with_explicit_lengths(replace(scene, solver=solver), build(scene).energies)
     scene = paths.replace(scene, "solver.dt", scene.solver_settings.dt / finer.dt)
     scene = paths.replace(scene, "solver.tolerance", finer.tolerance)
     scene = paths.replace(scene, "solver.integrator", "bdf2")

@@ -15,11 +15,9 @@ from clothsim.keys.fabric import Fabric
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import Cloth, make_cloth
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.elastica import hanging_cantilever, loaded_ring
 from tests.known_answers.unit_solver import equilibrium, held, second_derivatives, those_on
+from tests.support.effect_builders import bending, gravity, membrane
 
 MEMBRANE = 2e4
 LOADS = {100: (0.1, 0.3, 1.0)}

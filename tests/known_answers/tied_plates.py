@@ -13,9 +13,9 @@ from clothsim.base.errors import ClothsimError
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.bending import bending
 from tests.known_answers.unit_meshes import UNIT, cloth, grid
 from tests.known_answers.unit_solver import second_derivatives
+from tests.support.effect_builders import bending
 
 SHEET = replace(UNIT, poisson_ratio=0.0)
 WIDTH, ROWS = 0.2, 2

@@ -20,10 +20,9 @@ from clothsim.keys.fabric import Fabric
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.unit_meshes import cloth
 from tests.known_answers.unit_solver import equilibrium, held, second_derivatives, those_on
+from tests.support.effect_builders import bending, membrane
 
 MODULUS = 1e5
 """E2 b^2/D of the ribbon of width b: b/t = 90."""

@@ -12,7 +12,6 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.constraint import Constraint, Prescribed
 from clothsim.physics.energies.hessians import ByElement, SumHessian
-from clothsim.physics.energies.pins import pins
 from clothsim.physics.energies.step import Step
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import Pattern, make_pattern
@@ -22,6 +21,7 @@ from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.stepping import Integrator, StepReport
 from clothsim.solve.stepping.time_loop import steps
 from clothsim.solve.timers import Timers
+from tests.support.effect_builders import pins
 
 NOTHING = Prescribed(np.zeros(0, np.int64), np.zeros((0, 3)))
 """No vertex held."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, gravity, inertia, membrane
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -15,10 +16,6 @@ from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.checks import examine, refuse
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 
 MANY = settings(max_examples=300, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 SOME = settings(MANY, max_examples=60)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending
 from meshes import UNIT, cloth, grid, irregular_grid, random_rotation
 
 from clothsim.base.errors import InputError
@@ -12,7 +13,6 @@ from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.hinges import dihedral_angles
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
 
 NONE = np.zeros(0, np.int64)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from differences import dense_hessian
+from effect_builders import membrane
 from meshes import cloth, deformed, irregular_grid
 
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.membrane import membrane
 
 skfem = pytest.importorskip("skfem", reason="scikit-fem is not installed")
 

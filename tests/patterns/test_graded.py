@@ -5,7 +5,7 @@ import pytest
 from sewing_patterns import panel, specification, stitch
 
 from clothsim.patterns.curves import Arc, Bezier, Straight
-from clothsim.patterns.graded import PlaneMap, factors_of_seams, mapped_panel, seams_alike, with_seams_alike
+from clothsim.patterns.graded import PlaneMap, factors_of_seams, seams_alike, with_seams_alike
 from clothsim.patterns.specification import pattern_of
 
 SHARE = np.linspace(0, 1, 9)
@@ -37,7 +37,7 @@ def one_panel(curve=None):
 def test_a_map_of_factors_one_changes_nothing():
     for curve in (None, *CURVES):
         before = one_panel(curve)
-        after = mapped_panel(before, stretch(1.0, 1.0, along=(0.6, 0.8)))
+        after = stretch(1.0, 1.0, along=(0.6, 0.8)).panel(before)
         assert np.allclose(after.vertices, before.vertices, atol=1e-16)
         for number in range(4):
             points = [each.edge_points(number, SHARE) for each in (before, after)]
@@ -47,7 +47,7 @@ def test_a_map_of_factors_one_changes_nothing():
 @pytest.mark.parametrize("curve", CURVES, ids=str)
 def test_a_similarity_maps_every_curve_exactly(curve):
     before, image = one_panel(curve), stretch(1.3, 1.3, along=(0.6, 0.8))
-    after = mapped_panel(before, image)
+    after = image.panel(before)
     assert np.allclose(after.edge_points(1, SHARE), image(before.edge_points(1, SHARE)), atol=1e-14)
     assert after.edge_length(1) == pytest.approx(1.3 * before.edge_length(1), rel=1e-12)
 
@@ -55,7 +55,7 @@ def test_a_similarity_maps_every_curve_exactly(curve):
 @pytest.mark.parametrize("curve", CURVES[:2], ids=str)
 def test_an_affine_map_of_a_bezier_curve_is_exact(curve):
     before, image = one_panel(curve), stretch(1.2, 0.9, along=(0.28, 0.96))
-    after = mapped_panel(before, image)
+    after = image.panel(before)
     ends = [each.vertices[[each.edges[1].start, each.edges[1].end]] for each in (before, after)]
     curves = [each.edges[1].curve for each in (before, after)]
     points = [curve.at(*two, SHARE) for curve, two in zip(curves, ends, strict=True)]
@@ -66,7 +66,7 @@ def test_an_affine_map_of_a_bezier_curve_is_exact(curve):
 @pytest.mark.parametrize("curve", CURVES[2:], ids=str)
 def test_an_arc_stays_an_arc_through_the_image_of_its_middle(curve):
     before, image = one_panel(curve), stretch(1.2, 0.9)
-    after = mapped_panel(before, image)
+    after = image.panel(before)
     arc = after.edges[1].curve
     assert isinstance(arc, Arc)
     assert (arc.right, arc.large) == (before.edges[1].curve.right, before.edges[1].curve.large)
@@ -78,7 +78,7 @@ def test_a_girth_that_changes_along_the_panel():
     """Girth 1 + t at the height t: a straight side becomes oblique, its length by Pythagoras."""
     before = one_panel()
     image = PlaneMap(np.zeros(2), np.array([0.0, 1.0]), lambda t: 1 + t, lambda t: 2 * t)
-    after = mapped_panel(before, image)
+    after = image.panel(before)
     assert np.allclose(after.vertices, [[0, 0], [0.1, 0], [0.12, 0.4], [0, 0.4]])
     assert after.edge_length(1) == pytest.approx(np.hypot(0.02, 0.4))
     assert isinstance(after.edges[1].curve, Straight)
@@ -92,7 +92,7 @@ def uneven(seed: int):
     sewn = [stitch(("a", 1), ("b", 3)), stitch(("a", 3), ("b", 1)), stitch(("a", 2), ("b", 2))]
     pattern = pattern_of(specification({"a": first, "b": second}, sewn))
     maps = [stretch(*rng.uniform(0.8, 1.25, 2), along=rng.standard_normal(2)) for _ in range(2)]
-    panels = {name: mapped_panel(pattern.panels[name], image) for name, image in zip("ab", maps, strict=True)}
+    panels = {name: image.panel(pattern.panels[name]) for name, image in zip("ab", maps, strict=True)}
     return pattern, pattern_of_panels(pattern, panels)
 
 
@@ -122,7 +122,7 @@ def test_both_sides_of_every_seam_get_one_factor(seed):
 def test_seams_that_are_alike_stay_where_they_are():
     pattern, _ = uneven(0)
     image = stretch(1.1, 1.1)
-    scaled = pattern_of_panels(pattern, {name: mapped_panel(each, image) for name, each in pattern.panels.items()})
+    scaled = pattern_of_panels(pattern, {name: image.panel(each) for name, each in pattern.panels.items()})
     alike = with_seams_alike(scaled, pattern)
     for name in "ab":
         assert np.allclose(alike.panels[name].vertices, scaled.panels[name].vertices, atol=1e-13)

@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import gravity, inertia, membrane, pins
 from meshes import UNIT, cloth, grid
 from ringing import ringing
 from scipy.integrate import solve_ivp
 from solving import integrator_of
 
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.step_size import ErrorControl
 from clothsim.solve.stepping.time_loop import steps

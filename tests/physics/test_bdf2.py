@@ -9,15 +9,12 @@ from scipy.special import ellipk
 from solving import integrator_of, run_of
 
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.damping import damping
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
 from clothsim.solve.stepping import integrators as formulas
 from clothsim.solve.stepping.state import Previous, first_state
 from clothsim.solve.stepping.stepping import advance
 from tests.known_answers.a4_time import GRAVITY as G
 from tests.known_answers.a4_time import falling, ringing, swing_ratio
+from tests.support.effect_builders import damping, inertia, membrane, pins
 
 
 def bdf2(*arguments, **keywords):

@@ -5,19 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, body_contact, friction, gravity, inertia, membrane, self_contact
 from meshes import UNIT, cloth, grid
 from solving import integrator_of, run_of
 
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.contact.friction_coefficients import friction
-from clothsim.physics.contact.self_contact import self_contact
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.stepping import advance
 

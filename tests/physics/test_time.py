@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from solving import NOTHING, newton_of, run_of, those_on
 
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.a4_time import (
     GRAVITY,
     energy_gained,
@@ -16,6 +14,7 @@ from tests.known_answers.a4_time import (
     sheet,
     tumbling,
 )
+from tests.support.effect_builders import inertia, membrane
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.02])

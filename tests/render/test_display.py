@@ -50,6 +50,23 @@ def test_a_probe_that_lives_means_vtk(monkeypatch):
     assert choose_renderer("auto")[0] == "vtk"
 
 
+@linux
+def test_a_success_is_noted_and_a_process_that_vtk_ends_leaves_no_note(monkeypatch, tmp_path):
+    monkeypatch.setattr(display, "user_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(display, "_drawn", set())
+    note = display._note()
+    assert note.parent == tmp_path / "cache" / "clothsim"
+    with display.vtk_attempt():
+        assert not note.is_file()
+    assert note.is_file()
+    monkeypatch.setattr(subprocess, "run", lambda *words, **options: pytest.fail("it is known"))
+    assert display._probe()
+    monkeypatch.setattr(display, "_drawn", set())
+    with pytest.raises(KeyboardInterrupt), display.vtk_attempt():  # as where the process ends
+        raise KeyboardInterrupt
+    assert not note.is_file()
+
+
 def test_the_environment_decides_where_the_call_does_not(monkeypatch):
     monkeypatch.setattr(display, "why_not_vtk", lambda: "")
     monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")

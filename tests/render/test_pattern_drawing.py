@@ -11,7 +11,7 @@ from sewing_patterns import skirt
 from clothsim.base.errors import InputError
 from clothsim.patterns.pattern import Side
 from clothsim.patterns.specification import pattern_of
-from clothsim.render.pattern_drawing import draw_pattern, laid_out, outline, seam_colours
+from clothsim.render.pattern_drawing import draw_pattern, laid_out, seam_colours
 
 
 def test_svg_opens_and_has_the_names_and_numbers(tmp_path):
@@ -34,7 +34,7 @@ def test_png(tmp_path):
 
 
 def test_panels_do_not_overlap_on_the_sheet():
-    outlines = {name: outline(panel) for name, panel in pattern_of(skirt()).panels.items()}
+    outlines = {name: panel.outline for name, panel in pattern_of(skirt()).panels.items()}
     shifts, size = laid_out(outlines)
     boxes = [
         np.array([(points + shifts[name]).min(0), (points + shifts[name]).max(0)]) for name, points in outlines.items()

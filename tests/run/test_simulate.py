@@ -12,6 +12,7 @@ from clothsim import InputError, IntersectionWarning, open_run, resume, simulate
 from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
+from clothsim.run import recorded_run
 from clothsim.run.fields import FIELDS
 from clothsim.solve.stepping.mechanical_energy import ALLOWED
 
@@ -150,6 +151,21 @@ def test_a_resumed_run_of_bdf2_has_the_bits_of_one_that_never_stopped(tmp_path, 
     assert np.array_equal(frames(resumed), frames(whole))
     assert resumed.summary["certificate"] == whole.summary["certificate"]
     assert never_intersects(whole)
+
+
+@pytest.mark.parametrize(("seconds", "frame"), [(0.0, 2), (1e9, 0)])
+def test_a_killed_run_goes_on_from_the_checkpoint_that_was_written_in_time(run, tmp_path, monkeypatch, seconds, frame):
+    """Nothing is written at the end of a process that is killed; the frames after the checkpoint are taken again."""
+    monkeypatch.setattr(recorded_run, "SECONDS_BETWEEN_CHECKPOINTS", seconds)
+    monkeypatch.setattr(recorded_run._Checkpoints, "__exit__", lambda *error: None)
+    stopped_after(tmp_path, small_scene(), 5)
+    assert read_checkpoint(tmp_path / CHECKPOINT_NAME).frame == frame
+    assert len(open_run(tmp_path)) == 3
+    monkeypatch.undo()
+    resumed = resume(tmp_path)
+    assert np.array_equal(frames(resumed), frames(run))
+    assert resumed.summary["certificate"] == run.summary["certificate"]
+    assert [entry["step"] for entry in resumed.record()] == [entry["step"] for entry in run.record()]
 
 
 def test_a_resumed_run_writes_the_fields_of_one_that_never_stopped(run, tmp_path):

@@ -152,7 +152,7 @@ def test_what_is_changed_can_be_read():
     assert simulation.gravity == (0.0, 0.0, -9.81)
     simulation.wind = {"kind": "gust", "velocity": [2, 0, 0]}
     assert simulation.wind["kind"] == "gust"
-    assert simulation.scene.effects["air"]["wind"] is simulation.wind
+    assert simulation.scene.effects["air"].wind is simulation.wind
 
 
 def test_pins_go_where_they_are_moved_stay_there_and_are_released():

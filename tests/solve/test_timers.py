@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from effect_builders import gravity, membrane
 from meshes import small_world
 
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.hessians import LanesHessian
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve import timers as module
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton.potential import Potential

@@ -43,7 +43,7 @@ def sheet(tmp_path, monkeypatch):
 
 
 def test_it_answers_the_question(sheet, capsys, tmp_path):
-    assert main(["study", "sheet.toml", "--knobs", "dt, cells", "--budget", "1h", "-o", "out"]) == 0
+    assert main(["study", "sheet.toml", "--parameters", "dt, cells", "--budget", "1h", "-o", "out"]) == 0
     out = capsys.readouterr().out
     assert "As it is, this scene is 44 mm wrong" in out
     assert "Half of that error: " in out
@@ -52,9 +52,8 @@ def test_it_answers_the_question(sheet, capsys, tmp_path):
 
 
 def test_json_is_all_of_stdout(sheet, capsys):
-    assert (
-        main(["study", "sheet.toml", "--knobs", "dt,cells", "--budget", "1h", "--json", "--set", "solver.dt=0.04"]) == 0
-    )
+    words = ["--parameters", "dt,cells", "--budget", "1h", "--json", "--set", "solver.dt=0.04"]
+    assert main(["study", "sheet.toml", *words]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["base"]["settings"]["dt"] == pytest.approx(0.04)
     assert result["budget"] == 3600
@@ -62,7 +61,7 @@ def test_json_is_all_of_stdout(sheet, capsys):
 
 def test_a_budget_that_is_too_small_is_exit_1_and_what_is_needed(sheet, capsys):
     sheet.reply = lambda job: answer(job, seconds=2.5 * scene_from_text(job.scene).cloth["cells"][0] ** 2)
-    assert main(["study", "sheet.toml", "--knobs", "dt,cells", "--budget", "90s", "--json"]) == 1
+    assert main(["study", "sheet.toml", "--parameters", "dt,cells", "--budget", "90s", "--json"]) == 1
     printed = capsys.readouterr()
     headline = json.loads(printed.out)["headline"]
     assert (headline["known"], headline["status"], headline["error"]) == (False, "unfinished", None)
@@ -86,8 +85,8 @@ def test_sigterm_is_noticed_and_its_handler_put_back():
     [
         (["missing.toml"], "There is no scene file missing.toml"),
         (["sheet.toml", "--budget", "soon"], "--budget is 'soon'"),
-        (["sheet.toml", "--knobs", "dtt"], "--knobs has no key 'dtt'"),
-        (["sheet.toml", "--knobs", ","], "--knobs names nothing"),
+        (["sheet.toml", "--parameters", "dtt"], "parameters has no key 'dtt'"),
+        (["sheet.toml", "--parameters", ","], "--parameters names nothing"),
         (["sheet.toml", "--workers", "0"], "--workers is '0'"),
     ],
 )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.study.front import (
+from clothsim.study.analysis import (
     cheapest_within,
     pareto_front,
     predicted_errors,

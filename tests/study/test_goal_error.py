@@ -10,14 +10,13 @@ from analytic_study import SHEET, Runners
 
 from clothsim import InputError, Scene, simulate
 from clothsim.cli import main
-from clothsim.gradients.hem import border_sides, hem_of
-from clothsim.gradients.losses import Height
+from clothsim.gradients.losses import Height, border_sides, hem_of
 from clothsim.gradients.state_at_rest import StateAtRest
 from clothsim.mesh.generators.sheets import disk, rectangle, tube
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.study import goal_report as goal_report_module
 from clothsim.study.goal_report import NamedGoal, goal_error, goal_lines, goal_report
-from clothsim.study.knobs import KNOBS
+from clothsim.study.parameters import PARAMETERS
 from clothsim.study.points import BASE, Bench, point
 from clothsim.study.study import study_accuracy
 
@@ -122,7 +121,7 @@ def test_report_of_a_goal(tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(goal_report_module, "draw", lambda file, surfaces, **keys: drawn.append((file, surfaces, keys)))
     scene, finer = SCENES["strip from an edge"], point({"cells": 1})
-    bench = Bench(scene, scene, {"cells": KNOBS["cells"]})
+    bench = Bench(scene, scene, {"cells": PARAMETERS["cells"]})
     ends = {where: simulate(bench.scene(where)).positions(-1) for where in (BASE, finer)}
     gatherer: Any = SimpleNamespace(
         bench=bench, outcomes=ends, good=lambda where: True, own_positions=ends.get, directory=tmp_path

@@ -11,11 +11,11 @@ from clothsim.base.errors import InputError
 from clothsim.scene.assembly.meshes import cloth_shape
 from clothsim.scene.scene import scene_from_text
 from clothsim.study.answer import answer as reported
-from clothsim.study.points import written
+from clothsim.study.parameters import written
 from clothsim.study.resample import material_of, point_areas
 from clothsim.study.study import study_accuracy
 
-KNOBS = ("dt", "cells")
+PARAMETERS = ("dt", "cells")
 
 
 def true_error(cells, dt, integrator="backward_euler"):
@@ -32,7 +32,7 @@ def true_error(cells, dt, integrator="backward_euler"):
 def made(tmp_path_factory):
     directory = tmp_path_factory.mktemp("study")
     runners = Runners()
-    return study_accuracy(SHEET, directory, KNOBS, budget=1e9, workers=1, runners=runners), runners, directory
+    return study_accuracy(SHEET, directory, PARAMETERS, budget=1e9, workers=1, runners=runners), runners, directory
 
 
 def test_every_error_is_the_true_one(made):
@@ -48,10 +48,10 @@ def test_every_error_is_the_true_one(made):
 
 def test_slopes_bars_and_remainder(made):
     result = made[0].result
-    knobs = result["knobs"]
-    assert knobs["dt"]["observed_slope"] == pytest.approx(1, abs=1e-6)
-    assert knobs["cells"]["observed_slope"] == pytest.approx(2, abs=1e-6)
-    assert (knobs["dt"]["expected_slope"], knobs["cells"]["expected_slope"]) == (1, 2)
+    parameters = result["knobs"]
+    assert parameters["dt"]["observed_slope"] == pytest.approx(1, abs=1e-6)
+    assert parameters["cells"]["observed_slope"] == pytest.approx(2, abs=1e-6)
+    assert (parameters["dt"]["expected_slope"], parameters["cells"]["expected_slope"]) == (1, 2)
     shape = cloth_shape(SHEET.cloth, "cloth", SHEET.directory)
     areas = point_areas(material_of([shape.positions], [shape.triangles]))
     x, y, h, dt = shape.positions[:, 0], shape.positions[:, 1], 0.25, 0.02
@@ -59,8 +59,8 @@ def test_slopes_bars_and_remainder(made):
     def rms(values):
         return 1e3 * np.sqrt(areas @ values**2 / areas.sum())
 
-    assert knobs["dt"]["adds"] == pytest.approx(rms(B * dt * (1 + y) + C * h**2 * dt * x))
-    assert knobs["cells"]["adds"] == pytest.approx(rms(A * h**2 * x + C * h**2 * dt * x))
+    assert parameters["dt"]["adds"] == pytest.approx(rms(B * dt * (1 + y) + C * h**2 * dt * x))
+    assert parameters["cells"]["adds"] == pytest.approx(rms(A * h**2 * x + C * h**2 * dt * x))
     assert result["remainder"] == pytest.approx(rms(C * h**2 * dt * x), rel=1e-3)
 
 
@@ -87,7 +87,7 @@ def test_the_three_files_are_there(made):
 def test_called_again_it_runs_nothing_and_reports_the_same(made):
     study, runners, directory = made
     again = Runners()
-    second = study_accuracy(SHEET, directory, KNOBS, budget=1e9, workers=1, runners=again)
+    second = study_accuracy(SHEET, directory, PARAMETERS, budget=1e9, workers=1, runners=again)
     assert not again.jobs
     assert second.result["reused"] >= len(runners.jobs)
     errors = [{each["key"]: each["error"] for each in some.result["points"]} for some in (study, second)]
@@ -98,12 +98,12 @@ def test_points_of_another_scene_are_not_reused(made, tmp_path):
     (tmp_path / "study.json").write_text((made[2] / "study.json").read_text())
     runners = Runners()
     other = replace(SHEET, run={"duration": 0.4})
-    result = study_accuracy(other, tmp_path, KNOBS, budget=1e9, workers=1, runners=runners).result
+    result = study_accuracy(other, tmp_path, PARAMETERS, budget=1e9, workers=1, runners=runners).result
     assert result["reused"] == 0
     assert runners.jobs
 
 
-def test_without_a_run_of_two_knobs_no_remainder_is_reported(tmp_path):
+def test_without_a_run_of_two_parameters_no_remainder_is_reported(tmp_path):
     result = study_accuracy(SHEET, tmp_path, ["dt"], budget=1e9, workers=1, runners=Runners()).result
     assert result["remainder"] is None
     assert "not measured" in (tmp_path / "study.md").read_text()
@@ -117,7 +117,7 @@ def test_an_output_that_is_a_file_is_refused(tmp_path):
 
 def test_what_does_not_fit_is_not_run_and_named(tmp_path):
     runners = Runners(lambda job: answer(job, seconds=25.0))
-    result = study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=runners).result
+    result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=100.0, workers=1, runners=runners).result
     ran = {each["label"] for each in result["points"]}
     assert "cells +1" in ran  # the coarser cells show that it fits
     assert "fine" not in ran
@@ -131,7 +131,7 @@ def test_a_small_budget_says_how_much_is_needed(tmp_path):
         cells = scene_from_text(job.scene).cloth["cells"][0]
         return answer(job, seconds=25.0 * (cells / 4) ** 2)
 
-    result = study_accuracy(SHEET, tmp_path, KNOBS, budget=60.0, workers=1, runners=Runners(dear)).result
+    result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=60.0, workers=1, runners=Runners(dear)).result
     headline = result["headline"]
     assert (headline["known"], headline["status"], headline["error"]) == (False, "unfinished", None)
     assert headline["missing"] == ["cells"]
@@ -154,7 +154,7 @@ def only(*allowed):
 
 
 def test_without_any_finer_run_no_error_is_reported(tmp_path):
-    done = study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=only((4, 0.02), (2, 0.02)))
+    done = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=100.0, workers=1, runners=only((4, 0.02), (2, 0.02)))
     headline = done.result["headline"]
     assert (headline["known"], headline["status"], headline["error"]) == (False, "unfinished", None)
     assert headline["missing"] == ["dt", "cells"]
@@ -165,9 +165,9 @@ def test_without_any_finer_run_no_error_is_reported(tmp_path):
     assert {"base", "cells -1"} <= {each["label"] for each in kept}
 
 
-def test_a_knob_without_a_finer_run_is_reported_as_unknown(tmp_path):
+def test_a_parameter_without_a_finer_run_is_reported_as_unknown(tmp_path):
     runners = only((4, 0.02), (4, 0.01), (4, 0.005))
-    result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=runners).result
+    result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=1e9, workers=1, runners=runners).result
     assert result["knobs"]["cells"]["adds"] is None
     headline = result["headline"]
     assert (headline["status"], headline["error"], headline["missing"]) == ("unfinished", None, ["cells"])
@@ -183,7 +183,7 @@ def test_a_capped_solve_is_no_data_point(tmp_path):
             output["failed"] = "2 of its steps had to be repeated, first step 1: dt 0.04 s: the iterations ran out."
         return output
 
-    result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=Runners(capped)).result
+    result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=1e9, workers=1, runners=Runners(capped)).result
     assert not [each for each in result["points"] if each["settings"].get("dt") == 0.04]
     assert [each for each in result["failed"] if each["settings"].get("dt") == 0.04]
     assert "is no data point: 2 of its steps" in (tmp_path / "study.md").read_text()
@@ -194,7 +194,7 @@ def test_a_scene_that_fails_itself_is_one_sentence(tmp_path):
         return {"failed": "It fell apart."}
 
     with pytest.raises(InputError, match="The scene itself is no data point: It fell apart"):
-        study_accuracy(SHEET, tmp_path, KNOBS, workers=1, runners=Runners(fails))
+        study_accuracy(SHEET, tmp_path, PARAMETERS, workers=1, runners=Runners(fails))
 
 
 def test_chaotic_folds_are_compared_by_their_heights(tmp_path):
@@ -212,7 +212,7 @@ def test_chaotic_folds_are_compared_by_their_heights(tmp_path):
         np.savez(job.target, **kept)
         return output
 
-    result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=Runners(folds)).result
+    result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=1e9, workers=1, runners=Runners(folds)).result
     assert result["chaotic"]
     assert result["twins_differ"] > 10
     assert "histograms of heights" in result["measure"]
@@ -221,17 +221,17 @@ def test_chaotic_folds_are_compared_by_their_heights(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "knobs", "budget", "sentence"),
+    ("change", "parameters", "budget", "sentence"),
     [
-        ({}, ["cellls"], 10.0, "--knobs has no key 'cellls'"),
+        ({}, ["cellls"], 10.0, "parameters has no key 'cellls'"),
         ({}, ["d_hat"], 10.0, "nothing to refine: the scene has no contact"),
         ({}, None, -1.0, "budget must be above 0"),
         ({"cloth": {"mesh": "rectangle", "cells": [0, 4]}}, None, 10.0, "cells"),
     ],
 )
-def test_bad_input_is_one_sentence(change, knobs, budget, sentence, tmp_path):
+def test_bad_input_is_one_sentence(change, parameters, budget, sentence, tmp_path):
     with pytest.raises(InputError) as error:
-        study_accuracy(replace(SHEET, **change), tmp_path, knobs, budget, runners=Runners())
+        study_accuracy(replace(SHEET, **change), tmp_path, parameters, budget, runners=Runners())
     assert sentence in error.value.sentence
     assert "\n" not in error.value.sentence
 
@@ -253,6 +253,6 @@ def test_real_processes(tmp_path):
 
 def test_values_for_people():
     assert written("dt", 1 / 60) == "dt 1/60 s"
-    assert written("dt", 0.0123) == "dt 0.0123"
+    assert written("dt", 0.0123) == "dt 0.0123 s"
     assert written("cells", [40, 20]) == "cells 40x20"
     assert written("d_hat", 0.002) == "d_hat 2 mm"

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clothsim.study.reference_solution import Norm, limit
-from clothsim.study.time_error import SPREAD, not_below, with_other_formula
+from clothsim.study.reference_solution import SPREAD, Norm, limit, not_below, with_other_formula
 
 RANDOM = np.random.default_rng(2)
 EXACT, A, B, D = RANDOM.standard_normal((4, 9, 3))

@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from effect_builders import body_contact, self_contact
 from meshes import cloth, random_rotation
 
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import World, make_world
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.contact.self_contact import self_contact
 
 D_HAT = 0.06
 CELL = 0.2

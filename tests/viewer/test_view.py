@@ -114,8 +114,8 @@ def test_of_two_sheets_the_nearer_one_is_picked():
 def test_texts(run):
     assert speeds(np.array([[0, 0, 0], [0, 0, 0.2]]), np.array([0.0, 0.1])).tolist() == [0.0, 2.0]
     assert "1 of 5" in solver_text(run.record(), 0.03)
-    assert legend_html(None) == ""
-    assert legend_html(Colouring.of_run(run, "stress").scale).count("#") == 17
+    assert legend_html(Colouring.of_run(run, PLAIN)) == ""
+    assert legend_html(Colouring.of_run(run, "stress")).count("#") == 17
 
 
 def test_the_page_is_served_and_follows_its_controls(page, run):

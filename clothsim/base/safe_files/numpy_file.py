@@ -20,10 +20,8 @@ def read_numbers(path: str | Path) -> NDArray[np.number]:
 
     Raises
     ------
-    FileNotFoundError
-        There is no file.
     InputError
-        It is no NumPy file, holds no real numbers, or fewer than its header says; its name is in the sentence.
+        It is missing, no NumPy file, holds no real numbers, or fewer than its header says; its name is in the sentence.
     """
     content = BytesIO(read_regular_file(path))
     try:

@@ -15,6 +15,7 @@ from clothsim.base.safe_files.disk_space import writing
 from clothsim.base.safe_files.regular_file import read_regular_file
 
 RECORD_NAME = "record.jsonl"
+MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
 SUMMARY_NAME = "summary.json"
 FITTED_NAME = "fitted.obj"
 """Garment that a fit leaves."""
@@ -58,7 +59,7 @@ class RecordWriter:
 
 def read_record(path: str | Path) -> list[dict[str, Any]]:
     """The entries of a record, without an incomplete last line. InputError names any other broken line."""
-    text, entries = _read(Path(path)), []
+    text, entries = read_regular_file(Path(path)), []
     # A complete line ends with a line break: a run was killed while it wrote what follows the last one.
     for number, line in enumerate(text.split(b"\n")[:-1], start=1):
         entry = _parse(line)
@@ -75,7 +76,7 @@ def write_summary(path: str | Path, summary: Mapping[str, Any]) -> None:
 
 def read_summary(path: str | Path) -> dict[str, Any]:
     """Read a summary. InputError where the file is missing or holds no JSON object."""
-    summary = _parse(_read(Path(path)))
+    summary = _parse(read_regular_file(Path(path)))
     if summary is None:
         raise InputError(f"{path} is not a JSON object.")
     return summary
@@ -112,15 +113,8 @@ def _parse(text: bytes) -> dict[str, Any] | None:
     return value if isinstance(value, dict) else None
 
 
-def _read(path: Path) -> bytes:
-    try:
-        return read_regular_file(path)
-    except FileNotFoundError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}).") from error
-
-
 def _first_lines(path: Path, count: int) -> bytes:
-    lines = _read(path).split(b"\n")[:-1]
+    lines = read_regular_file(path).split(b"\n")[:-1]
     if not 0 <= count <= len(lines):
         raise InputError(f"{path} has {len(lines)} lines, so no run can go on from line {count}.")
     return b"".join(line + b"\n" for line in lines[:count])

@@ -7,7 +7,7 @@ from clothsim.base.errors import InputError
 MOST_BYTES = 1 << 31
 
 
-def read_regular_file(path: str | Path, most: int = MOST_BYTES) -> bytes:
+def read_regular_file(path: str | Path, most: int = MOST_BYTES, remedy: str = "") -> bytes:
     """The bytes of a file.
 
     A pipe that nobody writes to would be waited for without end, and a device (/dev/zero) has none.
@@ -18,13 +18,13 @@ def read_regular_file(path: str | Path, most: int = MOST_BYTES) -> bytes:
         The file.
     most : int
         Largest size [bytes].
+    remedy : str
+        What to do where there is no file.
 
     Raises
     ------
-    FileNotFoundError
-        There is nothing at `path`.
     InputError
-        It is no regular file, is too large, or cannot be opened.
+        It is missing, no regular file, too large, or cannot be opened.
     """
     file = Path(path)
     try:
@@ -35,7 +35,7 @@ def read_regular_file(path: str | Path, most: int = MOST_BYTES) -> bytes:
         if size > most:
             raise InputError(f"{file} has {size / 1e9:,.3g} GB, more than the {most / 1e9:.2g} GB that are read.")
         return file.read_bytes()
-    except FileNotFoundError:
-        raise
+    except FileNotFoundError as error:
+        raise InputError(f"There is no file {file}.", remedy) from error
     except (OSError, ValueError) as error:
         raise InputError(f"{file} cannot be opened ({getattr(error, 'strerror', None) or error}).") from error

@@ -46,10 +46,6 @@ def read_amass(path: Path, skeleton: Skeleton | None = None) -> Clip:
         Of the body model that moves; None: a T of the 22 joints that all have. Of a model with another number of joints
         than the motion, the first 22 are moved.
 
-    Returns
-    -------
-    Clip
-
     Raises
     ------
     InputError
@@ -69,7 +65,10 @@ def read_amass(path: Path, skeleton: Skeleton | None = None) -> Clip:
     rotations = np.tile([1.0, 0.0, 0.0, 0.0], (len(poses), moved, 1))
     rotations[:, :count] = from_rotation_vectors(poses[:, :count])
     root = body.rest.translations[0] + trans
-    turn = _to_y_up(rotations[:, 0])
+    # a body model has y up, AMASS's roots turn it to z up
+    ups = to_matrices(rotations[:, 0])[:, :, 1].mean(axis=0)
+    quarter = np.array([-np.pi / 2, 0.0, 0.0]) if ups[2] > abs(ups[1]) else np.zeros(3)
+    turn = from_rotation_vectors(quarter)
     rotations[:, 0] = product(np.broadcast_to(turn, (len(poses), 4)), rotations[:, 0])
     return uniform_clip(path.name, body, float(rate.ravel()[0]), rotations, root @ to_matrices(turn).T)
 
@@ -86,10 +85,3 @@ def _frames(path: Path, poses: NDArray, trans: NDArray) -> tuple[Floats, Floats]
         if len(bad):
             raise InputError(f"{name} of {path.name}: frame {bad[0, 0]} is not finite.", "Repair it.")
     return poses.astype(np.float64).reshape(len(poses), -1, 3), trans.astype(np.float64)
-
-
-def _to_y_up(roots: Floats) -> Floats:
-    """Quaternion that turns the motion to y up: a body model has y up, AMASS's roots turn it to z up."""
-    ups = to_matrices(roots)[:, :, 1].mean(axis=0)
-    quarter = np.array([-np.pi / 2, 0.0, 0.0]) if ups[2] > abs(ups[1]) else np.zeros(3)
-    return from_rotation_vectors(quarter)

@@ -57,11 +57,7 @@ def read_bvh(path: Path) -> Clip:
     InputError
         The file is missing, is no BVH file, or ends before its last frame: the sentence has the line or the frame.
     """
-    try:
-        content = read_regular_file(path, MOST_BYTES)
-    except FileNotFoundError as error:
-        raise InputError(f"There is no file {path.name}.") from error
-    head, motion, frames = content.decode("utf-8", "replace").partition("MOTION")
+    head, motion, frames = read_regular_file(path, MOST_BYTES).decode("utf-8", "replace").partition("MOTION")
     if not motion or not head.lstrip("\ufeff \t\r\n").startswith("HIERARCHY"):
         raise InputError(f"{path.name} is no BVH file: HIERARCHY or MOTION is missing.", "Export it as BVH.")
     joints = _hierarchy(path, head)

@@ -67,7 +67,7 @@ def _stride(phase: float, strength: float = 1.0) -> dict[str, Floats]:
         turned[f"{side}_knee"] = _degrees(bend, 0, 0)
         turned[f"{side}_ankle"] = _degrees(-0.35 * bend - 9 * strength * swing, 0, 0)
         arm = _matrix(_degrees(-18 * strength * swing, 0, 0)) @ _matrix(_degrees(0, sign * ARMS_DOWN, 0))
-        turned[f"{side}_shoulder"] = _vector(arm)
+        turned[f"{side}_shoulder"] = to_rotation_vectors(from_matrices(arm))
         turned[f"{side}_elbow"] = _degrees(-14 - 6 * strength * (1 - swing), 0, 0)
     turned["spine"] = _degrees(0, 0, 3 * strength * np.sin(phase))
     turned["chest"] = _degrees(0, 0, 4 * strength * np.sin(phase))
@@ -99,7 +99,3 @@ def _degrees(x: float, y: float, z: float) -> Floats:
 
 def _matrix(vector: Floats) -> Floats:
     return to_matrices(from_rotation_vectors(vector))
-
-
-def _vector(matrix: Floats) -> Floats:
-    return to_rotation_vectors(from_matrices(matrix))

@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
-from clothsim.base.errors import InputError
 from clothsim.files.characters.clip import Clip, Interpolation, Track
 from clothsim.files.characters.clip import Path as Part
 from clothsim.files.characters.gltf_file import BROKEN, GltfFile, broken, read_gltf
@@ -39,10 +37,7 @@ def read_animation(path: Path, skeleton: Skeleton, name: str | None = None) -> C
     InputError
         There is no such animation, or it is broken.
     """
-    try:
-        file = read_gltf(path)
-    except FileNotFoundError as error:
-        raise InputError(f"There is no file {path.name}.") from error
+    file = read_gltf(path)
     try:
         return _clip(file, skeleton, name)
     except BROKEN as error:
@@ -86,12 +81,8 @@ def _track(file: GltfFile, sampler: dict[str, Any], path: Part, joint: int, name
         parts = values.reshape(len(times), 3, 1, width)
         tangents, values = np.stack([parts[:, 0], parts[:, 2]]), parts[:, 1, 0]
     if path == "rotations":
-        values = _unit(file, values, name)
+        lengths = np.linalg.norm(values, axis=1, keepdims=True)
+        if not lengths.min() > 0:
+            raise file.fault(f"animation {name!r} has a rotation of length 0.")
+        values = np.asarray(values / lengths, np.float64)
     return Track(path, np.array([joint]), times, values[:, None, :], kind, tangents)
-
-
-def _unit(file: GltfFile, quaternions: Floats, name: str) -> Floats:
-    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    if not lengths.min() > 0:
-        raise file.fault(f"animation {name!r} has a rotation of length 0.")
-    return np.asarray(quaternions / lengths, np.float64)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.errors import InputError
 from clothsim.files.characters.character import Character
 from clothsim.files.characters.gltf_file import BROKEN, GltfFile, broken, read_gltf
 from clothsim.files.characters.gltf_skeleton import bound_skeleton, node_order
@@ -41,10 +40,7 @@ def read_character(path: Path, shape: Mapping[str, float] | None = None, group: 
     InputError
         The file is missing or broken, has no skinned mesh, or no morph target or node of a name.
     """
-    try:
-        file = read_gltf(path)
-    except FileNotFoundError as error:
-        raise InputError(f"There is no file {path.name}.") from error
+    file = read_gltf(path)
     try:
         return _character(file, dict(shape or {}), group)
     except BROKEN as error:

@@ -87,7 +87,7 @@ class GltfFile:
         else:
             values = np.zeros((count, width), dtype)
         if "sparse" in accessor:
-            values = self._with_sparse(accessor["sparse"], values, where)
+            values = self._replace_sparse(accessor["sparse"], values, where)
         return self._as_numbers(values, bool(accessor.get("normalized")), where)
 
     def _as_numbers(self, values: NDArray, normalized: bool, where: str) -> NDArray:
@@ -99,7 +99,7 @@ class GltfFile:
             return np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0)
         return values.astype(np.int64)
 
-    def _with_sparse(self, sparse: Any, values: NDArray, where: str) -> NDArray:
+    def _replace_sparse(self, sparse: Any, values: NDArray, where: str) -> NDArray:
         """`values` with the elements that a sparse accessor replaces."""
         try:
             count = self._whole(sparse, "count", f"{where}.sparse")
@@ -163,16 +163,10 @@ def read_gltf(path: Path) -> GltfFile:
     path : Path
         The file; buffers of a .gltf file are beside it or below its folder.
 
-    Returns
-    -------
-    GltfFile
-
     Raises
     ------
-    FileNotFoundError
-        There is no file.
     InputError
-        It is broken, cut off, of another version, or needs an extension that is not read.
+        It is missing, broken, cut off, of another version, or needs an extension that is not read.
     """
     content = read_regular_file(path)
     text, binary = _chunks(path, content) if content[:4] == b"glTF" else (content, b"")
@@ -226,10 +220,7 @@ def _buffer(file: GltfFile, number: int, entry: dict[str, Any], binary: bytes) -
     name = Path(unquote(uri))
     if name.is_absolute() or ".." in name.parts or ":" in uri:
         raise file.fault(f"buffers[{number}] is {uri[:80]!r}, outside of its folder.", "Export a .glb, one file.")
-    try:
-        return read_regular_file(file.path.parent / name)
-    except FileNotFoundError as error:
-        raise file.fault(f"its buffer {name} is not there.", "Keep it beside the .gltf, or export a .glb.") from error
+    return read_regular_file(file.path.parent / name, remedy=f"Keep it beside {file.path.name}, or export a .glb.")
 
 
 def broken(path: Path, error: Exception) -> InputError:

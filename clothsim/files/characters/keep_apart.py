@@ -123,7 +123,8 @@ class _Apart:
             rows, lack = self._rows(points, transforms[self.joints, :3, 3])
             if not len(rows):
                 return np.zeros_like(turns) if not turns.any() else self._relaxed(pose, turns)
-            axes = _parent_axes(self.character, transforms, self.joints)
+            parents = self.character.skeleton.parents[self.joints]
+            axes = np.where((parents < 0)[:, None, None], np.eye(3), orthonormal(transforms[parents, :3, :3]))
             own = np.einsum("rla,lab->rlb", rows.reshape(len(rows), -1, 3), axes).reshape(len(rows), -1)
             wanted = _least(own, lack + own @ turns.ravel()).reshape(-1, 3)
             step = wanted - turns
@@ -181,12 +182,6 @@ def _turned(pose: Pose, joints: Ints, turns: Floats) -> Pose:
     if len(joints):
         rotations[joints] = product(from_rotation_vectors(turns), rotations[joints])
     return replace(pose, rotations=rotations)
-
-
-def _parent_axes(character: Character, transforms: Floats, joints: Ints) -> Floats:
-    """Axes of the parents of joints in space, (l, 3, 3)."""
-    parents = character.skeleton.parents[joints]
-    return np.where((parents < 0)[:, None, None], np.eye(3), orthonormal(transforms[parents, :3, :3]))
 
 
 def _spread(turns: Floats, loop: bool) -> Floats:

@@ -70,7 +70,7 @@ class Retargeted:
         """
         source, rest = self.clip.skeleton, self.skeleton.rest
         moved = source.transforms(self.clip.pose(time))
-        turned = self.axes @ orthonormal(moved[:, :3, :3]) @ _transposed(source.rest_axes()) @ self.axes.T
+        turned = self.axes @ orthonormal(moved[:, :3, :3]) @ np.swapaxes(source.rest_axes(), -1, -2) @ self.axes.T
         local, own = to_matrices(rest.rotations), self.skeleton.rest_axes()
         world = np.zeros_like(own)
         for j, parent in enumerate(self.skeleton.parents):
@@ -176,7 +176,3 @@ def _shortest_turn(start: Floats, end: Floats) -> Floats:
     length = float(np.linalg.norm(axis))
     angle = float(np.arctan2(length, start @ end))
     return rotation_matrix(axis * (angle / length)) if length > 1e-12 else np.eye(3)
-
-
-def _transposed(matrices: Floats) -> Floats:
-    return np.swapaxes(matrices, -1, -2)

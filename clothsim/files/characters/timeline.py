@@ -55,7 +55,7 @@ class Timeline:
             u = max(time, 0.0) / self.lead_in
             before = self.lead_in * (1 - u * u) / 2
             return blended(self.first, self._placed(_run_up(self, before)), u * u * (3 - 2 * u))
-        return self._placed(_at(self, time - self.lead_in))
+        return self._placed(_pose_at(self, time - self.lead_in))
 
     @property
     def duration(self) -> float:
@@ -72,7 +72,7 @@ class Timeline:
         return Pose(translations, rotations, pose.scales)
 
 
-def _at(line: Timeline, since: float) -> Pose:
+def _pose_at(line: Timeline, since: float) -> Pose:
     """Pose of the motion `since` its start [s], at least 0; beyond the end of a loop it is in another round."""
     length, rounds = line.end - line.start, 0
     if line.loop and length > 0:
@@ -88,7 +88,7 @@ def _at(line: Timeline, since: float) -> Pose:
 
 def _run_up(line: Timeline, before: float) -> Pose:
     """Pose of the motion `before` its start [s]."""
-    return blended(_at(line, before), _at(line, 0.0), 2.0)
+    return blended(_pose_at(line, before), _pose_at(line, 0.0), 2.0)
 
 
 def timeline(

@@ -41,7 +41,14 @@ def write(animation: Animation, target: Path) -> None:
     # Until every sample is there the layer lies in memory; its file needs the ending, which chooses text or binary.
     layer = Sdf.Layer.CreateAnonymous(f"clothsim{target.suffix}")
     stage = Usd.Stage.Open(layer)
-    _describe(stage, animation)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y if animation.up == "y" else UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, animation.unit)
+    stage.GetRootLayer().comment = "clothsim"
+    if not animation.alone:
+        stage.SetTimeCodesPerSecond(animation.rate)
+        stage.SetFramesPerSecond(animation.rate)
+        stage.SetStartTimeCode(time_code(animation, animation.times[0]))
+        stage.SetEndTimeCode(time_code(animation, animation.times[-1]))
     root = UsdGeom.Xform.Define(stage, ROOT)
     stage.SetDefaultPrim(root.GetPrim())
     names = different([part.name for part in animation.parts], identifier)
@@ -70,18 +77,6 @@ def time_code(animation: Animation, time: float) -> float:
     """Time code of a time [s]: whole numbers for frames at the rate."""
     code = time * animation.rate
     return float(round(code)) if abs(code - round(code)) < 1e-6 else float(code)
-
-
-def _describe(stage: Any, animation: Animation) -> None:
-    """Unit, up axis and times of the stage."""
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y if animation.up == "y" else UsdGeom.Tokens.z)
-    UsdGeom.SetStageMetersPerUnit(stage, animation.unit)
-    stage.GetRootLayer().comment = "clothsim"
-    if not animation.alone:
-        stage.SetTimeCodesPerSecond(animation.rate)
-        stage.SetFramesPerSecond(animation.rate)
-        stage.SetStartTimeCode(time_code(animation, animation.times[0]))
-        stage.SetEndTimeCode(time_code(animation, animation.times[-1]))
 
 
 def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animation) -> Any:

@@ -54,18 +54,20 @@ def _sections(content: bytes) -> tuple[Ints, Floats, Elements]:
             if not form:
                 raise ValueError("no $MeshFormat before the mesh")
             source = (
-                _Words(content[line + 1 : _end_of(name, content, line)]) if numbers is None else numbers.at(line + 1)
+                _Words(content[line + 1 : _find_end(name, content, line)])
+                if numbers is None
+                else numbers.seek(line + 1)
             )
             if name == b"Nodes":
                 tags, points = _nodes_2(source) if form[0] == "2" else _nodes_4(source, form == "4.1")
             else:
                 elements = _elements_2(source) if form[0] == "2" else _elements_4(source, form == "4.1")
             line = max(line, source.offset)
-        offset = _end_of(name, content, line) + 4 + len(name)
+        offset = _find_end(name, content, line) + 4 + len(name)
     return tags, points, elements
 
 
-def _end_of(name: bytes, content: bytes, offset: int) -> int:
+def _find_end(name: bytes, content: bytes, offset: int) -> int:
     end = content.find(b"$End" + name, offset)
     if end < 0:
         raise ValueError(f"${name.decode('latin-1')[:20]} does not end")
@@ -111,7 +113,7 @@ class _Bytes:
         self.order = "<" if content[offset : offset + 4] == b"\1\0\0\0" else ">"
         self.kinds = {"int": "i4", "size": f"u{size}", "double": "f8"}
 
-    def at(self, offset: int) -> "_Bytes":
+    def seek(self, offset: int) -> "_Bytes":
         """The numbers from `offset` on."""
         self.offset = offset
         return self

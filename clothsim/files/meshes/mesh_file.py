@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.base.arrays import Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.decompression import bounded_decompression
 from clothsim.base.safe_files.regular_file import read_regular_file
@@ -68,7 +67,7 @@ def read_ply(path: Path, content: bytes) -> Polygons:
     _refuse_promises(
         path, [int(count) for count in re.findall(rb"^\s*element\s+\S+\s+(\d{1,40})", header, re.M)], content
     )
-    return _of_meshio(path, meshio.ply.read(str(path)))
+    return _convert_meshio(path, meshio.ply.read(str(path)))
 
 
 def read_vtu(path: Path, content: bytes) -> Polygons:
@@ -76,12 +75,12 @@ def read_vtu(path: Path, content: bytes) -> Polygons:
     import meshio.vtu
 
     with bounded_decompression(meshio.vtu._vtu, str(path), max(LEAST_UNPACKED, MOST_UNPACKED * len(content))):
-        return _of_meshio(path, meshio.vtu.read(str(path)))
+        return _convert_meshio(path, meshio.vtu.read(str(path)))
 
 
 def read_stl(path: Path, content: bytes) -> Polygons:
     """An STL file, which repeats the corners of every triangle: coincident ones are merged."""
-    return _of_trimesh(path, content, "stl")
+    return _convert_trimesh(path, content, "stl")
 
 
 def read_glb(path: Path, content: bytes) -> Polygons:
@@ -89,7 +88,7 @@ def read_glb(path: Path, content: bytes) -> Polygons:
     start, size = 20, int.from_bytes(content[12:16], "little")
     accessors = json.loads(content[start : start + size])["accessors"]
     _refuse_promises(path, [int(accessor["count"]) for accessor in accessors], content)
-    return _of_trimesh(path, content, "glb")
+    return _convert_trimesh(path, content, "glb")
 
 
 LIBRARY_READERS: dict[str, Callable[[Path, bytes], Polygons]] = {
@@ -106,7 +105,7 @@ def _refuse_promises(path: Path, counts: list[int], content: bytes) -> None:
         raise InputError(f"{path} promises {max(counts):,} elements in {len(content):,} bytes.", "It is cut or broken.")
 
 
-def _of_meshio(path: Path, mesh) -> Polygons:
+def _convert_meshio(path: Path, mesh) -> Polygons:
     points = np.asarray(mesh.points, float)
     messages = []
     if points.ndim == 2 and points.shape[1] == 2:
@@ -119,15 +118,11 @@ def _of_meshio(path: Path, mesh) -> Polygons:
             sizes.append(np.array([len(face) for face in block.data], np.int64))
         else:
             messages.append(f"{len(block.data)} {block.type} cells ignored")
-    return _polygons(points, np.concatenate(corners), np.concatenate(sizes), tuple(messages))
+    starts = np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64)
+    return Polygons(points, np.concatenate(corners), starts, messages=tuple(messages))
 
 
-def _polygons(points: np.ndarray, corners: Ints, sizes: Ints, messages: tuple[str, ...]) -> Polygons:
-    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-    return Polygons(points, corners, starts, messages=messages)
-
-
-def _of_trimesh(path: Path, content: bytes, file_type: str) -> Polygons:
+def _convert_trimesh(path: Path, content: bytes, file_type: str) -> Polygons:
     import trimesh
 
     scene = trimesh.load_scene(io.BytesIO(content), file_type=file_type, process=False)
@@ -225,10 +220,7 @@ def _read(file: Path) -> Polygons:
     if ending not in (*ENDINGS, *USD_ENDINGS):
         known = ", ".join((*ENDINGS, *USD_ENDINGS))
         raise InputError(f"{file} has an unknown ending {ending!r}.", f"Known are {known}.")
-    try:
-        content = read_regular_file(file)
-    except FileNotFoundError as error:
-        raise InputError(f"{file} cannot be opened ({error.strerror}).") from error
+    content = read_regular_file(file)
     if not content.strip():
         raise InputError(f"{file} is empty.")
     if ending in USD_ENDINGS:

@@ -64,11 +64,11 @@ def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...
     if sum(key is not None for key in (part.group, part.component, part.vertices)) > 1:
         raise InputError(f"{file}: give only one of group, component and vertices.")
     if part.group is not None:
-        mesh = _of_group(file, whole, polygons, faces, part.group)
+        mesh = _take_group(file, whole, polygons, faces, part.group)
     elif part.component is not None:
-        mesh = _of_component(file, whole, part.component)
+        mesh = _take_component(file, whole, part.component)
     elif part.vertices is not None:
-        mesh = _of_range(file, whole, part.vertices)
+        mesh = _take_range(file, whole, part.vertices)
     else:
         mesh = _note_unused(whole)
     if factor == 1:
@@ -76,7 +76,7 @@ def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...
     return replace(mesh, positions=factor * mesh.positions, messages=(*mesh.messages, f"scaled by {factor:g}"))
 
 
-def _of_group(file: Path, whole: MeshFile, polygons: Polygons, faces: Ints, group: str) -> MeshFile:
+def _take_group(file: Path, whole: MeshFile, polygons: Polygons, faces: Ints, group: str) -> MeshFile:
     names = list(polygons.groups)
     if group not in polygons.groups:
         near = get_close_matches(str(group), names, n=5, cutoff=0.3) or names[:5]
@@ -85,7 +85,7 @@ def _of_group(file: Path, whole: MeshFile, polygons: Polygons, faces: Ints, grou
     return _part(whole, np.isin(np.arange(len(faces)), whole.groups[group]), f"group {group!r}")
 
 
-def _of_component(file: Path, whole: MeshFile, component: int) -> MeshFile:
+def _take_component(file: Path, whole: MeshFile, component: int) -> MeshFile:
     label = components(whole.triangles, len(whole.positions))
     pieces, first = np.unique(label[np.sort(np.unique(whole.triangles))], return_index=True)
     size = np.bincount(label)[pieces]
@@ -95,7 +95,7 @@ def _of_component(file: Path, whole: MeshFile, component: int) -> MeshFile:
     return _part(whole, keep, f"component {number} of {len(pieces)} by decreasing number of vertices")
 
 
-def _of_range(file: Path, whole: MeshFile, vertices: Sequence[int]) -> MeshFile:
+def _take_range(file: Path, whole: MeshFile, vertices: Sequence[int]) -> MeshFile:
     count = len(whole.positions)
     if isinstance(vertices, str) or not hasattr(vertices, "__len__") or len(vertices) != 2:
         raise InputError(f"{file}: vertices must be [lo, hi], not {vertices!r}.")

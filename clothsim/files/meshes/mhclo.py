@@ -37,7 +37,7 @@ class Clothes:
             raise InputError(
                 f"{self.obj_file.stem} is modelled on a base mesh of at least {max(named) + 1:,} vertices, "
                 f"not of {len(base):,}.",
-                "Give the MakeHuman base mesh as --from.",
+                "Give the MakeHuman base mesh as --made-for.",
             )
         size = np.ones(3)
         for axis, scale in enumerate(self.scales):
@@ -49,10 +49,7 @@ class Clothes:
 
 def read_clothes(path: Path) -> Clothes:
     """The clothes in a .mhclo file. InputError with the line that cannot be read."""
-    try:
-        lines = read_regular_file(path).decode("utf-8", errors="replace").splitlines()
-    except FileNotFoundError as error:
-        raise InputError(f"{path} cannot be opened ({error.strerror}).") from error
+    lines = read_regular_file(path).decode("utf-8", errors="replace").splitlines()
     scales: list[tuple[int, int, float] | None] = [None, None, None]
     obj_file, rows, in_vertices = None, [], False
     for number, line in enumerate(lines, start=1):

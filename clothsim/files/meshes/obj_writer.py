@@ -54,10 +54,6 @@ def moved_obj(text: str, positions: Floats, rows: Ints) -> str:
         Row of `positions` of each vertex of the file; -1: the vertex is left out, and what names it, as are those
         that have no row.
 
-    Returns
-    -------
-    str
-
     Raises
     ------
     InputError

@@ -24,10 +24,6 @@ _FLATTEN = "Flatten it with usdcat --flatten."
 def read_usd(path: Path) -> Polygons:
     """The meshes of a USD file at its first time: a group for each mesh and each of its subsets of faces.
 
-    Parameters
-    ----------
-    path : Path
-
     Returns
     -------
     Polygons
@@ -39,7 +35,7 @@ def read_usd(path: Path) -> Polygons:
         The file is broken, or names other layers.
     """
     stage = _opened(path)
-    return _at(path, stage, _range(stage)[0])
+    return _read_meshes(path, stage, _range(stage)[0])
 
 
 def read_usd_frames(path: Path, rate: float, most: int) -> list[Polygons]:
@@ -53,7 +49,7 @@ def read_usd_frames(path: Path, rate: float, most: int) -> list[Polygons]:
     count = int((last - first) / codes + 1e-6) + 1
     if count > most:
         raise InputError(f"{path} has {count:,} frames at {rate:g} a second, more than {most:,}.", "Take a lower rate.")
-    return [_at(path, stage, first + k * codes) for k in range(count)]
+    return [_read_meshes(path, stage, first + k * codes) for k in range(count)]
 
 
 def _opened(path: Path) -> Any:
@@ -76,7 +72,7 @@ def _range(stage: Any) -> tuple[float, float]:
     return float(stage.GetStartTimeCode()), float(stage.GetEndTimeCode())
 
 
-def _at(path: Path, stage: Any, code: float) -> Polygons:
+def _read_meshes(path: Path, stage: Any, code: float) -> Polygons:
     """The meshes of a stage at a time code."""
     meshes = [UsdGeom.Mesh(prim) for prim in stage.TraverseAll() if prim.IsA(UsdGeom.Mesh)]
     unit = UsdGeom.GetStageMetersPerUnit(stage)

@@ -10,7 +10,9 @@ from clothsim.patterns.specification import read_specification
 DXF = ".dxf"
 
 
-def read_pattern(path: str | Path, rotation_order: str = "zyx", seams: str | Path | None = None) -> Pattern:
+def read_pattern(
+    path: str | Path, rotation_order: str = "zyx", seams: str | Path | None = None, sewn: bool = True
+) -> Pattern:
     """Read a sewing pattern: a DXF drawing with its sewing file, else a `specification.json`.
 
     Parameters
@@ -21,6 +23,8 @@ def read_pattern(path: str | Path, rotation_order: str = "zyx", seams: str | Pat
         Order of the rotations of a specification, "zyx" or "xyz".
     seams : str or Path, optional
         Sewing file of a drawing; None: NAME.toml beside NAME.dxf.
+    sewn : bool
+        False: a drawing needs no sewing file.
 
     Raises
     ------
@@ -33,4 +37,4 @@ def read_pattern(path: str | Path, rotation_order: str = "zyx", seams: str | Pat
         if seams is not None:
             raise InputError(f"{path} names its own stitches.", "Seams by --seams are for DXF drawings.")
         return read_specification(path, rotation_order)
-    return read_dxf_pattern(path, seams)
+    return read_dxf_pattern(path, seams, sewn)

@@ -102,9 +102,9 @@ def grow_tables(file: h5py.File, frame: int) -> None:
         shared[name].resize(rows, axis=0)
     for block in blocks(file):
         if block.attrs["Moving"]:
-            _count_by(block["Steps/PointOffsets"], rows, block["NumberOfPoints"][0])
+            _write_offsets(block["Steps/PointOffsets"], rows, block["NumberOfPoints"][0])
         for array in arrays_of(block):
-            _count_by(block[array.offsets], rows, rows_of(block, array))
+            _write_offsets(block[array.offsets], rows, rows_of(block, array))
 
 
 def frame_bytes(surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> int:
@@ -208,7 +208,7 @@ def _create_cells(group: h5py.Group, triangles: Ints) -> None:
     group["Connectivity"] = triangles.ravel()
 
 
-def _count_by(table: h5py.Dataset, rows: int, size: int) -> None:
+def _write_offsets(table: h5py.Dataset, rows: int, size: int) -> None:
     table.resize(rows, axis=0)
     table[:] = size * np.arange(rows)
 

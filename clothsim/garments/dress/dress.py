@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Pattern, Run
+from clothsim import Cloth, Pattern, Run
 from clothsim.base.errors import InputError
+from clothsim.base.renamed import renamed
 from clothsim.base.safe_files.directory import make_directory
 from clothsim.engine import refuse_earlier_run
 from clothsim.files import read_pattern
@@ -32,7 +33,7 @@ from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turn
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
 from clothsim.garments.stages import Announcement, Listener, PlannedStage, Stage, StageCallback, run_stages, staged
-from clothsim.patterns import TOUCHING, mesh_pattern, sewn_vertices
+from clothsim.patterns import TOUCHING, joined_vertices, mesh_pattern
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
@@ -47,7 +48,7 @@ class DressTask:
     body: BodyMesh
     surface: BodySurface
     fabrics: Fabrics
-    hold: bool
+    waistband: bool
     directory: Path
     on_stage: StageCallback
     progress: Listener | None
@@ -76,17 +77,18 @@ class DressState:
         return replace(self, status="failed", reason=reason) if reason else self
 
 
+@renamed(cut_for="made_for", hold="waistband")
 def dress(
     pattern: str | Path | Pattern,
     on: str | Path | Any,
     output: str | Path | None = None,
     *,
     size: float = 0.02,
-    fabric: str = "cotton",
+    fabric: str | None = None,
     fabrics: Mapping[str, str] | None = None,
-    cut_for: str | Path | Any | None = None,
+    made_for: str | Path | Any | None = None,
     grade: Mapping[str, float] | None = None,
-    hold: bool = False,
+    waistband: bool = False,
     origin: str = "auto",
     rotation_order: str = "zyx",
     seams: str | Path | None = None,
@@ -109,15 +111,15 @@ def dress(
         Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
     size : float
         Distance of neighbouring vertices [m].
-    fabric : str
-        A named fabric.
+    fabric : str, optional
+        A named fabric; None: cotton.
     fabrics : mapping of str to str, optional
         Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
-    cut_for : str, Path, Body or mesh object, optional
+    made_for : str, Path, Body or mesh object, optional
         The body that the pattern was cut for: it is graded from its girths and lengths to those of `on`. None: as cut.
     grade : mapping of str to float, optional
-        Factors by name (`grading.NAMES`) in place of those between both bodies; without `cut_for` the others are 1.
-    hold : bool
+        Factors by name (`grading.NAMES`) in place of those between both bodies; without `made_for` the others are 1.
+    waistband : bool
         True: upper edges that would slide are taken in to the girth of the body before the drape (`held_edges`).
     origin : str
         Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
@@ -153,7 +155,7 @@ def dress(
     'completed'
     """
     started = perf_counter()
-    chosen = Fabrics(fabric, fabrics or {})
+    chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
     directory = _directory(output, overwrite)
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
@@ -162,18 +164,18 @@ def dress(
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_body_mesh(on, scale=scale, group=body_group) if isinstance(on, str | Path) else as_body_mesh(on)
     refuse_unsuitable(body)
-    if hold:
+    if waistband:
         parts_for_edges(body)  # an error now, not after the closing
-    grading = _graded(read, body, cut_for, grade or {}, origin)
+    grading = _graded(read, body, made_for, grade or {}, origin)
     if grading is not None:
         read, origin = grading.pattern, grading.origin
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
-    sewn_vertices(mesh, mesh.seams)  # an error now, not after the closing
+    joined_vertices(mesh)  # an error now, not after the closing
     surface = _surface(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
     mesh, leg_notes = turned_to_legs(mesh, body, surface)
     make_directory(directory)
-    task = DressTask(body, surface, chosen, hold, directory, on_stage, progress, announce)
+    task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce)
     begun = DressState(
         as_placed(mesh),
         (),
@@ -218,12 +220,12 @@ def _directory(output: str | Path | None, overwrite: bool) -> Path:
 
 
 def _graded(
-    pattern: Pattern, body: BodyMesh, cut_for: Any, factors: Mapping[str, float], origin: str
+    pattern: Pattern, body: BodyMesh, made_for: Any, factors: Mapping[str, float], origin: str
 ) -> Grading | None:
     """The pattern graded for a body; None where it is sewn as cut."""
-    if cut_for is None:
+    if made_for is None:
         return graded(pattern, body, body, origin, factors) if factors else None
-    source = read_body_mesh(cut_for, option="cut_for") if isinstance(cut_for, str | Path) else as_body_mesh(cut_for)
+    source = read_body_mesh(made_for, option="made_for") if isinstance(made_for, str | Path) else as_body_mesh(made_for)
     return graded(pattern, source, body, origin, factors)
 
 
@@ -308,7 +310,7 @@ def _weld(task: DressTask, done: DressState) -> DressState:
 def _drape(task: DressTask, done: DressState) -> DressState:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
     started, held = perf_counter(), done.state
-    if task.hold:
+    if task.waistband:
         held, notes = edges_held(done.state, task.body)
         done = replace(done, notes=(*done.notes, *notes))
     try:

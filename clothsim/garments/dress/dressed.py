@@ -20,7 +20,7 @@ from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Stage
 from clothsim.patterns import write_specification
-from clothsim.render import draw_pattern, laid_out, outline
+from clothsim.render import draw_pattern, laid_out
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def sewn_obj(state: SewingState) -> str:
 
 def _texture(state: SewingState) -> Floats:
     """Texture coordinates of each vertex of the panels, (n, 2) [m]: as laid out, y along the warp."""
-    shifts, _ = laid_out({name: outline(panel) for name, panel in state.mesh.pattern.panels.items()})
+    shifts, _ = laid_out({name: panel.outline for name, panel in state.mesh.pattern.panels.items()})
     coordinates = state.mesh.panel_coordinates.copy()
     for name, rows in state.mesh.vertices.items():
         coordinates[rows] += shifts[name]

@@ -17,7 +17,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin, is_of_arm, is_of_leg
 from clothsim.garments.inputs import BodyMesh
-from clothsim.patterns import Panel, PlaneMap, Side, mapped_panel, seams_alike
+from clothsim.patterns import Panel, PlaneMap, seams_alike
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
 from transfer.part_warp import arm_axis
@@ -248,7 +248,7 @@ def _grade_along_trunk(panel: Panel, sizes: BodySizes, levels: list[float]) -> P
     before = panel.placed(middle[None])[0]
     wider = max(1.0, float(girth(np.array([height]))[0]))
     above = float(sizes.height(np.array([height]))[0]) - levels[1]
-    return _translate_to(mapped_panel(panel, image), middle, np.array([wider * before[0], above, wider * before[2]]))
+    return _translate_to(image.panel(panel), middle, np.array([wider * before[0], above, wider * before[2]]))
 
 
 def _grade_along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: list[float], middle: float) -> Panel:
@@ -273,20 +273,20 @@ def _grade_along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: l
         image = PlaneMap(origin, along / slope, lambda t: sizes.arm_girth(slope * t), lambda t: length * t)
     before = panel.placed(origin[None])[0]
     off = (before - root) * max(1.0, float(sizes.factors.named["arm"]))
-    return _translate_to(mapped_panel(panel, image), origin, root + moved + off)
+    return _translate_to(image.panel(panel), origin, root + moved + off)
 
 
 def _ends_of_sleeve(sleeve: Mapping[str, Panel], pattern: Pattern) -> tuple[Floats, Floats]:
     """Middles of the seams of a sleeve with others and of its free edges, each (3,) [m]; else its ends in x."""
-    sewn: set[Side] = set()
+    sewn: set[tuple[str, int]] = set()
     roots, tips = [], []
     for stitch in pattern.stitches:
         for side, other in (stitch.sides, stitch.sides[::-1]):
-            sewn.add(side)
+            sewn.add((side.panel, side.edge))
             if side.panel in sleeve and other.panel not in sleeve:
                 roots.append(_edge_middle(sleeve[side.panel], side.edge))
     for name, panel in sleeve.items():
-        tips += [_edge_middle(panel, k) for k in range(len(panel.edges)) if Side(name, k) not in sewn]
+        tips += [_edge_middle(panel, k) for k in range(len(panel.edges)) if (name, k) not in sewn]
     if roots and tips:
         return np.mean(roots, axis=0), np.mean(tips, axis=0)
     points = np.concatenate([panel.placed(panel.vertices) for panel in sleeve.values()])

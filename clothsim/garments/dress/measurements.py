@@ -18,7 +18,6 @@ from clothsim.garments.dress.closing import is_on_top
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh
-from clothsim.render import outline
 
 SECTORS = 24
 """Directions from the axis of the body in all of which a line round it lies."""
@@ -287,9 +286,7 @@ def marker(pattern: Pattern) -> tuple[float, float]:
 
     Bounding boxes in rows, the longest panels first: an upper bound of what a marker needs.
     """
-    sizes = sorted(
-        (np.ptp(outline(panel), axis=0) + SELVEDGE for panel in pattern.panels.values()), key=lambda s: -s[1]
-    )
+    sizes = sorted((np.ptp(panel.outline, axis=0) + SELVEDGE for panel in pattern.panels.values()), key=lambda s: -s[1])
     width = max(FABRIC_WIDTH, *(float(size[0]) for size in sizes))
     length, left = 0.0, 0.0
     for wide, along in sizes:

@@ -195,7 +195,7 @@ def fit(
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
     refuse_earlier_run(directory, overwrite)
-    named = fabric or (garment.fabric if isinstance(garment, Cloth) else "cotton")
+    named = fabric or (garment.fabric if isinstance(garment, Cloth) else Cloth.fabric)
     fabric_named("fabric", named)
     base = to if made_for is None else made_for
     of_scene = isinstance(garment, str | Path) and Path(garment).suffix.lower() == ".toml"

@@ -20,6 +20,7 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.linalg import unit
 from clothsim.engine import intersecting_pairs
 from transfer.errors import TransferError
 from transfer.signed_distance import SKIN, BodySurface, body_surface
@@ -44,7 +45,7 @@ def half_thickness(body: BodySurface) -> Floats:
 
 def outward_normals(body: BodySurface) -> Floats:
     """Smoothed unit normals of the body, (n, 3), along which it is deflated."""
-    return _unit(smoothed(body.vertex_normals, body.triangles))
+    return unit(smoothed(body.vertex_normals, body.triangles))
 
 
 def deflated(body: BodySurface, depth: float, half: Floats, normals: Floats) -> Floats:
@@ -73,16 +74,11 @@ def smoothed(values: Floats, triangles: Ints) -> Floats:
 def _cone(directions: Floats) -> list[Floats]:
     """`directions (n, 3)`, and RAYS - 1 evenly around each."""
     steepest = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
-    side = _unit(np.cross(directions, steepest))
+    side = unit(np.cross(directions, steepest))
     other = np.cross(directions, side)
     angles = 2 * np.pi * np.arange(RAYS - 1) / (RAYS - 1)
     tilted = [directions + np.tan(OPENING) * (np.cos(a) * side + np.sin(a) * other) for a in angles]
-    return [_unit(ray) for ray in (directions, *tilted)]
-
-
-def _unit(vectors: Floats) -> Floats:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(length > 0, length, 1.0)
+    return [unit(ray) for ray in (directions, *tilted)]
 
 
 TIMES = (0.002, 0.004, 0.008, 0.016)

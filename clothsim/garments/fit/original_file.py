@@ -68,7 +68,7 @@ def original_of(file: Path, mesh: MeshFile, sewn: Ints = NO_ROWS) -> Original:
 
 def original_of_scene(cloth: Mapping[str, Any], folder: Path, vertices: int) -> Original:
     """The OBJ file of a scene's cloth; none where it takes a part of one or sews it, or generates its mesh."""
-    name = cloth.get("mesh")
+    name = cloth["mesh"]
     cut = [key for key in ("group", "component", "vertices", "weld", "rest") if key in cloth]
     file = folder / str(name)
     if not isinstance(name, str) or cut or file.suffix.lower() != ".obj" or not file.is_file():

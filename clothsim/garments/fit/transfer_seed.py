@@ -32,8 +32,8 @@ def read_markers(path: str | Path) -> Floats:
     """The lines of a text file, (k, 6), k > 0: six numbers each; # begins a comment. InputError names the line."""
     rows = []
     try:
-        lines = read_regular_file(path).decode("utf-8").splitlines()
-    except (FileNotFoundError, UnicodeDecodeError) as error:
+        lines = read_regular_file(path, remedy=HOW).decode("utf-8").splitlines()
+    except UnicodeDecodeError as error:
         raise InputError(f"The markers in {path} cannot be read: {error}.", HOW) from error
     for number, line in enumerate(lines, start=1):
         words = line.split("#")[0].replace(",", " ").split()

@@ -8,6 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.geometry.intersection.intersecting_pairs import LIMIT, intersecting_pairs, intersection_points
+from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 
 
 class Surface(Protocol):
@@ -63,7 +64,9 @@ class Crossing:
         return f"triangle {i} of {self.first} intersects triangle {j} of {self.second} near ({at}) m"
 
 
-def crossings(x: Floats, parts: Sequence[Surface], limit: int = LIMIT) -> tuple[Crossing, ...]:
+def crossings(
+    x: Floats, parts: Sequence[Surface], limit: int = LIMIT, proofs: ProvedSeparations | None = None
+) -> tuple[Crossing, ...]:
     """All intersections of cloths with bodies, with themselves and with each other, and of rigid bodies with bodies.
 
     Other bodies are never checked against each other. There are two searches, and one for each rigid body.
@@ -76,6 +79,8 @@ def crossings(x: Floats, parts: Sequence[Surface], limit: int = LIMIT) -> tuple[
         Cloths, then bodies.
     limit : int
         Number of triangle pairs at which a search ends.
+    proofs : ProvedSeparations, optional
+        Of the last state; they become those of x. Pairs whose proof holds are not tested; the result is the same.
 
     Returns
     -------
@@ -94,23 +99,30 @@ def crossings(x: Floats, parts: Sequence[Surface], limit: int = LIMIT) -> tuple[
     """
     cloths = [part for part in parts if part.role == "cloth"]
     bodies = [part for part in parts if part.role == "body"]
-    found = _between(x, cloths, None, limit) + _between(x, cloths, bodies, limit)
+    found = _between(x, cloths, None, limit, proofs) + _between(x, cloths, bodies, limit, proofs)
     rigid = [part for part in bodies if getattr(part, "rigid", False)]
     for number, one in enumerate(rigid):
         others = [part for part in bodies if part not in rigid[: number + 1]]
-        found += [replace(each, role="rigid") for each in _between(x, [one], others, limit)]
+        found += [replace(each, role="rigid") for each in _between(x, [one], others, limit, proofs)]
     order = {part.name: k for k, part in enumerate(parts)}
     return tuple(sorted(found, key=lambda each: (order[each.first], order[each.second])))
 
 
-def _between(x: Floats, cloths: Sequence[Surface], bodies: Sequence[Surface] | None, limit: int) -> list[Crossing]:
+def _between(
+    x: Floats,
+    cloths: Sequence[Surface],
+    bodies: Sequence[Surface] | None,
+    limit: int,
+    proofs: ProvedSeparations | None,
+) -> list[Crossing]:
     """Crossings of the cloths with bodies; None: with themselves and each other."""
     others = cloths if bodies is None else bodies
     if not cloths or not others:
         return []
     first, starts = _together(cloths)
     second, other_starts = (first, starts) if bodies is None else _together(others)
-    pairs = intersecting_pairs(x, first, None if bodies is None else second, limit)
+    search = intersecting_pairs if proofs is None else proofs.intersecting_pairs
+    pairs = search(x, first, None if bodies is None else second, limit)
     if not len(pairs):
         return []
     owners = np.column_stack(

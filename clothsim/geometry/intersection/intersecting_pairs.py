@@ -13,7 +13,7 @@ from clothsim.geometry.intersection.predicates import scaled
 from clothsim.geometry.intersection.triangle_pair import triangles_intersect
 
 LEAF = 4
-"""Approximate number of triangles in a leaf."""
+"""Number of triangles in a leaf, at most."""
 STACK = 512
 """Capacity of the traversal stack: a level leaves three pairs of nodes waiting, and halves the number of triangles."""
 
@@ -30,15 +30,17 @@ def boxes(x, triangles):
 
 
 @part
-def tree(lower, upper):
+def tree(lower, upper, leaf_size):
     """Tree over boxes (m, 3): `order (m,)` of the boxes and the box of each node, nodes (2 leaves, 2, 3).
+
+    leaf_size: upper bound on the boxes of a leaf.
 
     Node 1 is the root, 2 k and 2 k + 1 are the children of k, and leaf l holds the items of order from `_first_item(l)`
     up to `_first_item(l + 1)`.
     """
     m = len(lower)
     leaves = 1
-    while leaves * LEAF < m:
+    while leaves * leaf_size < m:
         leaves *= 2
     order = np.arange(m)
     width = leaves
@@ -290,7 +292,7 @@ def _sorted_near(surface, other):
     """The tree over the boxes of a surface that overlap the box of the other: triangles in its order, nodes, boxes."""
     (low, high), (lower, upper) = surface, other
     near = within(low, high, lower, upper)
-    order, nodes = tree(low[near], high[near])
+    order, nodes = tree(low[near], high[near], LEAF)
     rows = near[order]
     return rows, nodes, low[rows], high[rows]
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.jit import inlined, part
+from clothsim.base.vectors import cross, dot, minus
 
 Point = tuple[float, float, float]
 Points = tuple[Point, Point, Point, Point]
@@ -29,9 +30,9 @@ _NO_AREA = 1e-28
 @part
 def hinge_direction(a: Point, b: Point, c: Point, d: Point) -> tuple[float, float, bool]:
     """Both arguments of arctan2 for theta [rad], and whether the angle is defined."""
-    e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
-    n1, n2 = _cross(e, r), _cross(s, e)
-    return -np.sqrt(_dot(e, e)) * _dot(n1, s), _dot(n1, n2), _area(e, r, n1) & _area(e, s, n2)
+    e, r, s = minus(b, a), minus(c, a), minus(d, a)
+    n1, n2 = cross(e, r), cross(s, e)
+    return -np.sqrt(dot(e, e)) * dot(n1, s), dot(n1, n2), _area(e, r, n1) & _area(e, s, n2)
 
 
 @part
@@ -42,15 +43,15 @@ def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
     and torque: g_c = -|e| n1/|n1|^2,  g_d = -|e| n2/|n2|^2,  g_b = -(u g_c + w g_d),  g_a = -((1-u) g_c + (1-w) g_d),
     where u = r.e/|e|^2 and w = s.e/|e|^2 are the coordinates of c and d along the edge.
     """
-    e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
-    n1, n2 = _cross(e, r), _cross(s, e)
+    e, r, s = minus(b, a), minus(c, a), minus(d, a)
+    n1, n2 = cross(e, r), cross(s, e)
     if not (_area(e, r, n1) & _area(e, s, n2)):
         zero = (0.0, 0.0, 0.0)
         return zero, zero, zero, zero
-    ee = _dot(e, e)
-    g_c = _times(-np.sqrt(ee) / _dot(n1, n1), n1)
-    g_d = _times(-np.sqrt(ee) / _dot(n2, n2), n2)
-    u, w = _dot(r, e) / ee, _dot(s, e) / ee
+    ee = dot(e, e)
+    g_c = _times(-np.sqrt(ee) / dot(n1, n1), n1)
+    g_d = _times(-np.sqrt(ee) / dot(n2, n2), n2)
+    u, w = dot(r, e) / ee, dot(s, e) / ee
     g_b = _plus(_times(-u, g_c), _times(-w, g_d))
     g_a = _plus(_times(u - 1, g_c), _times(w - 1, g_d))
     return g_a, g_b, g_c, g_d
@@ -69,25 +70,25 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
 
     and cd = 0. Each block is three rows.
     """
-    e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
-    valid = _area(e, r, _cross(e, r)) & _area(e, s, _cross(s, e))
+    e, r, s = minus(b, a), minus(c, a), minus(d, a)
+    valid = _area(e, r, cross(e, r)) & _area(e, s, cross(s, e))
     first, second = first if valid else 0.0, second if valid else 0.0
     # any regular hinge stands in for an invalid one: its blocks are multiplied by 0
     e, r, s = _select(valid, e, 1.0, 0.0), _select(valid, r, 0.0, 1.0), _select(valid, s, 0.0, -1.0)
-    n1, n2 = _cross(e, r), _cross(s, e)
-    ee = _dot(e, e)
-    length, size1, size2 = np.sqrt(ee), np.sqrt(_dot(n1, n1)), np.sqrt(_dot(n2, n2))
+    n1, n2 = cross(e, r), cross(s, e)
+    ee = dot(e, e)
+    length, size1, size2 = np.sqrt(ee), np.sqrt(dot(n1, n1)), np.sqrt(dot(n2, n2))
     t, n1, n2 = _times(1 / length, e), _times(1 / size1, n1), _times(1 / size2, n2)
-    m1, m2, along = _cross(n1, t), _cross(t, n2), _times(1 / length, t)
+    m1, m2, along = cross(n1, t), cross(t, n2), _times(1 / length, t)
     c1, d2 = length / size1, length / size2
-    b1, b2 = -_dot(r, e) / ee * c1, -_dot(s, e) / ee * d2
+    b1, b2 = -dot(r, e) / ee * c1, -dot(s, e) / ee * d2
     a1, a2 = -b1 - c1, -b2 - d2
-    y_a1, y_b1, y_c1 = _minus(_times(a1, m1), along), _plus(_times(b1, m1), along), _times(c1, m1)
-    y_a2, y_b2, y_d2 = _minus(_times(a2, m2), along), _plus(_times(b2, m2), along), _times(d2, m2)
-    g_a, g_b = _minus(_times(-a1, n1), _times(a2, n2)), _minus(_times(-b1, n1), _times(b2, n2))
+    y_a1, y_b1, y_c1 = minus(_times(a1, m1), along), _plus(_times(b1, m1), along), _times(c1, m1)
+    y_a2, y_b2, y_d2 = minus(_times(a2, m2), along), _plus(_times(b2, m2), along), _times(d2, m2)
+    g_a, g_b = minus(_times(-a1, n1), _times(a2, n2)), minus(_times(-b1, n1), _times(b2, n2))
     g_c, g_d = _times(-c1, n1), _times(-d2, n2)
-    turn = _with_outer(0.5 * first / ee, m1, n1, _outer(0.5 * first / ee, n1, m1))
-    turn = _with_outer(0.5 * first / ee, m2, n2, _with_outer(0.5 * first / ee, n2, m2, turn))
+    turn = _add_outer(0.5 * first / ee, m1, n1, _outer(0.5 * first / ee, n1, m1))
+    turn = _add_outer(0.5 * first / ee, m2, n2, _add_outer(0.5 * first / ee, n2, m2, turn))
     n1, n2 = _times(first, n1), _times(first, n2)
     aa = _bent(a1, y_a1, a1, y_a1, n1, _bent(a2, y_a2, a2, y_a2, n2, _outer(second, g_a, g_a)))
     ab = _bent(a1, y_a1, b1, y_b1, n1, _bent(a2, y_a2, b2, y_b2, n2, _outer(second, g_a, g_b)))
@@ -128,7 +129,7 @@ def _select(valid: bool, a: Point, x: float, y: float) -> Point:
 @part
 def _bent(f_p: float, y_p: Point, f_q: float, y_q: Point, n: Point, rows: Rows) -> Rows:
     """rows + f_q n y_p' + f_p y_q n'."""
-    return _with_outer(f_p, y_q, n, _with_outer(f_q, n, y_p, rows))
+    return _add_outer(f_p, y_q, n, _add_outer(f_q, n, y_p, rows))
 
 
 @part
@@ -138,7 +139,7 @@ def _outer(factor: float, a: Point, b: Point) -> Rows:
 
 
 @part
-def _with_outer(factor: float, a: Point, b: Point, rows: Rows) -> Rows:
+def _add_outer(factor: float, a: Point, b: Point, rows: Rows) -> Rows:
     """rows + factor a b'."""
     return _sum(rows, _outer(factor, a, b), 1.0)
 
@@ -156,7 +157,7 @@ def _sum(rows: Rows, others: Rows, factor: float) -> Rows:
 @part
 def _area(edge1: Point, edge2: Point, normal: Point) -> bool:
     """True where a triangle has an area above round-off."""
-    return _dot(normal, normal) > _NO_AREA * _dot(edge1, edge1) * _dot(edge2, edge2)
+    return dot(normal, normal) > _NO_AREA * dot(edge1, edge1) * dot(edge2, edge2)
 
 
 @part
@@ -165,20 +166,5 @@ def _plus(a: Point, b: Point) -> Point:
 
 
 @part
-def _minus(a: Point, b: Point) -> Point:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@part
 def _times(factor: float, a: Point) -> Point:
     return factor * a[0], factor * a[1], factor * a[2]
-
-
-@part
-def _dot(a: Point, b: Point) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@part
-def _cross(a: Point, b: Point) -> Point:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

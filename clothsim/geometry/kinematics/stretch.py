@@ -160,20 +160,11 @@ def _orthonormal(FV: NDArray[np.floating], l1: NDArray[np.floating]) -> NDArray[
     axis_x = np.zeros_like(FV[..., 0])
     axis_x[..., 0] = 1
     w1 = _unit(np.where(l1[..., None] > 0, FV[..., 0], axis_x))
-    second = FV[..., 1] - _dot(FV[..., 1], w1) * w1
+    second = FV[..., 1] - (FV[..., 1] * w1).sum(axis=-1, keepdims=True) * w1
     rank_deficient = np.linalg.norm(second, axis=-1) <= _RANK_1 * np.finfo(FV.dtype).eps * l1
-    return np.stack([w1, _unit(np.where(rank_deficient[..., None], _perpendicular(w1), second))], axis=-1)
-
-
-def _perpendicular(w: NDArray[np.floating]) -> NDArray[np.floating]:
-    """A vector perpendicular to the unit vectors w (..., 3): w x (the axis with the smallest component of w)."""
-    axis = (np.arange(3) == np.abs(w).argmin(axis=-1)[..., None]).astype(w.dtype)
-    return np.cross(w, axis)
+    axis = (np.arange(3) == np.abs(w1).argmin(axis=-1)[..., None]).astype(w1.dtype)
+    return np.stack([w1, _unit(np.where(rank_deficient[..., None], np.cross(w1, axis), second))], axis=-1)
 
 
 def _unit(vectors: NDArray[np.floating]) -> NDArray[np.floating]:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def _dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.floating]:
-    return (a * b).sum(axis=-1, keepdims=True)

@@ -104,7 +104,14 @@ def _log_thickness(log_area: Floats, nu: Floats) -> Floats:
     collapsed = np.isneginf(log_area)
     logs = np.where(collapsed, 0.0, log_area)
     lower, upper = _bracket(logs, a, b)
-    _refuse_no_balance(logs, a, b, lower, collapsed & (nu < 0))
+    lowest = a * np.expm1(2 * lower) + b * (lower + logs)
+    bad: Ints = np.argwhere((collapsed & (nu < 0)) | ((b < 0) & (logs < 0) & (lowest > 0)))
+    if len(bad):
+        raise InputError(
+            f"entry {bad[0].tolist()} has no equilibrium thickness: a sheet with poisson_ratio below 0 is compressed "
+            "too far.",
+            'Use a poisson_ratio of at least 0 or model "incompressible".',
+        )
     y = upper
     for _ in range(_MAX_ITERATIONS):
         twice = np.minimum(2 * y, 700.0)  # exp would overflow beyond: only at nu = .5, where its factor a is 0
@@ -129,18 +136,6 @@ def _bracket(logs: Floats, a: Floats, b: Floats) -> tuple[Floats, Floats]:
         squeezed = np.where(logs < 0, np.minimum(-logs, 0.5 * np.log1p(ratio * np.maximum(-logs, 0))), 0.0)
         auxetic = 0.5 * np.log1p(-1.5 * np.minimum(ratio, 0) * np.maximum(logs, 0))
     return lower, np.where(b < 0, auxetic, squeezed)
-
-
-def _refuse_no_balance(logs: Floats, a: Floats, b: Floats, lower: Floats, collapsed: np.ndarray) -> None:
-    """InputError where an auxetic sheet has no equilibrium thickness."""
-    lowest = a * np.expm1(2 * lower) + b * (lower + logs)
-    bad: Ints = np.argwhere(collapsed | ((b < 0) & (logs < 0) & (lowest > 0)))
-    if len(bad):
-        raise InputError(
-            f"entry {bad[0].tolist()} has no equilibrium thickness: a sheet with poisson_ratio below 0 is compressed "
-            "too far.",
-            'Use a poisson_ratio of at least 0 or model "incompressible".',
-        )
 
 
 def _refuse(name: str, values: Floats, bad: np.ndarray, requirement: str) -> None:

@@ -78,7 +78,10 @@ def edge_triangle_intersections(x: Floats, triangles: Ints, pairs: Ints) -> Edge
     apart = depths[:, 0] - depths[:, 1]
     along = depths[:, 0] / np.where(apart != 0, apart, 1.0)
     point = p + along[:, None] * (q - p)
-    barycentric = _barycentric(point, a, b, c, normals, size)
+    doubled = np.where(size > 0, size, 1.0)
+    at_b = np.einsum("ij,ij->i", np.cross(point - a, c - a), normals) / doubled
+    at_c = np.einsum("ij,ij->i", np.cross(b - a, point - a), normals) / doubled
+    barycentric = np.column_stack([1 - at_b - at_c, at_b, at_c])
     there = (apart != 0) & (size > 0) & (along >= 0) & (along <= 1) & (barycentric >= -SLACK).all(axis=1)
     key = np.column_stack([edges, faces])[there]
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -102,14 +105,6 @@ def _candidates(triangles: Ints, pairs: Ints) -> tuple[Ints, Ints, Ints]:
             faces.append(other[rows])
             origin.append(np.column_stack([rows, np.full(len(rows), role)]))
     return np.concatenate(edges), np.concatenate(faces), np.concatenate(origin)
-
-
-def _barycentric(point: Floats, a: Floats, b: Floats, c: Floats, normals: Floats, size: Floats) -> Floats:
-    """Barycentric coordinates (k, 3) of points in the planes of triangles of doubled area `size`."""
-    doubled = np.where(size > 0, size, 1.0)
-    at_b = np.einsum("ij,ij->i", np.cross(point - a, c - a), normals) / doubled
-    at_c = np.einsum("ij,ij->i", np.cross(b - a, point - a), normals) / doubled
-    return np.column_stack([1 - at_b - at_c, at_b, at_c])
 
 
 @dataclass(frozen=True)

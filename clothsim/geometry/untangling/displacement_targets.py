@@ -8,6 +8,7 @@ minimization", section 3).
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.linalg import unit
 from clothsim.geometry.untangling.contours import (
     Contours,
     EdgeTriangleIntersections,
@@ -51,16 +52,11 @@ def contour_gradients(x: Floats, triangles: Ints, pairs: Ints, found: EdgeTriang
     G = np.zeros((len(found.edges), 3))
     np.add.at(G, intersection, R - (2 * np.einsum("ij,ij->i", E, R) / cosine)[:, None] * N)
     # where an intersection is on an edge of the other surface too, round-off may leave out one of its two segments
-    complete = np.bincount(intersection, minlength=len(G)) == _triangles_at(found.edges, triangles)
-    return G * complete[:, None]
-
-
-def _triangles_at(edges: Ints, triangles: Ints) -> Ints:
-    """Number of triangles at each edge (k, 2)."""
     n = int(triangles.max(initial=0)) + 1
     ends = np.sort(half_edges(triangles), axis=1)
     keys, count = np.unique(ends[:, 0] * n + ends[:, 1], return_counts=True)
-    return count[np.searchsorted(keys, edges[:, 0] * n + edges[:, 1])]
+    beside = count[np.searchsorted(keys, found.edges[:, 0] * n + found.edges[:, 1])]
+    return G * (np.bincount(intersection, minlength=len(G)) == beside)[:, None]
 
 
 def slides(G: Floats, graph: Contours) -> Floats:
@@ -176,7 +172,7 @@ def _part_touching(x: Floats, mesh: Mesh, pairs: Ints, gap: float) -> Part:
     """Pairs without an intersection, coplanar or folded onto one another: their corners part along the mean normal."""
     one, other = mesh.triangles[pairs[:, 0]], mesh.triangles[pairs[:, 1]]
     normal = [np.cross(x[t[:, 1]] - x[t[:, 0]], x[t[:, 2]] - x[t[:, 0]]) for t in (one, other)]
-    along = _unit(normal[0] + np.sign(np.einsum("ij,ij->i", *normal))[:, None] * normal[1])
+    along = unit(normal[0] + np.sign(np.einsum("ij,ij->i", *normal))[:, None] * normal[1])
     # only what the two do not share can part
     free = [~(t[:, :, None] == o[:, None, :]).any(axis=2) for t, o in ((one, other), (other, one))]
     weights = [f / np.maximum(f.sum(axis=1, keepdims=True), 1) for f in free]
@@ -201,7 +197,7 @@ def _body_targets(
     at_vertices = np.zeros_like(x)
     np.add.at(at_vertices, solid, normals[:, None])
     rows = np.flatnonzero(~of_cloth)
-    out = _unit(at_vertices[found.edges[rows]].sum(axis=1))
+    out = unit(at_vertices[found.edges[rows]].sum(axis=1))
     pierced = triangles[found.faces[rows]]
     point = np.einsum("ij,ijk->ik", found.barycentric[rows], x[pierced])
     highest = np.einsum("ijk,ik->ij", x[found.edges[rows]] - point[:, None], out).max(axis=1)
@@ -211,7 +207,7 @@ def _body_targets(
     return [
         _pull_through(both, found, inner, gap, step),
         _shift_corners(pierced, found.barycentric[rows], np.clip(highest + gap, 0.0, step)[:, None] * out),
-        _shift_corners(lifted, np.full(lifted.shape, 1 / 3), gap * _unit(normals[pairs[touching, 1]])),
+        _shift_corners(lifted, np.full(lifted.shape, 1 / 3), gap * unit(normals[pairs[touching, 1]])),
     ]
 
 
@@ -219,9 +215,3 @@ def _shift_corners(corners: Ints, weights: Floats, shifts: Floats) -> Part:
     """Displacements (k, 3) of points of triangles, in rows of five as `_pull_through` has them."""
     none = np.zeros((len(corners), 2))
     return np.column_stack([corners, corners[:, :2]]), np.column_stack([weights, none]), shifts
-
-
-def _unit(vectors: Floats) -> Floats:
-    """Unit vectors (k, 3); 0 stays 0."""
-    size = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(size > 0, size, 1.0)

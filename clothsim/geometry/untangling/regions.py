@@ -97,7 +97,10 @@ def _region(
     mesh: Mesh, found: EdgeTriangleIntersections, patch: Ints, rows: Ints, own: Ints, before: Flags
 ) -> Region | None:
     """The smaller side of the curve with the intersections `own`, of edges `rows`; None for an open curve."""
-    side = _filled(found.edges, patch, rows, own)[patch]
+    times = np.zeros(rows.max(initial=-1) + 1, np.int64)
+    np.add.at(times, rows[own], 1)
+    one, other = patch[found.edges[times[rows] % 2 == 0]].T  # an edge that the curve cuts an odd number of times parts
+    side = connected(one, other, int(patch.max(initial=-1)) + 1)[patch]
     one, other = (side[found.edges[own, end]] for end in (0, 1))
     cut = one != other
     if not cut.any():
@@ -121,14 +124,6 @@ def _chosen(candidates: list[Region]) -> Region:
     An end of a tube can pass through the disc that it cuts out of a sheet, the disc cannot pass through the tube.
     """
     return min(candidates, key=lambda region: (not region.is_old, region.is_disc, region.area, region.intersections[0]))
-
-
-def _filled(edges: Ints, patch: Ints, rows: Ints, own: Ints) -> Ints:
-    """Side of each patch: joined over all cut edges but those that the curve cuts an odd number of times."""
-    times = np.zeros(rows.max(initial=-1) + 1, np.int64)
-    np.add.at(times, rows[own], 1)
-    joined = times[rows] % 2 == 0
-    return connected(patch[edges[joined, 0]], patch[edges[joined, 1]], int(patch.max(initial=-1)) + 1)
 
 
 def _is_disc(mesh: Mesh, inside: Flags) -> bool:

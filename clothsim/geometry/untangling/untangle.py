@@ -96,14 +96,14 @@ class Search:
 
     def run(self, edge: float, rounds: int) -> Untangled:
         """Rounds until nothing intersects; where the pairs do not fall, again from the start with shorter steps."""
-        start = best = self.at(self.x, np.zeros(len(self.x), bool))
+        start = best = self.examine(self.x, np.zeros(len(self.x), bool))
         if not start.count:
             return Untangled(self.relaxed(self.x) if self.relieves else self.x, 0, 0, 0, "free", None)
         done = 0
         for reach, widest in ATTEMPTS:
             state, fewest, since = start, start.count, 0
             while done < rounds and since < PATIENCE and state.count <= GROWTH * fewest + FEW:
-                state, done = self.moved(state, reach * edge, min(1 + done / WIDENING, widest)), done + 1
+                state, done = self.advance(state, reach * edge, min(1 + done / WIDENING, widest)), done + 1
                 since = 0 if state.count < fewest else since + 1
                 fewest = min(fewest, state.count)
                 best = state if state.count < best.count else best
@@ -112,19 +112,19 @@ class Search:
         end = "rounds" if done == rounds else "stalled"
         return Untangled(best.x, start.count, best.count, done, end, self.point(best))
 
-    def at(self, x: Floats, inside: Flags) -> State:
+    def examine(self, x: Floats, inside: Flags) -> State:
         """The intersecting pairs at x."""
         everything, faces = np.concatenate([x, self.obstacle]), self.mesh.triangles
         with_body = intersecting_pairs(everything, faces, self.solid)
         return State(x, intersecting_pairs(everything, faces), with_body, inside)
 
-    def moved(self, state: State, step: float, wider: float) -> State:
+    def advance(self, state: State, step: float, wider: float) -> State:
         """The state after a round whose targets are at most `step` long [m]; wider: factor of their spread."""
         everything, pairs = np.concatenate([state.x, self.obstacle]), (state.own, state.with_body)
         targets, inside = displacement_targets(
             everything, self.mesh, self.solid, pairs, state.inside, self.layers, self.gap, step
         )
-        return self.at(
+        return self.examine(
             state.x + self.sheet.displacement(state.x, replace(targets, spread=wider * targets.spread)), inside
         )
 
@@ -135,7 +135,7 @@ class Search:
             moved = self.sheet.displacement(x, NO_TARGETS)
             if not moved.any():
                 break
-            while fraction > SHORTEST and self.at(x + fraction * moved, np.zeros(0, bool)).count:
+            while fraction > SHORTEST and self.examine(x + fraction * moved, np.zeros(0, bool)).count:
                 fraction *= 0.5
             if fraction <= SHORTEST:
                 break
@@ -192,10 +192,6 @@ def untangle(
         where the start is.
     rounds : int
         Largest number of rounds.
-
-    Returns
-    -------
-    Untangled
 
     Examples
     --------

@@ -21,6 +21,7 @@ from typing import Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.linalg import unit
 
 SAME_SIDE = 0.5
 """Smallest cosine of the normals before and after of a contact that keeps its anchor."""
@@ -95,9 +96,9 @@ class Anchors:
 
         Where only an edge of it is known it turns the shortest way; a vertex does not turn.
         """
-        e, m = _units(self.directions), _units(self.facings)
-        e_end = _units(directions_of(x, self.elements, self.turners))
-        m_end = _units(facings_of(x, self.elements, self.weights, self.turners))
+        e, m = unit(self.directions), unit(self.facings)
+        e_end = unit(directions_of(x, self.elements, self.turners))
+        m_end = unit(facings_of(x, self.elements, self.weights, self.turners))
         axes, along = np.cross(e, e_end), (e * e_end).sum(axis=1, keepdims=True)
         across = np.cross(axes, self.origins)
         shortest = across + np.cross(axes, across) / np.maximum(1.0 + along, 1.0)
@@ -192,11 +193,6 @@ def facings_of(x: Floats, elements: Ints, weights: Floats, turners: Ints) -> Flo
     least = LEAST_TANGENT * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     has_one = (of_body | of_edges | (weights[:, 1] < 0.0)) & (np.linalg.norm(normals, axis=1) > least)
     return np.where(has_one[:, None], normals, 0.0)
-
-
-def _units(vectors: Floats) -> Floats:
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0), np.float64)
 
 
 def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats) -> Floats:

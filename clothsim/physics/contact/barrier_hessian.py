@@ -13,6 +13,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, part
+from clothsim.base.vectors import dot
 from clothsim.physics.contact.barrier_kernels import (
     CROSS_RATIO,
     DIFFERENCE,
@@ -23,7 +24,6 @@ from clothsim.physics.contact.barrier_kernels import (
     edges,
     mollifier,
 )
-from clothsim.physics.contact.closest_points import dot
 from clothsim.physics.contact.distance import tangent_directions
 from clothsim.physics.contact.psd_projection import positive_factors
 from clothsim.physics.contact.relative_coordinates import absolute_block, relative

@@ -12,7 +12,7 @@ import numpy as np
 
 from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, natural, part
-from clothsim.physics.contact.closest_points import cross, dot, minus
+from clothsim.base.vectors import cross, dot, minus
 from clothsim.physics.contact.distance import closest_points, distance_squared
 
 DIFFERENCE, VALUE, FIRST, SECOND, CROSS_RATIO, RECORD_SIZE = 4, 7, 8, 9, 10, 11

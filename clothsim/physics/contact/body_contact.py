@@ -1,7 +1,6 @@
 """The effect `body_contact`: intersection-free contact of cloths with bodies."""
 
-from collections.abc import Sequence
-
+from clothsim.keys.typed_effects import BodyContact
 from clothsim.mesh.world import World
 from clothsim.physics.contact.excluded_pairs import excluded_pairs
 from clothsim.physics.contact.surface import cloth_body_surface
@@ -9,38 +8,15 @@ from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 
 
-def body_contact(
-    world: World,
-    *,
-    d_hat: float | str = "auto",
-    offset: float = 0.0,
-    stiffness: float | str = "auto",
-    exclude: Sequence[Sequence[str]] = (),
-) -> Energy | Off:
+def body_contact(world: World, keys: BodyContact) -> Energy | Off:
     """Log-barrier contact between every cloth and every body, and of rigid bodies with bodies and each other.
 
-    Parameters
-    ----------
-    world : World
-        Cloths and bodies.
-    d_hat : float or "auto"
-        Gap below which contact forces act [m]; "auto": a tenth of the median cloth edge.
-    offset : float
-        Distance that is kept free in addition [m] (a contact thickness, independent of the fabric's own).
-    stiffness : float or "auto"
-        Barrier stiffness [Pa]; "auto": adapted to the loads at each step.
-    exclude : sequence of [name, name]
-        Pairs of objects that do not touch.
-
-    Returns
-    -------
-    Energy or Off
-        Off where there is no body or every pair is excluded.
+    The offset is independent of the fabric's own thickness. Off where there is no body or every pair is excluded.
 
     Raises
     ------
     InputError
-        A key is out of range, or a cloth starts in contact with a body.
+        A cloth starts in contact with a body, or d_hat does not suit the mesh.
 
     Examples
     --------
@@ -54,14 +30,14 @@ def body_contact(
     """
     if not world.bodies:
         return Off("the scene has no body")
-    surface = cloth_body_surface(world, excluded_pairs("body_contact", world, exclude))
+    surface = cloth_body_surface(world, excluded_pairs(world, keys))
     if not surface.allowed.any():
         return Off("every pair is excluded")
     from clothsim.physics.contact.setup import (
         contact_energy,  # after the last Off: no kernel is imported without a pair
     )
 
-    return contact_energy("body_contact", world, surface, d_hat, offset, stiffness)
+    return contact_energy(world, keys, surface)
 
 
 EXAMPLE = Example(

@@ -25,14 +25,12 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
+from clothsim.base.vectors import cross, dot, minus
 from clothsim.physics.contact.barrier_kernels import boxes_apart
 from clothsim.physics.contact.closest_points import (
     Point,
-    cross,
-    dot,
     edge_edge_closest,
     edge_edge_region,
-    minus,
     point_triangle_closest,
     point_triangle_region,
 )

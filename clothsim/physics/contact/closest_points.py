@@ -17,6 +17,7 @@ interior of its feature, so the weights alone identify the region. A common tran
 """
 
 from clothsim.base.jit import part
+from clothsim.base.vectors import cross, dot, minus
 
 Point = tuple[float, float, float]
 
@@ -123,21 +124,3 @@ def _distance_squared(r: Point, s: float, e: Point, t: float, f: Point) -> float
     """|r - s e - t f|^2."""
     x, y, z = r[0] - s * e[0] - t * f[0], r[1] - s * e[1] - t * f[1], r[2] - s * e[2] - t * f[2]
     return x * x + y * y + z * z
-
-
-@part
-def minus(a: Point, b: Point) -> Point:
-    """a - b."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@part
-def dot(a: Point, b: Point) -> float:
-    """a . b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@part
-def cross(a: Point, b: Point) -> Point:
-    """a x b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

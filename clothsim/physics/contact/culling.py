@@ -12,7 +12,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import part
-from clothsim.physics.contact.closest_points import Point, dot, edge_edge_closest, point_triangle_closest
+from clothsim.base.vectors import dot
+from clothsim.physics.contact.closest_points import Point, edge_edge_closest, point_triangle_closest
 
 ROUND_OFF_FACTOR = 1.0 + 1e-9
 """Enlargement of the distance: products of coordinates are rounded, and an additional pair costs nothing."""

@@ -14,7 +14,8 @@ over p, as in any envelope theorem). One formula serves point-point, point-edge,
 import numpy as np
 
 from clothsim.base.jit import part
-from clothsim.physics.contact.closest_points import cross, dot, edge_edge_closest, minus, point_triangle_closest
+from clothsim.base.vectors import cross, dot, minus
+from clothsim.physics.contact.closest_points import edge_edge_closest, point_triangle_closest
 
 PARALLEL = 1e-20
 """Squared sine of the angle of two directions below which the second is dropped."""

@@ -19,12 +19,8 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, natural, part
-from clothsim.physics.contact.closest_points import (
-    minus,
-    point_triangle_closest,
-    point_triangle_region,
-    segment_closest,
-)
+from clothsim.base.vectors import minus
+from clothsim.physics.contact.closest_points import point_triangle_closest, point_triangle_region, segment_closest
 from clothsim.physics.contact.pair_list import Pairs
 
 FACE = 6

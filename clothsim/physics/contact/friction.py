@@ -10,12 +10,51 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.physics.contact import friction_kernels as kernels
 from clothsim.physics.contact.anchors import Anchors, anchors_at, anchors_from, relative_positions, tangential
 from clothsim.physics.contact.barrier import Barrier
-from clothsim.physics.contact.rigid_motion import rigid_displacements
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import History, Idling, Lagged, PastSensitivity, Report, SeesPast, Storing
 from clothsim.physics.energies.step import Step
+
+# Rigid part of displacements: translation and rotation of each object as a whole.
+
+
+def rigid_displacements(x: Floats, displacements: Floats, labels: Ints) -> Floats:
+    """The rigid displacements nearest to those of each object.
+
+    Of each object u + r x d is fitted by least squares, with the offsets d from its mean position. Objects without
+    extent across a line turn about none of it.
+
+    Parameters
+    ----------
+    x, displacements : (n, 3) array
+        Positions and small displacements [m].
+    labels : (n,) int array
+        Object of each row.
+
+    Returns
+    -------
+    (n, 3) array [m]
+
+    Examples
+    --------
+    >>> x = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    >>> turned = np.cross([0, 0, 0.1], x)
+    >>> bool(np.allclose(rigid_displacements(x, turned, np.zeros(4, int)), turned))
+    True
+    """
+    found = np.zeros_like(displacements)
+    for label in np.unique(labels):
+        rows = labels == label
+        mean = displacements[rows].mean(axis=0)
+        offsets = x[rows] - x[rows].mean(axis=0)
+        squares = offsets.T @ offsets
+        inertia = np.trace(squares) * np.eye(3) - squares
+        momentum = np.cross(offsets, displacements[rows] - mean).sum(axis=0)
+        rotation = np.linalg.lstsq(inertia, momentum, rcond=None)[0]
+        found[rows] = mean + np.cross(rotation, offsets)
+    return found
+
 
 NAME = "friction"
 
@@ -44,7 +83,7 @@ NO_ANCHORS = anchors_from(())
 
 
 @dataclass(frozen=True)
-class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, Storing):
+class FrictionEnergy(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, Storing):
     """E = sum mu F f0(|u|), u = z + (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
     F [N], n and g: normal force, normal and weights of the closest points of each pair, lagged. f0 is |u| beyond e and

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_count, as_positive
+from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
+from clothsim.keys.typed_effects import Friction
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
@@ -14,48 +15,15 @@ ELASTIC_SLIP = 1e-5
 """Largest elastic slip of an anchor as a fraction of the cloth's size: micrometres for a cloth of a metre."""
 
 
-def friction(
-    world: World,
-    *,
-    coefficient: float = 0.3,
-    mu_static: float | str = "auto",
-    mu_kinetic: float | str = "auto",
-    pairs: Sequence[Sequence[object]] = (),
-    elastic_slip: float | str = "auto",
-    eps_v: float | str = "auto",
-    iterations: int = 1,
-    contacts: Sequence[str] = (),
-) -> Energy | Off:
-    """Coulomb friction of every contact of the scene.
+def friction(world: World, keys: Friction, *, contacts: Sequence[str] = ()) -> Energy | Off:
+    """Coulomb friction of every contact; off where the scene has none, or every coefficient is 0.
 
-    Parameters
-    ----------
-    world : World
-        Cloths and bodies.
-    coefficient : float
-        mu of the pairs of objects that `pairs` does not name.
-    mu_static, mu_kinetic : float or "auto"
-        Coefficients of contacts that hold and that slide; "auto": `coefficient`, and mu_kinetic at most mu_static.
-    pairs : sequence of [name, name, mu] or [name, name, mu_static, mu_kinetic]
-        Coefficients of single pairs of objects.
-    elastic_slip : float or "auto"
-        Displacement after which a contact that holds slides [m]; "auto": 1e-5 of the largest cloth.
-    eps_v : float or "auto"
-        Speed below which contacts creep in place of holding [m/s] (the friction of IPC); "auto": they hold.
-    iterations : int
-        Solves of a step, each with the normal forces of the last.
-    contacts : sequence of str
-        Names of the contact effects that are on.
-
-    Returns
-    -------
-    Energy or Off
-        Off where the scene has no contact or every coefficient is 0.
+    Contacts hold by anchors; with eps_v they creep below that speed instead (the friction of IPC).
 
     Raises
     ------
     InputError
-        A value is out of range or a name unknown, or both elastic_slip and eps_v are given.
+        A name of a pair is unknown, or both elastic_slip and eps_v are given.
 
     Examples
     --------
@@ -67,24 +35,23 @@ def friction(
     >>> made.static[0], made.kinetic[0]
     (array([0.3, 0.2]), array([0.3, 0.1]))
     """
-    static, kinetic = coefficient_tables(world, coefficient, mu_static, mu_kinetic, pairs)
+    static, kinetic = coefficient_tables(world, keys)
     if not static.any():
         return Off("every coefficient is 0")
     if not contacts:
         return Off("the scene has no contact")
     size = max(float(np.linalg.norm(np.ptp(cloth.positions, axis=0))) for cloth in world.cloths)
-    speed, slip = _scales(size, eps_v, elastic_slip, bool((static != kinetic).any()))
-    lag_iterations = as_count("effects.friction.iterations", iterations)
+    speed, slip = _scales(size, keys, bool((static != kinetic).any()))
     from clothsim.physics.contact.friction import (  # after the last Off: no kernel for a zero
         NO_ANCHORS,
         NO_CONTACTS,
-        Friction,
+        FrictionEnergy,
     )
 
     none, rows = np.zeros((0, 3)), NO_ANCHORS.elements
     lagged = rows, NO_ANCHORS.weights, none, none, none, np.zeros(0), np.zeros(0, bool)
-    at = triangles_at(world)
-    return Friction(kinetic, static, world.labels, at, speed, slip, lag_iterations, NO_CONTACTS, NO_ANCHORS, *lagged)
+    at, passes = triangles_at(world), keys.iterations
+    return FrictionEnergy(kinetic, static, world.labels, at, speed, slip, passes, NO_CONTACTS, NO_ANCHORS, *lagged)
 
 
 def triangles_at(world: World) -> Ints:
@@ -94,40 +61,33 @@ def triangles_at(world: World) -> Ints:
     return found
 
 
-def _scales(size: float, eps_v: float | str, elastic_slip: float | str, two: bool) -> tuple[float, float]:
+def _scales(size: float, keys: Friction, two: bool) -> tuple[float, float]:
     """eps_v [m/s] and the elastic slip [m], one of them 0, for cloth of `size` [m]; two: different coefficients."""
-    if eps_v == "auto":
-        key = "effects.friction.elastic_slip"
-        return 0.0, ELASTIC_SLIP * size if elastic_slip == "auto" else as_positive(key, elastic_slip)  # type: ignore[arg-type]
-    if elastic_slip != "auto" or two:
-        other = "elastic_slip" if elastic_slip != "auto" else "different mu_static and mu_kinetic"
+    slip = keys.elastic_slip
+    if isinstance(keys.eps_v, str):
+        return 0.0, ELASTIC_SLIP * size if isinstance(slip, str) else slip
+    if slip != "auto" or two:
+        other = "elastic_slip" if slip != "auto" else "different mu_static and mu_kinetic"
         raise InputError(
             f"effects.friction has both eps_v and {other}.", "Leave eps_v out: contacts then hold by anchors."
         )
-    return as_positive("effects.friction.eps_v", eps_v), 0.0  # type: ignore[arg-type]
+    return keys.eps_v, 0.0
 
 
-def coefficient_tables(
-    world: World,
-    coefficient: float,
-    mu_static: float | str,
-    mu_kinetic: float | str,
-    pairs: Sequence[Sequence[object]],
-) -> tuple[Floats, Floats]:
+def coefficient_tables(world: World, keys: Friction) -> tuple[Floats, Floats]:
     """mu_static and mu_kinetic of each pair of objects, (L, L). InputError for a value or name that is none.
 
     A coefficient that is "auto" is `coefficient`; mu_kinetic is then at most mu_static.
     """
-    both = as_positive("effects.friction.coefficient", coefficient, zero=True)
-    static = both if mu_static == "auto" else as_positive("effects.friction.mu_static", mu_static, zero=True)  # type: ignore[arg-type]
-    kinetic = min(both, static)
-    if mu_kinetic != "auto":
-        kinetic = as_positive("effects.friction.mu_kinetic", mu_kinetic, zero=True)  # type: ignore[arg-type]
-        static = max(static, kinetic) if mu_static == "auto" else static
+    static = keys.coefficient if isinstance(keys.mu_static, str) else keys.mu_static
+    kinetic = min(keys.coefficient, static)
+    if not isinstance(keys.mu_kinetic, str):
+        kinetic = keys.mu_kinetic
+        static = max(static, kinetic) if keys.mu_static == "auto" else static
     _check_order("effects.friction", static, kinetic)
     tables = np.full((2, len(world.names), len(world.names)), np.array([static, kinetic])[:, None, None])
     entries: dict[frozenset[int], int] = {}
-    for number, entry in enumerate(pairs):
+    for number, entry in enumerate(keys.pairs):
         a, b, of_pair = _pair(world, number, entry)
         first = entries.setdefault(frozenset((a, b)), number)
         if first != number:

@@ -23,24 +23,24 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, natural, part
+from clothsim.base.vectors import dot
 from clothsim.physics.contact.barrier_kernels import barrier as barrier_function
 from clothsim.physics.contact.barrier_kernels import cross_squared, cross_squared_gradient, edges, mollifier
-from clothsim.physics.contact.closest_points import dot
 from clothsim.physics.contact.distance import closest_points, tangent_directions
 from clothsim.physics.energies.protocols import PastSensitivity
 from clothsim.physics.energies.step import Step
 
 if TYPE_CHECKING:
     from clothsim.physics.contact.barrier import Barrier
-    from clothsim.physics.contact.friction import Friction
+    from clothsim.physics.contact.friction import FrictionEnergy
 
 
-def friction_sensitivity(friction: "Friction", step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+def friction_sensitivity(friction: "FrictionEnergy", step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
     """Return d(adjoint . friction gradient(x)) by the start of the step, for contacts that creep.
 
     Parameters
     ----------
-    friction : Friction
+    friction : FrictionEnergy
         Bound to `step`, with eps_v.
     step : Step
         Its start.
@@ -65,7 +65,7 @@ def friction_sensitivity(friction: "Friction", step: Step, x: Floats, adjoint: F
 
 
 def _by_lag(
-    friction: "Friction", barrier: "Barrier", stiffness: float, at: Floats, displacements: Floats, adjoint: Floats
+    friction: "FrictionEnergy", barrier: "Barrier", stiffness: float, at: Floats, displacements: Floats, adjoint: Floats
 ) -> Floats:
     """The derivative by the positions `at` the start from which the pairs of one barrier are lagged, (N, 3)."""
     pairs, least_gap = barrier.distinct(at), friction.contacts.least_gap * barrier.d_hat

@@ -1,50 +1,24 @@
 """The effect `self_contact`: intersection-free contact of cloth with itself and other cloth."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
-
+from clothsim.keys.typed_effects import SelfContact
 from clothsim.mesh.world import World
 from clothsim.physics.contact.excluded_pairs import excluded_pairs
-from clothsim.physics.contact.stiffness import default_d_hat
-from clothsim.physics.contact.surface import ContactSurface, cloth_surface
+from clothsim.physics.contact.surface import cloth_surface
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 
 
-def self_contact(
-    world: World,
-    *,
-    d_hat: float | str = "auto",
-    offset: float = 0.0,
-    stiffness: float | str = "auto",
-    exclude: Sequence[Sequence[str]] = (),
-) -> Energy | Off:
-    """Log-barrier contact of every cloth with itself and with every other cloth.
+def self_contact(world: World, keys: SelfContact) -> Energy | Off:
+    """Log-barrier contact of every cloth with itself and with every other cloth; off where every pair is excluded.
 
-    Parameters
-    ----------
-    world : World
-        Cloths and bodies.
-    d_hat : float or "auto"
-        Gap below which contact forces act [m]; "auto": a tenth of the median cloth edge, but at most half of the
-        smallest rest gap of parts of a cloth without a common vertex, down to a tenth of that: slivers would else repel
-        one another.
-    offset, stiffness
-        As for `body_contact`.
-    exclude : sequence of [name, name]
-        Pairs of objects that do not touch; a pair of one and the same name lets that cloth pass through itself.
-
-    Returns
-    -------
-    Energy or Off
-        Off where every pair is excluded.
+    d_hat = "auto": a tenth of the median cloth edge, but at most half of the smallest rest gap of parts of a cloth
+    without a common vertex, down to a tenth of that: slivers would else repel one another. A pair of one and the same
+    name in `exclude` lets that cloth pass through itself.
 
     Raises
     ------
     InputError
-        A key is out of range, or cloth starts in contact with cloth.
+        Cloth starts in contact with cloth, or d_hat does not suit the mesh.
 
     Examples
     --------
@@ -55,27 +29,17 @@ def self_contact(
     >>> build(scene).energies["self_contact"].d_hat
     0.01
     """
-    surface = cloth_surface(world, excluded_pairs("self_contact", world, exclude))
+    surface = cloth_surface(world, excluded_pairs(world, keys))
     if not surface.allowed.any():
         return Off("every pair is excluded")
-    from clothsim.physics.contact.setup import (
-        contact_energy,  # after the last Off: no kernel is imported without a pair
+    from clothsim.physics.contact.setup import (  # after the last Off: no kernel is imported without a pair
+        contact_energy,
+        d_hat_below_rest_gaps,
     )
 
-    if d_hat == "auto":
-        d_hat = _below_rest_gaps(world, surface)
-    return contact_energy("self_contact", world, surface, d_hat, offset, stiffness)
-
-
-def _below_rest_gaps(world: World, surface: ContactSurface) -> float:
-    """A tenth of the median edge, or half of the smallest rest gap of parts of one cloth where that is less [m]."""
-    from clothsim.physics.contact.candidates import Candidates
-    from clothsim.physics.contact.setup import edge_lengths
-
-    default = default_d_hat(edge_lengths(world))
-    within_one_cloth = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
-    gap = Candidates(within_one_cloth, default, skin=0.0).minimum_gap(surface.rest_positions)
-    return default if gap > default else max(0.5 * gap, 0.1 * default)
+    if keys.d_hat == "auto":
+        keys = keys.with_keys(d_hat=d_hat_below_rest_gaps(world, surface))
+    return contact_energy(world, keys, surface)
 
 
 EXAMPLE = Example(

@@ -1,12 +1,14 @@
 """Setup of the contact effects: scales, and the refusal of a start in contact."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
+from clothsim.keys.typed_effects import ContactKeys
 from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
@@ -21,36 +23,18 @@ LEAST_D_HAT = 2.0**24 * float(np.finfo(float).eps)
 then known to four digits; at 1e-9 m on a cloth of .5 m Newton's method did not converge, or a body went through."""
 
 
-def contact_energy(
-    name: str,
-    world: World,
-    surface: ContactSurface,
-    d_hat: float | str,
-    offset: float,
-    stiffness: float | str,
-) -> Barrier:
-    """Barrier of the effect `name` on `surface`.
-
-    Parameters
-    ----------
-    name : str
-        Effect, for messages.
-    world : World
-        Cloths and bodies at the start.
-    surface : ContactSurface
-        Primitives that may touch.
-    d_hat, offset, stiffness
-        Keys of the effect, unchecked.
+def contact_energy(world: World, keys: ContactKeys, surface: ContactSurface) -> Barrier:
+    """Barrier of a contact effect on the primitives that may touch.
 
     Raises
     ------
     InputError
-        A key is out of range, or surfaces intersect or touch at the start.
+        d_hat does not suit the mesh, or surfaces intersect or touch at the start.
     """
-    d_hat = _resolved_d_hat(name, world, d_hat)
-    offset = as_positive(f"effects.{name}.offset", offset, zero=True)
-    adaptive = stiffness == "auto"
-    kappa = 1.0 if adaptive else as_positive(f"effects.{name}.stiffness", stiffness)  # type: ignore[arg-type]
+    name, offset = keys.name, keys.offset
+    d_hat = _resolved_d_hat(name, world, keys.d_hat)
+    adaptive = isinstance(keys.stiffness, str)
+    kappa = 1.0 if isinstance(keys.stiffness, str) else keys.stiffness
     start = world.start()
     _refuse_intersections(world, surface, start)
     candidates = Candidates(surface, d_hat + offset, skin=0.7 * d_hat, offset=offset)
@@ -71,23 +55,30 @@ def _heavy_bodies(world: World) -> tuple[HeavyBody, ...]:
 def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:
     """d_hat [m]: "auto" from the mesh, else as given. InputError for one as large as the cloth."""
     default = default_d_hat(edge_lengths(world))
-    if d_hat == "auto":
+    if isinstance(d_hat, str):
         return default
-    value = as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
     coordinate = float(np.abs(world.start()).max())
-    if value < LEAST_D_HAT * coordinate:
+    if d_hat < LEAST_D_HAT * coordinate:
         raise InputError(
-            f"effects.{name}.d_hat is {value:g} m, below {LEAST_D_HAT * coordinate:.2g} m: at coordinates of "
+            f"effects.{name}.d_hat is {d_hat:g} m, below {LEAST_D_HAT * coordinate:.2g} m: at coordinates of "
             f"{coordinate:.3g} m double precision does not carry the changes of such gaps.",
             f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
         )
     size = float(np.ptp(world.start()[: world.n_cloth], axis=0).max())
-    if value >= size:
+    if d_hat >= size:
         raise InputError(
-            f"effects.{name}.d_hat is {value:g} m, and the whole cloth is {size:.3g} m long.",
+            f"effects.{name}.d_hat is {d_hat:g} m, and the whole cloth is {size:.3g} m long.",
             f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
         )
-    return value
+    return d_hat
+
+
+def d_hat_below_rest_gaps(world: World, surface: ContactSurface) -> float:
+    """A tenth of the median edge, or half of the smallest rest gap of parts of one cloth where that is less [m]."""
+    default = default_d_hat(edge_lengths(world))
+    within_one_cloth = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
+    gap = Candidates(within_one_cloth, default, skin=0.0).minimum_gap(surface.rest_positions)
+    return default if gap > default else max(0.5 * gap, 0.1 * default)
 
 
 def edge_lengths(world: World) -> Floats:

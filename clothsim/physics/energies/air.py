@@ -14,26 +14,183 @@ its derivatives are exact and the cloth cannot overshoot the wind, whatever dt i
 dt, also with BDF2.
 """
 
+import abc
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.effect_tables import Gust, Vortex
+from clothsim.keys.typed_effects import Air
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import Driven, Idling
 from clothsim.physics.energies.step import Step
-from clothsim.physics.energies.varying_values import Schedule, over_cloth, schedule
-from clothsim.physics.energies.wind import Wind, wind_of
+from clothsim.physics.energies.varying_values import Schedule, lost_function, over_cloth, schedule
+
+# Wind fields: the velocity of the air over space and time.
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+class Wind(abc.ABC):
+    """A velocity field of the air."""
+
+    @abc.abstractmethod
+    def at(self, points: Floats, time: float) -> Floats:
+        """The velocity of the air at `points (m, 3)` [m] in the scene's coordinates and at `time` [s], (m, 3) [m/s]."""
+
+    @property
+    def still(self) -> bool:
+        """True where the air never moves."""
+        return False
 
 
 @dataclass(frozen=True)
-class Air(Energy, Driven, Idling):
+class Uniform(Wind):
+    """A uniform, constant velocity (3,) [m/s]."""
+
+    velocity: Floats
+
+    def at(self, points: Floats, time: float) -> Floats:
+        """The velocity."""
+        return np.broadcast_to(self.velocity, points.shape)
+
+    @property
+    def still(self) -> bool:
+        """True where the velocity is zero."""
+        return not self.velocity.any()
+
+
+@dataclass(frozen=True)
+class GustField(Wind):
+    """A mean velocity V with fluctuations of strength and direction that are convected by V (Taylor 1938).
+
+    w = |V| (1 + amplitude g(u)) (cos a V/|V| + sin a side), a = sway g(u + 5), u = (t - x.V/|V|^2) / period, with a
+    horizontal unit vector `side` and g the sum of three sines of incommensurable periods, between -1 and 1.
+
+    Parameters
+    ----------
+    velocity : (3,) array
+        V [m/s].
+    amplitude : float
+        Relative fluctuation of the strength.
+    period : float
+        [s].
+    sway : float
+        Largest angle from V [rad].
+    """
+
+    velocity: Floats
+    amplitude: float
+    period: float
+    sway: float
+
+    def at(self, points: Floats, time: float) -> Floats:
+        """The velocity of the gust at the points, (m, 3) [m/s]."""
+        speed = float(np.linalg.norm(self.velocity))
+        along = self.velocity / speed
+        side = np.cross(UP, along)
+        length = float(np.linalg.norm(side))
+        side = side / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
+        u = (time - points @ along / speed) / self.period
+        strength, angle = speed * (1 + self.amplitude * swing(u)), self.sway * swing(u + 5)
+        return strength[:, None] * (np.cos(angle)[:, None] * along + np.sin(angle)[:, None] * side)
+
+
+@dataclass(frozen=True)
+class VortexField(Wind):
+    """A line vortex, v = circulation r / (2 pi (r^2 + core^2)) at the distance r from the line (Scully 1975).
+
+    Parameters
+    ----------
+    centre, axis : (3,) arrays
+        A point of the line at time 0 [m] and its unit vector.
+    circulation : float
+        [m2/s].
+    core : float
+        Distance at which v is largest [m].
+    velocity : (3,) array
+        Uniform wind that is added and convects the line [m/s].
+    """
+
+    centre: Floats
+    axis: Floats
+    circulation: float
+    core: float
+    velocity: Floats
+
+    def at(self, points: Floats, time: float) -> Floats:
+        """The velocity of the vortex at the points, (m, 3) [m/s]."""
+        arms = points - (self.centre + self.velocity * time)
+        arms = arms - (arms @ self.axis)[:, None] * self.axis
+        rate = self.circulation / (2 * np.pi * ((arms**2).sum(axis=1) + self.core**2))
+        return self.velocity + rate[:, None] * np.cross(self.axis, arms)
+
+
+@dataclass(frozen=True)
+class Field(Wind):
+    """A Python function of points (m, 3) [m] and time [s] that returns velocities (m, 3) or (3,) [m/s]."""
+
+    name: str
+    function: Callable[[Floats, float], Floats]
+
+    def at(self, points: Floats, time: float) -> Floats:
+        """The velocities that the function returns. InputError for another shape or non-finite numbers."""
+        velocities = np.asarray(self.function(points.copy(), time), np.float64)
+        if velocities.shape not in (points.shape, (3,)):
+            raise InputError(f"{self.name} returned an array of shape {velocities.shape}, not {points.shape}.")
+        if not np.isfinite(velocities).all():
+            raise InputError(f"{self.name} returned a non-finite number at {time:g} s.")
+        return np.broadcast_to(velocities, points.shape)
+
+
+def swing(u: Floats) -> Floats:
+    """The aperiodic fluctuation g(u), between -1 and 1."""
+    turns = (0.5, 1.0, 0.0), (0.3, 2**0.5, 1.0), (0.2, 5**0.5, 2.0)
+    return sum((weight * np.sin(2 * np.pi * pace * u + phase) for weight, pace, phase in turns), np.zeros_like(u))
+
+
+def wind_of(name: str, value: Any) -> Wind:
+    """The wind of a scene's value: a vector, a `Gust`, a `Vortex`, or in Python a function (`Field`).
+
+    Raises
+    ------
+    InputError
+        For a gust without a mean wind, a vortex without an axis, or a function that a scene file has lost.
+    """
+    if callable(value):
+        return Field(name, value)
+    if isinstance(value, Gust):
+        return _gust(name, value)
+    if isinstance(value, Vortex):
+        return _vortex(name, value)
+    if isinstance(value, Mapping):
+        raise lost_function(name, value)
+    return Uniform(np.array(value, np.float64))
+
+
+def _gust(name: str, keys: Gust) -> GustField:
+    velocity = np.array(keys.velocity, np.float64)
+    if not velocity.any():
+        raise InputError(f"{name}.velocity is zero: a gust needs a mean wind.", "Give a velocity [m/s].")
+    return GustField(velocity, keys.amplitude, keys.period, float(np.radians(keys.sway_degrees)))
+
+
+def _vortex(name: str, keys: Vortex) -> VortexField:
+    centre, axis, velocity = (np.array(each, np.float64) for each in (keys.centre, keys.axis, keys.velocity))
+    if not axis.any():
+        raise InputError(f"{name}.axis is zero.", "Give the direction of the vortex line.")
+    return VortexField(centre, axis / np.linalg.norm(axis), keys.circulation, keys.core, velocity)
+
+
+@dataclass(frozen=True)
+class AirEnergy(Energy, Driven, Idling):
     """E = sum d.T d / (2 h), d = y - y_n - h w, y the centroid of a triangle, so that d / h = v_rel.
 
     With BDF2 x^ and b h replace x_n and h (docs/theory.md#time-integration).
@@ -116,45 +273,20 @@ class Air(Energy, Driven, Idling):
         return x[self.triangles].mean(axis=1) - self.drifted
 
 
-def air(
-    world: World,
-    *,
-    density: float = 1.2,
-    drag: Any = 1.0,
-    lift: Any = 0.9,
-    wind: ArrayLike | Any = (0.0, 0.0, 0.0),
-    strength: Any = 1.0,
-) -> Energy | Off:
-    """Drag and lift of all triangles in still air or wind.
-
-    Parameters
-    ----------
-    density : float
-        Density of the air [kg/m3].
-    drag : number or values over the cloth
-        Drag coefficient of a triangle face on (`energies.varying_values`).
-    lift : number or values over the cloth
-        From 0, drag along the wind alone, to 1, force along the normal alone.
-    wind : (3,) vector, table or function
-        Velocity of the air [m/s] (`energies.wind`).
-    strength : number, key frames or function
-        Factor on the wind over time.
-
-    Returns
-    -------
-    Air, or Off where the density or every drag is 0.
+def air(world: World, keys: Air) -> Energy | Off:
+    """Drag and lift of all triangles in still air or wind; off where the density or every drag is 0.
 
     Raises
     ------
     InputError
         For a value out of its range; names the key and the triangle.
     """
-    rho = as_positive("effects.air.density", density, zero=True)
-    across = over_cloth("effects.air.drag", drag, world, least=0.0)
-    lifts = over_cloth("effects.air.lift", lift, world, least=0.0)
+    rho = keys.density
+    across = over_cloth("effects.air.drag", keys.drag, world, least=0.0)
+    lifts = over_cloth("effects.air.lift", keys.lift, world, least=0.0)
     if (lifts > 1).any():
         raise InputError(f"effects.air.lift is {lifts.max():g} on triangle {lifts.argmax()}.", "Give it from 0 to 1.")
-    field, pace = wind_of("effects.air.wind", wind), schedule("effects.air.strength", strength)
+    field, pace = wind_of("effects.air.wind", keys.wind), schedule("effects.air.strength", keys.strength)
     if rho == 0:
         return Off("the density of the air is 0")
     selected = np.flatnonzero(across)
@@ -163,7 +295,7 @@ def air(
     across, along = rho / 2 * across[selected], rho / 2 * (across * (1 - lifts))[selected]
     none = np.zeros((len(selected), 3))
     tensors = np.zeros((len(selected), 3, 3))
-    return Air(world.triangles[selected], across, along, field, pace, world.origin, tensors, none, 1.0)
+    return AirEnergy(world.triangles[selected], across, along, field, pace, world.origin, tensors, none, 1.0)
 
 
 EXAMPLE = Example(

@@ -20,7 +20,7 @@ from clothsim.physics.energies.varying_values import Schedule
 
 
 @dataclass(frozen=True)
-class RestAngle(ShiftedAngles, Driven):
+class RestAngleEnergy(ShiftedAngles, Driven):
     """Shifted rest angles along creases.
 
     Parameters
@@ -54,13 +54,13 @@ class RestAngle(ShiftedAngles, Driven):
 
 def rest_angles(
     bending: BendingModel, chosen: Ints, schedules: tuple[Schedule, ...], counts: tuple[int, ...]
-) -> RestAngle:
+) -> RestAngleEnergy:
     """Creases along the hinges `chosen` (k,) of a bending energy, `counts` of them for each schedule."""
     columns = _columns(bending, chosen)
     around = np.concatenate([chosen, np.setdiff1d(columns.indices, chosen)])
     rest, none = bending.rest_angles[around], np.zeros(len(around))
     moments = bending.vertices[around], rest, none, 0.0
-    return RestAngle(*moments, chosen, none[: len(chosen)], columns.T.tocsr()[around], schedules, counts)
+    return RestAngleEnergy(*moments, chosen, none[: len(chosen)], columns.T.tocsr()[around], schedules, counts)
 
 
 def _columns(bending: BendingModel, chosen: Ints) -> sparse.csr_array:

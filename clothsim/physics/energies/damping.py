@@ -1,11 +1,12 @@
 """Damping of velocity, of the strain rate and of the bending rate: the effect `damping`."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.arrays import Floats, Ints
+from clothsim.keys.typed_effects import Damping
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
@@ -103,25 +104,11 @@ class Dampings(Energy, Restrictable):
         return ElementHessian(np.concatenate(elements), np.concatenate(blocks))
 
 
-def damping(world: World, *, rate: Any = 1.0, stiffness: float = 0.0, strain_rate: Any = 0.0) -> Energy | Off:
-    """Dampings of all cloths; those on strain and bending leave rigid motions undamped.
-
-    Parameters
-    ----------
-    rate : number or values over the cloth
-        Damping proportional to mass and velocity [1/s] (Rayleigh's alpha); it also slows a free fall.
-    stiffness : float
-        Damping proportional to the in-plane and bending stiffness [s] (Rayleigh's beta).
-    strain_rate : number or values over the cloth
-        Viscosity of the in-plane strain [N s/m].
-
-    Returns
-    -------
-    Energy, or Off where all three are 0.
-    """
-    rates = over_cloth("effects.damping.rate", rate, world, least=0.0)
-    beta = as_positive("effects.damping.stiffness", stiffness, zero=True)
-    eta = over_cloth("effects.damping.strain_rate", strain_rate, world, least=0.0)
+def damping(world: World, keys: Damping) -> Energy | Off:
+    """Dampings of all cloths; those on strain and bending leave rigid motions undamped. Off where all three are 0."""
+    rates = over_cloth("effects.damping.rate", keys.rate, world, least=0.0)
+    beta = keys.stiffness
+    eta = over_cloth("effects.damping.strain_rate", keys.strain_rate, world, least=0.0)
     shear, trace = eta + 2 * beta * world.per_triangle("shear_modulus"), beta * world.per_triangle("lame_modulus")
     parts: list[Energy] = []
     if rates.any():

@@ -12,45 +12,30 @@ The energy is added to that of `membrane`, like a tape or a net sewn on. A cloth
 warp and weft has `effects.membrane.material = "orthotropic"`.
 """
 
-from typing import Any
-
 import numpy as np
 
+from clothsim.keys.typed_effects import Fibres
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example
 from clothsim.physics.energies.varying_values import over_cloth
 
 
-def fibres(
-    world: World, *, warp: Any = 0.0, weft: Any = 0.0, shear: Any = 0.0, angle_degrees: Any = 0.0
-) -> Energy | Off:
-    """Threads in addition to the membrane.
-
-    Parameters
-    ----------
-    warp, weft, shear : numbers or values over the cloth
-        Stiffness of the threads, and in shear [N/m].
-    angle_degrees : number or values over the cloth
-        Angle of the warp from the cloth's first axis (`kinematics.warp_weft`).
-
-    Returns
-    -------
-    Fibres, or Off where warp, weft and shear are 0.
-    """
-    keys = {"warp": warp, "weft": weft, "shear": shear}
-    stiffness = {key: over_cloth(f"effects.fibres.{key}", value, world, 0.0) for key, value in keys.items()}
-    angles = np.radians(over_cloth("effects.fibres.angle_degrees", angle_degrees, world))
+def fibres(world: World, keys: Fibres) -> Energy | Off:
+    """Threads in addition to the membrane; off where warp, weft and shear are 0."""
+    given = {"warp": keys.warp, "weft": keys.weft, "shear": keys.shear}
+    stiffness = {key: over_cloth(f"effects.fibres.{key}", value, world, 0.0) for key, value in given.items()}
+    angles = np.radians(over_cloth("effects.fibres.angle_degrees", keys.angle_degrees, world))
     stiff = np.flatnonzero(sum(stiffness.values()))
     if not len(stiff):
         return Off('warp, weft and shear are 0 (a fabric\'s own: effects.membrane.material = "orthotropic")')
     from clothsim.physics.energies.threads import (  # after the last Off: no kernel is imported for a zero
-        Fibres,
+        FibresEnergy,
         LinearThreads,
     )
 
-    a, b, g = (stiffness[key][stiff] for key in keys)
-    return Fibres.of(world, stiff, angles, LinearThreads(a, b, np.zeros(len(stiff)), g))
+    a, b, g = (stiffness[key][stiff] for key in given)
+    return FibresEnergy.of(world, stiff, angles, LinearThreads(a, b, np.zeros(len(stiff)), g))
 
 
 EXAMPLE = Example(

@@ -5,10 +5,10 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from clothsim.base.arrays import Floats, Ints, as_vector
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.indexing import as_rows, taken
+from clothsim.keys.typed_effects import Gravity
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.diagonal import diagonal_hessian, every_vertex
@@ -20,7 +20,7 @@ from clothsim.physics.energies.step import Step
 
 
 @dataclass(frozen=True)
-class Gravity(Elementwise, Energy, SeesPast):
+class GravityEnergy(Elementwise, Energy, SeesPast):
     """E = -sum m g.(x - origin).
 
     Parameters
@@ -73,23 +73,13 @@ class Gravity(Elementwise, Energy, SeesPast):
         return diagonal_hessian(every_vertex(0), np.zeros(0))
 
 
-def gravity(world: World, *, acceleration: ArrayLike = (0.0, 0.0, -9.81)) -> Energy | Off:
-    """The weight of all cloths and rigid bodies.
-
-    Parameters
-    ----------
-    acceleration : (3,) vector
-        Gravitational acceleration [m/s2].
-
-    Returns
-    -------
-    Gravity, or Off where the acceleration is zero.
-    """
-    vector = as_vector("effects.gravity.acceleration", acceleration)
+def gravity(world: World, keys: Gravity) -> Energy | Off:
+    """The weight of all cloths and rigid bodies; off where the acceleration is zero."""
+    vector = np.array(keys.acceleration, np.float64)
     if not vector.any():
         return Off("acceleration is zero")
     origin = world.start()[: world.n_cloth].mean(axis=0)
-    return Gravity(every_vertex(world.n_unknowns), world.weighing_masses, vector, origin)
+    return GravityEnergy(every_vertex(world.n_unknowns), world.weighing_masses, vector, origin)
 
 
 EXAMPLE = Example(

@@ -18,7 +18,7 @@ from clothsim.physics.energies.step import Step
 
 
 @dataclass(frozen=True)
-class Inertia(Elementwise, Energy, SeesPast):
+class InertiaEnergy(Elementwise, Energy, SeesPast):
     """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n.
 
     With BDF2 x^, v^ and b h replace them (docs/theory.md#time-integration).
@@ -74,7 +74,7 @@ class Inertia(Elementwise, Energy, SeesPast):
 
 def inertia(world: World) -> Energy:
     """The inertia of all cloth vertices and rigid bodies."""
-    return Inertia(every_vertex(world.n_unknowns), world.inertial_masses, world.start()[: world.n_unknowns], 1.0)
+    return InertiaEnergy(every_vertex(world.n_unknowns), world.inertial_masses, world.start()[: world.n_unknowns], 1.0)
 
 
 EXAMPLE = Example(external=True)

@@ -1,12 +1,11 @@
 """In-plane elasticity, stretch and shear: the effect `membrane`, with a choice of materials."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from clothsim.base.errors import InputError
+from clothsim.keys.typed_effects import Membrane
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example
@@ -29,60 +28,29 @@ STIFFNESSES: Mapping[str, tuple[str, ...]] = {
 }
 """Stiffnesses of a fabric that a material takes: a membrane without any of them is off."""
 
-ELEMENTS = ("triangles", "pairs")
 SLACK = "Young's modulus is 0"
 
 
-def membrane(
-    world: World,
-    *,
-    material: str = AUTO,
-    angle_degrees: Any = 0.0,
-    warp: ArrayLike = (),
-    weft: ArrayLike = (),
-    shear: ArrayLike = (),
-    elements: str = "triangles",
-) -> Energy | Off:
-    """The membrane energy of all cloths.
-
-    Parameters
-    ----------
-    material : str
-        "neo_hookean" (isotropic), "orthotropic" (the fabric's stiffness along warp and weft and in shear), "measured"
-        (tables of strain and stress) or "auto" (each cloth by its fabric: orthotropic where that has such stiffnesses,
-        else isotropic).
-    angle_degrees : number or values over the cloth
-        Angle of the warp from the cloth's first axis (`kinematics.warp_weft`).
-    warp, weft, shear : (k, 2) tables
-        Rows [strain, stress in N/m] of a measured material (`measured_membrane`).
-    elements : str
-        "triangles", or "pairs" of them, which lock less where folds are as fine as the mesh (`paired_membrane`).
-
-    Returns
-    -------
-    Energy, or Off where no fabric has a stiffness.
+def membrane(world: World, keys: Membrane) -> Energy | Off:
+    """The membrane energy of all cloths; off where no fabric has a stiffness.
 
     Raises
     ------
     InputError
-        For an unknown material, or a key that the material does not take.
+        For a key that the material does not take.
     """
-    if not isinstance(material, str) or material not in (AUTO, *MATERIALS):
-        raise InputError(f"effects.membrane.material is {material!r}.", f"Known: {', '.join((AUTO, *MATERIALS))}.")
-    if not isinstance(elements, str) or elements not in ELEMENTS:
-        raise InputError(f"effects.membrane.elements is {elements!r}.", f"Known: {', '.join(ELEMENTS)}.")
-    by_fabric = material == AUTO
+    by_fabric, material = keys.material == AUTO, str(keys.material)
     if by_fabric:
         material = "orthotropic" if world.per_triangle("has_threads").any() else "neo_hookean"
-    tables = {"warp": warp, "weft": weft, "shear": shear}
-    turned = not (isinstance(angle_degrees, float | int) and angle_degrees == 0)
-    given = {"angle_degrees": turned, "elements": elements != "triangles"}
+    tables = {"warp": keys.warp, "weft": keys.weft, "shear": keys.shear}
+    turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
+    given = {"angle_degrees": turned, "elements": keys.elements != "triangles"}
     _refuse_others(material, given | {key: np.size(table) > 0 for key, table in tables.items()})
-    angles = np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world))
+    angles = np.radians(over_cloth("effects.membrane.angle_degrees", keys.angle_degrees, world))
     own = STIFFNESSES.get(material)
     if own and not any(world.per_triangle(name).any() for name in own):
         return Off(SLACK)
-    if elements == "pairs":  # each imported after the last Off: no kernel is imported for a zero
+    if keys.elements == "pairs":  # each imported after the last Off: no kernel is imported for a zero
         from clothsim.physics.energies.paired_membrane import paired_membrane
 
         return paired_membrane(world)

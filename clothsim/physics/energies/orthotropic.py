@@ -22,7 +22,7 @@ from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.physics.energies.protocols import Report, Restrictable
-from clothsim.physics.energies.threads import Fibres, LinearThreads, ThreadLaw
+from clothsim.physics.energies.threads import FibresEnergy, LinearThreads, ThreadLaw
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class ThreadedMembrane(Energy, Restrictable, Report):
     """A Neo-Hookean sheet with threads over the same triangles; `notes`: its report of defaults used."""
 
     sheet: NeoHookeanMembrane
-    threads: Fibres
+    threads: FibresEnergy
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -46,7 +46,7 @@ class ThreadedMembrane(Energy, Restrictable, Report):
         """The `chosen (k,)` triangles of a world; mu and lam (k,) of the sheet [N/m], angles (m,) of the warp [rad]."""
         shapes, areas = world.rest_shape_inverses[chosen], world.rest_areas[chosen]
         sheet = NeoHookeanMembrane(world.triangles[chosen], shapes, areas, *lame)
-        return cls(sheet, Fibres.of(world, chosen, angles, law), notes)
+        return cls(sheet, FibresEnergy.of(world, chosen, angles, law), notes)
 
     @property
     def triangles(self) -> Ints:

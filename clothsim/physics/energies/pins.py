@@ -7,19 +7,18 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.typed_effects import Pins
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.motion import LaterMotion, RigidMotion, motion_of
+from clothsim.mesh.motion import LaterMotion, RigidMotion, prescribed_motion
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Off
 from clothsim.physics.energies.constraint import Constraint, Prescribed
 from clothsim.physics.energies.example import Example
-from clothsim.physics.energies.selection import check_tables, selected_vertices
-
-GROUP = ("select", "clamp", "motion")
+from clothsim.physics.energies.selection import selected_vertices
 
 
 @dataclass(frozen=True)
-class PinGroup:
+class PinnedGroup:
     """Vertices with one prescribed motion.
 
     Parameters
@@ -41,10 +40,10 @@ class PinGroup:
 
 
 @dataclass(frozen=True)
-class Pins(Constraint):
+class PinsConstraint(Constraint):
     """Prescribed positions of the groups, with the ghost vertices that fix the direction at clamped edges."""
 
-    groups: tuple[PinGroup, ...]
+    groups: tuple[PinnedGroup, ...]
 
     @property
     def still(self) -> bool:
@@ -71,63 +70,29 @@ class Pins(Constraint):
         }
 
 
-def pins(
-    world: World,
-    *,
-    select: str | Sequence[int] | Mapping[str, Sequence[Sequence[float]]] = (),
-    clamp: bool = False,
-    motion: Mapping[str, Sequence[float]] | None = None,
-    group: Sequence[Mapping[str, object]] = (),
-) -> tuple[World, Constraint] | Off:
-    """Pinned vertices: one selection, and groups with a selection and motion each.
-
-    Parameters
-    ----------
-    select : str, sequence of int or {"box": [lo, hi]}
-        Vertices (`energies.selection`).
-    clamp : bool
-        True to fix the rest direction at the edge too.
-    motion : table, optional
-        Rigid motion (`mesh.motion`).
-    group : sequence of tables
-        Further groups, each with `select` and optionally `clamp` and `motion`.
-
-    Returns
-    -------
-    The world, which clamps enlarge by ghost vertices, and the constraint; or Off where no vertex is selected.
+def pins(world: World, keys: Pins) -> tuple[World, Constraint] | Off:
+    """The world, which clamps enlarge by ghost vertices, and the constraint; off where no vertex is selected.
 
     Raises
     ------
     InputError
-        For unknown selections and motions, or a vertex in two groups.
+        For unknown selections, or a vertex in two groups.
     """
-    check_tables("effects.pins.group", group, GROUP, ("select",))
-    specs: list[Mapping[str, object]] = [{"select": select, "clamp": clamp, "motion": motion}, *group]
-    for spec in specs:
-        if not isinstance(spec.get("clamp", False), bool):
-            raise InputError(f"effects.pins.clamp must be true or false, not {spec['clamp']!r}.")
-    names = ["pins", *(f"pins.group[{k}]" for k in range(len(group)))]
-    chosen = [
-        (selected_vertices("effects.pins.select", world, spec.get("select", ())), spec, name)
-        for spec, name in zip(specs, names, strict=True)
-    ]
-    chosen = [(vertices, spec, name) for vertices, spec, name in chosen if len(vertices)]
+    groups = [("pins", keys), *((f"pins.group[{k}]", group) for k, group in enumerate(keys.group))]
+    selected = [(selected_vertices("effects.pins.select", world, each.select), each, name) for name, each in groups]
+    chosen = [(vertices, each, name) for vertices, each, name in selected if len(vertices)]
     if not chosen:
         return Off("no vertex is selected")
     _refuse_shared([vertices for vertices, _, _ in chosen])
     none = np.zeros(0, np.int64)
-    world, ghosts = clamped(world, [vertices if spec.get("clamp") else none for vertices, spec, _ in chosen])
+    world, ghosts = clamped(world, [vertices if each.clamp else none for vertices, each, _ in chosen])
     start = world.start()
-    groups = []
-    for (vertices, spec, name), extra in zip(chosen, ghosts, strict=True):
+    pinned = []
+    for (vertices, each, name), extra in zip(chosen, ghosts, strict=True):
         rows = np.concatenate([vertices, extra])
-        given = {} if spec.get("motion") is None else spec["motion"]
-        if not isinstance(given, Mapping):
-            raise InputError(f"effects.pins.motion must be a table of keys, not {given!r}.")
-        keys = dict(given)
-        keys.setdefault("centre", start[vertices].mean(axis=0) + world.origin)
-        groups.append(PinGroup(rows, start[rows], motion_of("effects.pins.motion", keys, world.origin), name))
-    return world, Pins(tuple(groups))
+        motion = prescribed_motion(each.motion, start[vertices].mean(axis=0) + world.origin, world.origin)
+        pinned.append(PinnedGroup(rows, start[rows], motion, name))
+    return world, PinsConstraint(tuple(pinned))
 
 
 def _refuse_shared(groups: Sequence[Ints]) -> None:

@@ -9,46 +9,24 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
+from clothsim.keys.typed_effects import PlasticBending
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 
 
-def plastic_bending(
-    world: World,
-    *,
-    yield_angle_degrees: float = 0.0,
-    yield_curvature: float = 0.0,
-    hardening: float = 0.0,
-    built: Mapping[str, Energy] | None = None,
-) -> Energy | Off:
-    """Permanent folds beyond a yield angle or curvature.
+def plastic_bending(world: World, keys: PlasticBending, *, built: Mapping[str, Energy] | None = None) -> Energy | Off:
+    """Permanent folds beyond a yield angle or curvature; off without yield or bending.
 
-    Parameters
-    ----------
-    yield_angle_degrees : float
-        Yield angle of a hinge; 0: none.
-    yield_curvature : float
-        Yield curvature of the cloth [1/m]; 0: none. At most one of both is given.
-    hardening : float
-        Kinematic hardening relative to the bending stiffness.
-    built : mapping, optional
-        The energies built so far, with the bending whose angles are shifted.
-
-    Returns
-    -------
-    PlasticBending, or Off without yield or bending.
+    built: the energies built so far, with the bending whose angles are shifted.
 
     Raises
     ------
     InputError
         For both kinds of yield, or a bending model without rest angles.
     """
-    degrees = as_positive("effects.plastic_bending.yield_angle_degrees", yield_angle_degrees, zero=True)
-    curvature = as_positive("effects.plastic_bending.yield_curvature", yield_curvature, zero=True)
-    ratio = as_positive("effects.plastic_bending.hardening", hardening, zero=True)
+    degrees, curvature = keys.yield_angle_degrees, keys.yield_curvature
     if degrees and curvature:
         sentence = "effects.plastic_bending has both yield_angle_degrees and yield_curvature."
         raise InputError(sentence, "Give one of them.")
@@ -59,7 +37,7 @@ def plastic_bending(
         return Off("the scene has no bending")
     from clothsim.physics.energies.hinge_bending import HingeBending  # after the last Off: no kernel for a zero
     from clothsim.physics.energies.hinge_moments import hinges_of_bending
-    from clothsim.physics.energies.plastic_hinges import NAME, PlasticBending
+    from clothsim.physics.energies.plastic_hinges import NAME, PlasticBendingEnergy
 
     hinges = hinges_of_bending(NAME, bending)
     strains, weights = hinges.strains_of_angles()
@@ -70,8 +48,8 @@ def plastic_bending(
     else:
         yields = np.full(len(weights), curvature) if curvature else np.radians(degrees) / hinges.widths(widths)
     rest, none = hinges.rest_angles, np.zeros(len(widths))
-    plastic = np.zeros((len(weights), strains.shape[0] // len(weights)))
-    return PlasticBending(hinges.vertices, rest, none, 0.0, rest, strains, weights, yields, ratio, plastic)
+    flow = strains, weights, yields, keys.hardening, np.zeros((len(weights), strains.shape[0] // len(weights)))
+    return PlasticBendingEnergy(hinges.vertices, rest, none, 0.0, rest, *flow)
 
 
 EXAMPLE = Example(

@@ -31,7 +31,7 @@ NAME = "plastic_bending"
 
 
 @dataclass(frozen=True)
-class PlasticBending(HingeMoments, History):
+class PlasticBendingEnergy(HingeMoments, History):
     """Plastic strains of bending.
 
     Parameters

@@ -9,12 +9,13 @@ border lag by one step, an error of first order in dt.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import cross_matrices
+from clothsim.keys.typed_effects import Pressure
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
@@ -46,7 +47,7 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class Pressure(Energy, Idling, Nonconservative):
+class PressureEnergy(Energy, Idling, Nonconservative):
     """E = -sum p (x0 - c).((x1 - c) x (x2 - c)) / 6 - sum f.(x - x_n), c the apex of the cone.
 
     Parameters
@@ -139,19 +140,12 @@ class Pressure(Energy, Idling, Nonconservative):
         return _gathered(thirds, self.triangles, len(x))
 
 
-def pressure(world: World, *, value: Any = 0.0) -> Energy | Off:
+def pressure(world: World, keys: Pressure) -> Energy | Off:
     """Pressure on all cloths, outward of a closed cloth and along the normals of an open one (+z for generated sheets).
 
-    Parameters
-    ----------
-    value : number, key frames, function of time, or table of these by cloth
-        Pressure [Pa] (`energies.varying_values`).
-
-    Returns
-    -------
-    Pressure, or Off where it is 0 at all times.
+    Off where it is 0 at all times.
     """
-    levels = by_cloth("effects.pressure.value", value, world)
+    levels = by_cloth("effects.pressure.value", keys.value, world)
     cloths = [each for each in zip(world.cloths, world.cloth_slices, levels, strict=True) if not each[2].is_zero]
     patches = tuple(_patch(cloth.triangles, rows, cloth.positions, level) for cloth, rows, level in cloths)
     if not patches:
@@ -159,7 +153,7 @@ def pressure(world: World, *, value: Any = 0.0) -> Energy | Off:
     triangles = np.concatenate([patch.triangles for patch in patches])
     border = np.concatenate([patch.border for patch in patches])
     none, still = np.zeros(len(triangles)), np.zeros((len(border), 3))
-    return Pressure(patches, triangles, none, np.zeros((len(triangles), 3)), border, still, still)
+    return PressureEnergy(patches, triangles, none, np.zeros((len(triangles), 3)), border, still, still)
 
 
 def _patch(triangles: Ints, rows: slice, positions: Floats, level: Schedule) -> Patch:

@@ -9,55 +9,41 @@ A line is snapped to the edges of the mesh (`mesh.edge_paths`): along rows of a 
 zigzags, and hinges off one line cannot all rotate by the angle without stretch: draw creases along edges.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clothsim.base.arrays import Ints, as_points
 from clothsim.base.errors import InputError
+from clothsim.keys.effect_tables import Crease
+from clothsim.keys.typed_effects import RestAngle
 from clothsim.mesh.edge_paths import path_along
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
-from clothsim.physics.energies.selection import check_tables, cloth_number, of_pattern, vertex_numbers
+from clothsim.physics.energies.selection import cloth_number, of_pattern, vertex_numbers
 from clothsim.physics.energies.varying_values import schedule
 
 if TYPE_CHECKING:
     from clothsim.physics.energies.hinge_moments import BendingModel
 
-KEYS = ("angle_degrees", "through", "vertices", "panel", "edge", "label", "cloth")
 LINES = ("through", "vertices", "panel", "label")
 """Keys of which a crease has one."""
 
 
-def rest_angle(
-    world: World, *, crease: Sequence[Mapping[str, Any]] = (), built: Mapping[str, Energy] | None = None
-) -> Energy | Off:
-    """Creases from a list of tables.
+def rest_angle(world: World, keys: RestAngle, *, built: Mapping[str, Energy] | None = None) -> Energy | Off:
+    """Creases of the tables of a scene; off without creases or bending, or where all is flat.
 
-    Parameters
-    ----------
-    crease : sequence of tables
-        Each has `angle_degrees`, a number or key frames, and its line: `through`, points [[x, y, z], ...] in the
-        coordinates of the mesh before its placement [m], or `vertices`, numbers: every interior edge with both ends
-        among them; or names of a sewing pattern, `panel` with `edge`, or `label`: their edges that are welded to
-        another one; `cloth`, its name, if there are several.
-    built : mapping, optional
-        The energies built so far, with the bending whose angles are shifted.
-
-    Returns
-    -------
-    RestAngle, or Off without creases or bending, or where all is flat.
+    built: the energies built so far, with the bending whose angles are shifted.
 
     Raises
     ------
     InputError
         For a crease on no edge, at a border, on another crease's edge, or of 180 degrees and more.
     """
-    check_tables("effects.rest_angle.crease", crease, KEYS, ("angle_degrees",))
-    if not crease:
+    if not keys.crease:
         return Off("there is no crease")
     bending = (built or {}).get("bending")
     if bending is None:
@@ -66,11 +52,9 @@ def rest_angle(
     from clothsim.physics.energies.hinge_moments import hinges_of_bending
 
     hinges = hinges_of_bending("rest_angle", bending)
-    names = [f"effects.rest_angle.crease[{k}]" for k in range(len(crease))]
-    rows = [_hinges_along(name, world, keys, hinges) for name, keys in zip(names, crease, strict=True)]
-    schedules = tuple(
-        schedule(f"{name}.angle_degrees", keys["angle_degrees"]) for name, keys in zip(names, crease, strict=True)
-    )
+    creases = [(f"effects.rest_angle.crease[{k}]", crease) for k, crease in enumerate(keys.crease)]
+    rows = [_hinges_along(name, world, crease, hinges) for name, crease in creases]
+    schedules = tuple(schedule(f"{name}.angle_degrees", crease.angle_degrees) for name, crease in creases)
     for angle in schedules:
         for time in angle.times:
             radians(angle, time)
@@ -81,26 +65,26 @@ def rest_angle(
     return rest_angles(hinges, chosen, schedules, tuple(map(len, rows)))
 
 
-def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
+def _hinges_along(name: str, world: World, keys: Crease, hinges: "BendingModel") -> Ints:
     """The numbers of the hinges along a crease."""
-    if sum(key in keys for key in LINES) != 1 or ("panel" in keys) != ("edge" in keys):
+    if sum(key in keys.given for key in LINES) != 1 or (keys.panel is None) != (keys.edge is None):
         raise InputError(
             f"{name} needs either through, vertices, panel with edge, or label.",
             "Such as through = [[x, y, z], [x, y, z]].",
         )
-    if "through" not in keys and "vertices" not in keys:
+    if keys.panel is not None or keys.label is not None:
         return _hinges_of_pattern(name, world, keys, hinges)
-    number = cloth_number(name, world, keys.get("cloth"))
+    number = cloth_number(name, world, keys.cloth)
     cloth, first = world.cloths[number], world.cloth_slices[number].start
     edges = unique_edges(cloth.triangles)
     bent = np.sort(hinges.vertices[:, :2], axis=1)
-    if "vertices" in keys:
-        group = vertex_numbers(f"{name}.vertices", keys["vertices"], len(cloth.positions)) + first
+    if "vertices" in keys.given:
+        group = vertex_numbers(f"{name}.vertices", keys.vertices, len(cloth.positions)) + first
         selected = np.flatnonzero(np.isin(bent, group).all(axis=1))
         if not len(selected):
             raise InputError(f"{name} has no interior edge.", "Give neighbouring vertices inside the cloth.")
         return selected
-    points = as_points(f"{name}.through", keys["through"])
+    points = as_points(f"{name}.through", keys.through)
     path = path_along(f"{name}.through", cloth.rest_positions, edges, points)
     if len(path) < 2:
         raise InputError(f"{name}.through begins and ends at the vertex {path[0]}.", "Give a longer line.")
@@ -113,14 +97,15 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "Ben
     return selected
 
 
-def _hinges_of_pattern(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
+def _hinges_of_pattern(name: str, world: World, keys: Crease, hinges: "BendingModel") -> Ints:
     """The numbers of the hinges along welded edges of a sewing pattern."""
-    select = {key: keys[key] for key in ("panel", "edge", "label") if key in keys}
+    select: dict[str, Any] = {key: getattr(keys, key) for key in ("panel", "edge", "label") if key in keys.given}
     of_pattern(name, world, select)  # refuses names that no cloth has
     pairs = []
     for number, (cloth, rows) in enumerate(zip(world.cloths, world.cloth_slices, strict=True)):
-        if "cloth" not in keys or number == cloth_number(name, world, keys["cloth"]):
-            edges = cloth.lines.labels.get(keys["label"], ()) if "label" in keys else [(keys["panel"], keys["edge"])]
+        if keys.cloth is None or number == cloth_number(name, world, keys.cloth):
+            own = [(str(keys.panel), keys.edge or 0)]
+            edges = own if keys.label is None else cloth.lines.labels.get(keys.label, ())
             pairs.append(cloth.lines.segments(edge for edge in edges if edge in cloth.lines.edges) + rows.start)
     along = np.sort(np.concatenate(pairs), axis=1) @ [world.n_vertices, 1]
     found = np.flatnonzero(np.isin(np.sort(hinges.vertices[:, :2], axis=1) @ [world.n_vertices, 1], along))

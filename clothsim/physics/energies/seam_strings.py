@@ -24,7 +24,7 @@ from clothsim.physics.energies.step import Step
 
 
 @dataclass(frozen=True)
-class Seam:
+class StitchedSeam:
     """One seam: its name in the scene, start and end of closing [s], numbers of stitches and hinges."""
 
     name: str
@@ -39,12 +39,12 @@ class Seam:
 
 
 @dataclass(frozen=True)
-class Seams(Links, Coupling, Driven, Report):
+class SeamsEnergy(Links, Coupling, Driven, Report):
     """Strings of all seams, and hinges across the closed ones.
 
     Parameters
     ----------
-    seams : tuple of Seam
+    seams : tuple of StitchedSeam
         The seams, in the order of their stitches.
     stiffness : (m,) array
         k of the stitches [N/m].
@@ -56,7 +56,7 @@ class Seams(Links, Coupling, Driven, Report):
         Those of the seams that are closed in this step.
     """
 
-    seams: tuple[Seam, ...]
+    seams: tuple[StitchedSeam, ...]
     stiffness: Floats
     gap: float
     across: HingeBending

@@ -1,6 +1,6 @@
-"""Selections of scene keys: vertices, cloths by name, and lists of tables."""
+"""Selections of scene keys: vertices, and cloths by name."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,30 +14,6 @@ NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
 TABLES = (
     'It takes { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 } or { label = "lower_interface" }.'
 )
-
-
-def check_tables(
-    where: str, tables: Sequence[Mapping[str, Any]], known: Sequence[str], needed: Collection[str]
-) -> None:
-    """InputError unless `tables` is a list of tables of `known` keys that include all `needed` ones."""
-    if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
-        raise InputError(f"{where} is of the wrong type: it must be a list of tables.", f"Write [[{where}]].")
-    for number, table in enumerate(tables):
-        if not isinstance(table, Mapping):
-            raise InputError(f"{where}[{number}] must be a table of keys, not {table!r}.")
-        unknown = sorted(set(table) - set(known))
-        if unknown:
-            raise InputError(f"{where}[{number}] has no key {unknown[0]!r}.", f"Known: {', '.join(known)}.")
-        missing = next((key for key in needed if key not in table), None)
-        if missing is not None:
-            raise InputError(f"{where}[{number}] has no {missing}.")
-
-
-def as_flag(name: str, value: object) -> bool:
-    """`value`, which must be true or false; InputError otherwise."""
-    if not isinstance(value, bool):
-        raise InputError(f"{name} must be true or false, not {value!r}.")
-    return value
 
 
 def cloth_number(where: str, world: World, name: object) -> int:

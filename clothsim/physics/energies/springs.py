@@ -5,25 +5,24 @@ pin: the force k |x - c| draws its vertex to c, where a pin prescribes it. A tet
 longer than L; elsewhere it contributes exactly nothing.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_points, as_positive, as_vector
+from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.mesh.motion import RigidMotion, motion_of
+from clothsim.keys.effect_tables import Spring
+from clothsim.keys.typed_effects import Springs
+from clothsim.mesh.motion import RigidMotion, prescribed_motion
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.links import Links
 from clothsim.physics.energies.protocols import Anchored, Driven, PastSensitivity, SeesPast
-from clothsim.physics.energies.selection import as_flag, check_tables, selected_vertices
+from clothsim.physics.energies.selection import selected_vertices
 from clothsim.physics.energies.step import Step
 from clothsim.physics.energies.varying_values import Schedule, schedule
-
-KEYS = ("select", "stiffness", "to", "offset", "rest_length", "slack", "motion", "path")
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Anchors:
 
 
 @dataclass(frozen=True)
-class Springs(Links, Anchored, Driven, SeesPast):
+class SpringsEnergy(Links, Anchored, Driven, SeesPast):
     """Links of single vertices; `anchors`: the end positions of each table's springs over time."""
 
     anchors: tuple[Anchors, ...]
@@ -90,69 +89,52 @@ class Springs(Links, Anchored, Driven, SeesPast):
         return PastSensitivity()
 
 
-def springs(world: World, *, spring: Sequence[Mapping[str, Any]] = ()) -> Energy | Off:
-    """Springs from a list of tables.
-
-    Parameters
-    ----------
-    spring : sequence of tables
-        Each has `select` (as pins), `stiffness` [N/m] a vertex, a number or key frames, and optionally `to`, one
-        position [m] for all, or `offset` [m] from each vertex's start to its own anchor (default 0, a soft pin);
-        `rest_length` [m] (default: the length at the start); `slack` = true for a tether; `motion` of the anchors, with
-        the keys of pins; `path`, key frames [[time, dx, dy, dz], ...] of a translation.
-
-    Returns
-    -------
-    Springs, or Off where every stiffness is 0.
+def springs(world: World, keys: Springs) -> Energy | Off:
+    """Springs of the tables of a scene; off where every stiffness is 0.
 
     Raises
     ------
     InputError
         Names the table and key.
     """
-    check_tables("effects.springs.spring", spring, KEYS, ("select", "stiffness"))
-    tables = [(f"effects.springs.spring[{k}]", keys) for k, keys in enumerate(spring)]
-    stiffnesses = [schedule(f"{name}.stiffness", keys["stiffness"], 0.0) for name, keys in tables]
+    tables = [(f"effects.springs.spring[{k}]", each) for k, each in enumerate(keys.spring)]
+    stiffnesses = [schedule(f"{name}.stiffness", each.stiffness, 0.0) for name, each in tables]
     selected = [(*table, k) for table, k in zip(tables, stiffnesses, strict=True) if not k.is_zero]
     if not selected:
-        return Off("every stiffness is 0" if spring else "there is no spring")
+        return Off("every stiffness is 0" if tables else "there is no spring")
     start = world.start()
     rows, ends, lengths, slack = [], [], [], []
-    for name, keys, stiffness in selected:
-        vertices = selected_vertices(f"{name}.select", world, keys["select"])
+    for name, each, stiffness in selected:
+        vertices = selected_vertices(f"{name}.select", world, each.select)
         if not len(vertices):
             raise InputError(f"{name} selects no vertex.")
-        anchors = _anchors(name, keys, world, start[vertices], stiffness)
+        anchors = _anchors(name, each, world, start[vertices], stiffness)
         distances = np.linalg.norm(start[vertices] - anchors.start, axis=1)
-        given = as_positive(f"{name}.rest_length", keys.get("rest_length", 0.0), zero=True)
-        lengths.append(np.full(len(vertices), given) if "rest_length" in keys else distances)
-        slack.append(np.full(len(vertices), as_flag(f"{name}.slack", keys.get("slack", False))))
+        lengths.append(distances if each.rest_length is None else np.full(len(vertices), each.rest_length))
+        slack.append(np.full(len(vertices), each.slack))
         rows.append(vertices)
         ends.append(anchors)
     tied = np.concatenate(rows)
     first = np.concatenate([anchors.start for anchors in ends])
-    levels = np.concatenate([np.full(len(each.start), each.stiffness.at(0.0)) for each in ends])
-    ones = np.ones((len(tied), 1))
-    return Springs(tied[:, None], ones, first, np.concatenate(lengths), levels, np.concatenate(slack), tuple(ends))
+    levels = np.concatenate([np.full(len(anchors.start), anchors.stiffness.at(0.0)) for anchors in ends])
+    links = tied[:, None], np.ones((len(tied), 1)), first, np.concatenate(lengths), levels, np.concatenate(slack)
+    return SpringsEnergy(*links, tuple(ends))
 
 
-def _anchors(name: str, keys: Mapping[str, Any], world: World, start: Floats, stiffness: Schedule) -> Anchors:
+def _anchors(name: str, keys: Spring, world: World, start: Floats, stiffness: Schedule) -> Anchors:
     """The anchors of a table; start (k, 3): positions of its vertices [m]."""
-    if "to" in keys and "offset" in keys:
+    if keys.to is not None and "offset" in keys.given:
         raise InputError(f"{name} has both to and offset.", "Give one of them.")
-    if "to" in keys:
-        ends = np.tile(as_vector(f"{name}.to", keys["to"]) - world.origin, (len(start), 1))
+    if keys.to is not None:
+        ends = np.tile(np.array(keys.to, np.float64) - world.origin, (len(start), 1))
     else:
-        ends = start + as_vector(f"{name}.offset", keys.get("offset", (0, 0, 0)))
-    frames = as_points(f"{name}.path", keys.get("path", [[0.0, 0.0, 0.0, 0.0]]), 4)
+        ends = start + np.array(keys.offset, np.float64)
+    frames = as_points(f"{name}.path", keys.path if len(keys.path) else [[0.0, 0.0, 0.0, 0.0]], 4)
     late = np.flatnonzero(np.diff(frames[:, 0]) <= 0)
     if late.size:
         raise InputError(f"{name}.path[{late[0] + 1}] is not after the key frame before it.", "Sort them by time.")
-    motion = keys.get("motion", {})
-    if not isinstance(motion, Mapping):
-        raise InputError(f"{name}.motion must be a table of keys, not {motion!r}.")
-    centred = {"centre": ends.mean(axis=0) + world.origin, **motion}
-    return Anchors(ends, motion_of(f"{name}.motion", centred, world.origin), frames[:, 0], frames[:, 1:], stiffness)
+    motion = prescribed_motion(keys.motion, ends.mean(axis=0) + world.origin, world.origin)
+    return Anchors(ends, motion, frames[:, 0], frames[:, 1:], stiffness)
 
 
 _CORNERS = {"select": "corners"}

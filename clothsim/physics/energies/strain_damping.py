@@ -9,6 +9,7 @@ With a = 2 beta mu, l = beta lam this is Rayleigh's beta K in small strains: a m
 exp(-beta w^2 t / 2). E^, theta^: past strain and angle in the difference formula of the step (`history`).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -23,9 +24,29 @@ from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import ElementHessian, LanesHessian
 from clothsim.physics.energies.hinge_bending import HingeBending
-from clothsim.physics.energies.history import past_of
 from clothsim.physics.energies.protocols import Restrictable
 from clothsim.physics.energies.step import Step
+
+# Past values of strains and angles in the difference formula of a step.
+
+
+def past_of(step: Step, quantity: Callable[[Floats], Floats]) -> Floats:
+    """The past value q^ with which (q(x) - q^) / past.dt is the rate of q at the end of the step.
+
+    docs/theory.md#time-integration.
+
+    Backward Euler: q(x_n). BDF2: ((1+r)^2 q(x_n) - r^2 q(x_(n-1))) / (1+2r), with the weights that `step.past` has for
+    the positions. q of the weighed positions would be wrong: they are no state of the cloth, and a rotating cloth would
+    seem to stretch.
+    """
+    past = step.past
+    ratio = past.dt / step.dt  # b = (1+r) / (1+2r)
+    if ratio == 1.0:
+        return quantity(step.positions)
+    r = (1 - ratio) / (2 * ratio - 1)
+    new, old = (1 + r) ** 2 / (1 + 2 * r), r**2 / (1 + 2 * r)
+    before = (new * step.positions - past.positions) / old
+    return new * quantity(step.positions) - old * quantity(before)
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from clothsim.base.arrays import Floats, Ints, as_number
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.geometry.kinematics.warp_weft import thread_axes
 from clothsim.keys.fabric import EXTENDED
+from clothsim.keys.typed_effects import StrainLimit
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
@@ -33,50 +34,25 @@ WITHOUT_EXTENSION = 1.1
 """Largest stretch of a fabric whose extension is not known."""
 
 if TYPE_CHECKING:
-    from clothsim.physics.energies.stretch_barrier import StrainLimit
+    from clothsim.physics.energies.stretch_barrier import StrainLimitEnergy
 
 
-def strain_limit(
-    world: World,
-    *,
-    limit: Any = FABRIC,
-    limit_warp: Any = 0.0,
-    limit_weft: Any = 0.0,
-    begins: float = 0.5,
-    stiffness: Any = 0.0,
-    angle_degrees: Any = 0.0,
-) -> Energy | Off:
-    """Limits of the stretches of all triangles.
+def strain_limit(world: World, keys: StrainLimit) -> Energy | Off:
+    """Limits of the stretches of all triangles; off without a limit.
 
-    Parameters
-    ----------
-    limit, limit_warp, limit_weft : numbers or values over the cloth
-        Largest stretch in every direction, and along the threads: 1.1 allows 10 %; 0: no limit. limit = "fabric": those
-        along the threads at which the fabric has its measured extension under 490 N/m, and 1.1 in every direction for a
-        fabric without one; none for a thread that bears that force alone.
-    begins : float
-        Activation of the barrier as fraction of the range from 1 to the limit.
-    stiffness : number or values over the cloth
-        k [N/m]; 0: the fabric's own stiffness.
-    angle_degrees : number or values over the cloth
-        Angle of the warp from the cloth's first axis (`kinematics.warp_weft`).
-
-    Returns
-    -------
-    StrainLimit, or Off without a limit.
+    limit = "fabric" takes the stretches along the threads at which the fabric has its measured extension under 490 N/m,
+    and 1.1 in every direction for a fabric without one; none for a thread that bears that force alone.
 
     Raises
     ------
     InputError
         For a limit at or below 1, a missing stiffness, or a triangle that starts at its limit or beyond.
     """
-    of_fabric = isinstance(limit, str) and limit == FABRIC
-    asked = {"limit": 0.0 if of_fabric else limit, "limit_warp": limit_warp, "limit_weft": limit_weft}
+    of_fabric = isinstance(keys.limit, str) and keys.limit == FABRIC
+    asked = {"limit": 0.0 if of_fabric else keys.limit, "limit_warp": keys.limit_warp, "limit_weft": keys.limit_weft}
     every, warp, weft = (_limits(f"effects.strain_limit.{key}", value, world) for key, value in asked.items())
-    fraction = as_number("effects.strain_limit.begins", begins)
-    if not 0 <= fraction < 1:
-        raise InputError(f"effects.strain_limit.begins must be a fraction from 0 to below 1, not {begins!r}.")
-    stiff = over_cloth("effects.strain_limit.stiffness", stiffness, world, 0.0)
+    fraction = keys.begins
+    stiff = over_cloth("effects.strain_limit.stiffness", keys.stiffness, world, 0.0)
     own = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft"))
     stiff = np.where(stiff > 0, stiff, own)
     if of_fabric:
@@ -92,15 +68,15 @@ def strain_limit(
     stiff = stiff[chosen]
     if not (stiff > 0).all():
         raise InputError("effects.strain_limit has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
-    angles = np.radians(over_cloth("effects.strain_limit.angle_degrees", angle_degrees, world))
+    angles = np.radians(over_cloth("effects.strain_limit.angle_degrees", keys.angle_degrees, world))
     inverses = (world.rest_shape_inverses @ thread_axes(world, angles))[chosen]
     limits = limits[chosen]
     begin = np.where(np.isfinite(limits), 1 + fraction * (np.where(np.isfinite(limits), limits, 1.0) - 1), np.inf)
     from clothsim.physics.energies.stretch_barrier import (
-        StrainLimit,  # after the last Off: no kernel is imported for a zero
+        StrainLimitEnergy,  # after the last Off: no kernel is imported for a zero
     )
 
-    energy = StrainLimit(world.triangles[chosen], inverses, world.rest_areas[chosen], begin, limits, stiff)
+    energy = StrainLimitEnergy(world.triangles[chosen], inverses, world.rest_areas[chosen], begin, limits, stiff)
     _refuse_beyond(world, energy, chosen)
     return energy
 
@@ -161,7 +137,7 @@ def _limits(name: str, value: Any, world: World) -> Floats:
     return np.where(limits > 0, limits, np.inf)
 
 
-def _refuse_beyond(world: World, energy: "StrainLimit", chosen: Ints) -> None:
+def _refuse_beyond(world: World, energy: "StrainLimitEnergy", chosen: Ints) -> None:
     x = world.start()
     beyond = energy.beyond(x)
     if not len(beyond):

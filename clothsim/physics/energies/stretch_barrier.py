@@ -21,7 +21,7 @@ TIGHT = 0.9
 
 
 @dataclass(frozen=True)
-class StrainLimit(Elementwise, Energy, BarrierGap, Report):
+class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
     """E = sum over triangles and stretches of A psi; +inf where a stretch is at its limit or beyond.
 
     Parameters

@@ -66,7 +66,7 @@ class LinearThreads:
 
 
 @dataclass(frozen=True)
-class Fibres(Energy, Restrictable):
+class FibresEnergy(Energy, Restrictable):
     """E = sum over triangles of A psi(la, lb, I8).
 
     Parameters

@@ -16,10 +16,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_number
 from clothsim.base.errors import InputError
+from clothsim.keys.schema import FUNCTION
 from clothsim.mesh.world import World
 
-FUNCTION = "function"
-"""Key that stands for a Python function in the scene file of a run: {function = "its name"}."""
 OTHER = "other"
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from clothsim.base.arrays import Floats
+from clothsim.geometry.intersection.proved_separations import Effort
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.geometry.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
@@ -164,6 +165,8 @@ class Certificate:
         Vertices that bodies pressed from opposite sides, in the frames so far.
     stiffness : StiffnessChanges
         Energy of the changes of the contact stiffness.
+    checks : Effort
+        Tests of the exact check; no fact of the run, as a resumed one tests all pairs once more.
     """
 
     intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
@@ -185,6 +188,7 @@ class Certificate:
     carried: "PinchRecord | None" = None
     pinched: Pinches = field(default_factory=Pinches)
     stiffness: StiffnessChanges = field(default_factory=StiffnessChanges)
+    checks: Effort = field(default_factory=Effort)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """Return the certificate after one more step, which started at `before`.
@@ -251,6 +255,7 @@ class Certificate:
             **({} if self.carried is None else {"carried": asdict(self.carried)}),
             "pinched": asdict(self.pinched),
             "stiffness": asdict(self.stiffness),
+            "checks": asdict(self.checks),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
 
@@ -265,6 +270,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "carried": _carried_from(fields.get("carried")),
         "pinched": Pinches(**fields.get("pinched", {})),
         "stiffness": StiffnessChanges(**fields.get("stiffness", {})),
+        "checks": Effort(**fields.get("checks", {})),
     }
     return Certificate(
         **{**{name: fields[name] for name in fields if name in Certificate.__dataclass_fields__}, **parts}

@@ -11,6 +11,7 @@ from clothsim.mesh.world_surfaces import Surface
 
 if TYPE_CHECKING:
     from clothsim.geometry.intersection.crossings import Crossing
+    from clothsim.geometry.intersection.proved_separations import ProvedSeparations
     from clothsim.solve.stepping.state import State
 
 _EFFECT = {"body": "body_contact", "cloth": "self_contact", "rigid": "body_contact"}
@@ -33,11 +34,14 @@ class IntersectionCheck:
         Contact effects that are on.
     excluded : frozenset of frozenset of str
         Pairs of names that the scene excludes from contact.
+    proofs : ProvedSeparations, optional
+        Separations proved at the last state; None: each state is searched in full.
     """
 
     surfaces: tuple[Surface, ...]
     on: frozenset[str]
     excluded: frozenset[frozenset[str]]
+    proofs: "ProvedSeparations | None" = None
 
     @property
     def bodies(self) -> bool:
@@ -55,7 +59,7 @@ class IntersectionCheck:
             crossings,  # kernels: a process that runs nothing does not load them
         )
 
-        found = crossings(x, self.surfaces)
+        found = crossings(x, self.surfaces, proofs=self.proofs)
         return tuple(replace(crossing, position=crossing.position + origin) for crossing in found)
 
     def crossings_of(self, state: "State", origin: Floats) -> "tuple[Crossing, ...]":
@@ -91,7 +95,10 @@ class IntersectionCheck:
 
 
 def intersection_check_of(
-    surfaces: Sequence[Surface], effects: Mapping[str, Mapping[str, Any]], on: Collection[str]
+    surfaces: Sequence[Surface],
+    effects: Mapping[str, Any],
+    on: Collection[str],
+    proofs: "ProvedSeparations | None" = None,
 ) -> IntersectionCheck:
     """Make the check of a scene.
 
@@ -100,9 +107,12 @@ def intersection_check_of(
     surfaces : sequence of Surface
         Cloths and bodies.
     effects : mapping
-        {name: keys} as the scene gives them; `exclude` lists pairs of names.
+        The scene's; `exclude` of a contact lists pairs of names.
     on : collection of str
         Effects that are on.
+    proofs : ProvedSeparations, optional
+        For the states of a run, one after another.
     """
-    pairs = [pair for name in _EFFECT.values() for pair in effects.get(name, {}).get("exclude", ())]
-    return IntersectionCheck(tuple(surfaces), frozenset(_EFFECT.values()) & set(on), frozenset(map(frozenset, pairs)))
+    pairs = [pair for name in _EFFECT.values() if name in effects for pair in effects[name].exclude]
+    acting = frozenset(_EFFECT.values()) & set(on)
+    return IntersectionCheck(tuple(surfaces), acting, frozenset(map(frozenset, pairs)), proofs)

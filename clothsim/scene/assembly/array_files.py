@@ -6,19 +6,20 @@ from typing import Any
 
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.numpy_file import read_numbers
+from clothsim.keys.key_table import KeyTable
 
 ENDING = ".npy"
 
 
 def with_arrays(where: str, value: Any, directory: Path) -> Any:
-    """A value with the arrays of the .npy files that its tables name.
+    """A value with the arrays of the .npy files that its tables name; the value itself where they name none.
 
     Parameters
     ----------
     where : str
         Dotted name of the value, for messages.
     value : Any
-        A table, or one of its values.
+        A section, a table, or one of its values.
     directory : Path
         Folder at which relative file names start.
 
@@ -28,7 +29,10 @@ def with_arrays(where: str, value: Any, directory: Path) -> Any:
         Where a file is missing or has no numeric data.
     """
     if isinstance(value, Mapping):
-        return {key: with_arrays(f"{where}.{key}", inner, directory) for key, inner in value.items()}
+        read = {key: with_arrays(f"{where}.{key}", inner, directory) for key, inner in value.items()}
+        if all(read[key] is inner for key, inner in value.items()):
+            return value
+        return type(value).parsed(where, read) if isinstance(value, KeyTable) else read
     return _read(where, directory / value) if names_array(value) else value
 
 
@@ -51,9 +55,6 @@ def _read(where: str, path: Path) -> Any:
         raise InputError(f"{where} is {path.name!r}, which names no file.", "Name a .npy file.")
     try:
         return read_numbers(path)
-    except FileNotFoundError as error:
-        raise InputError(
-            f"{where}: there is no file {path}.", f"Its path starts at {path.parent}/: correct {where}."
-        ) from error
     except InputError as error:
-        raise InputError(f"{where}: {error.sentence}", error.remedy) from error
+        remedy = error.remedy or f"Its path starts at {path.parent}/: correct {where}."
+        raise InputError(f"{where}: {error.sentence}", remedy) from error

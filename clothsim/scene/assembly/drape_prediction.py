@@ -115,7 +115,7 @@ class Predictor:
     @cached_property
     def joints(self) -> tuple[str, ...]:
         """The joint that moves each vertex of the first body most; () where it is no mannequin."""
-        if self.scene.bodies[0].get("mesh") != "mannequin":
+        if getattr(self.scene.bodies[0], "mesh", "") != "mannequin":
             return ()
 
         return tuple(JOINTS[j].replace("_", " ") for j in template().weights.argmax(axis=1))
@@ -161,7 +161,8 @@ class Predictor:
 
 def _body(scene: Scene, number: int) -> Floats:
     """Positions of a body at the start."""
-    keys, where = scene.bodies[number], "body" if len(scene.bodies) == 1 else f"body[{number}]"
-    if "mesh" not in keys or "frames" in keys or "model" in keys:
+    keys: Any = scene.bodies[number]
+    where = "body" if len(scene.bodies) == 1 else f"body[{number}]"
+    if "mesh" not in keys:
         return body_of(keys, where, scene.directory)[0].positions
-    return placed(keys, where, mesh_shape(keys, where, scene.directory).positions)
+    return placed(keys, mesh_shape(keys, where, scene.directory).positions)

@@ -61,7 +61,7 @@ def cloths_at_start(scene: Scene) -> tuple[Floats, Ints]:
     shapes = [cloth_shape(keys, f"cloth[{k}]", scene.directory) for k, keys in enumerate(scene.cloths)]
     given = initial_positions(scene, [len(shape.positions) for shape in shapes])
     starts = [
-        placed(keys, "cloth", shape.positions) if start is None else start
+        placed(keys, shape.positions) if start is None else start
         for keys, shape, start in zip(scene.cloths, shapes, given, strict=True)
     ]
     first = np.cumsum([0, *(len(shape.positions) for shape in shapes)])

@@ -1,20 +1,24 @@
 """Meshes of a scene's tables: generated, read or in memory; checked, sewn, scaled and placed."""
 
-import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, as_number, as_positive, as_vector
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import table
+from clothsim.keys.effect_tables import Motion
 from clothsim.keys.fabric import BENDINGS, Fabric
 from clothsim.keys.fabrics import fabric_named, fabrics_of
+from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.mesh_arrays import MeshArrays
-from clothsim.keys.mesh_keys import check_body, check_cloth
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FramesTable, PatternFile, check_body, check_cloth
+from clothsim.keys.model_keys import ModelTable
+from clothsim.keys.placed_keys import PlacedKeys
+from clothsim.keys.rigid_keys import RigidTable
+from clothsim.keys.schema import keys_of
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.cloth import Cloth, make_cloth
 from clothsim.mesh.degenerate import flat_triangles
@@ -29,41 +33,37 @@ from clothsim.scene.scene import Scene
 # Animated bodies: the frames of a sequence of files or of an array.
 
 
-def body_of_files(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
+def body_of_files(keys: Any, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table whose `frames` name a sequence of files, and notes for the user."""
     from clothsim.files.meshes.mesh_part import Part
     from clothsim.files.meshes.mesh_sequence import frame_files, read_frames
 
-    pattern = keys["frames"]
-    if not isinstance(pattern, str) or not pattern or not pattern.isprintable():
-        raise InputError(f"{where}.frames must name files, not {pattern!r}.", 'Write it as frames = "kick/shell*.obj".')
-    files = frame_files(directory, pattern)
-    rate = as_positive(f"{where}.frames_per_second", keys.get("frames_per_second", 25.0))
-    mesh, frames = read_frames(files, Part(**{key: keys[key] for key in PART if key in keys}), rate)
+    if not keys.frames:
+        raise InputError(f"{where}.frames must name files, not ''.", 'Write it as frames = "kick/shell*.obj".')
+    files = frame_files(directory, keys.frames)
+    part = Part(**{key: getattr(keys, key) for key in PART})
+    mesh, frames = read_frames(files, part, keys.frames_per_second)
     shape = Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages)
     names = [str(file) for file in files] if len(files) == len(frames) else [f"{files[0]}"] * len(frames)
     return _animated(keys, where, shape, frames, names)
 
 
-def body_of_frames(keys: Mapping[str, Any], where: str, shape: Shape) -> tuple[Body, tuple[str, ...]]:
+def body_of_frames(keys: Any, where: str, shape: Shape) -> tuple[Body, tuple[str, ...]]:
     """The body of a table whose mesh in memory has frames, and notes for the user; shape: the mesh, scaled."""
-    arrays: MeshArrays = keys["mesh"]
-    if arrays.frames is None:
-        raise ValueError("the mesh has no frames")
-    frames = as_positive(f"{where}.scale", keys.get("scale", 1.0)) * arrays.frames
+    frames = keys.scale * keys.mesh.frames
     return _animated(keys, where, shape, frames, [f"{where}.frames[{k}]" for k in range(len(frames))])
 
 
 def _animated(
-    keys: Mapping[str, Any], where: str, shape: Shape, frames: Floats, names: Sequence[str]
+    keys: Any, where: str, shape: Shape, frames: Floats, names: Sequence[str]
 ) -> tuple[Body, tuple[str, ...]]:
     """The body that moves through `frames (k, n, 3)` [m], each of a name for messages."""
-    rate = as_positive(f"{where}.frames_per_second", keys.get("frames_per_second", 25.0))
+    rate = keys.frames_per_second
     for name, frame in zip(names, frames, strict=True):
         flat = flat_triangles(frame, shape.triangles)
         if len(flat):
             raise InputError(f"{name}: triangle {flat[0]} has no area ({len(flat)} such triangles).", "Repair it.")
-    frames = placed(keys, where, frames)
+    frames = placed(keys, frames)
     motion = frame_motion(frames, rate)
     if motion.still:
         note = f"{len(frames)} frame{'' if len(frames) == 1 else 's, all alike'}: a body at rest"
@@ -80,31 +80,28 @@ ISOTROPIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending
 FABRIC = (*ISOTROPIC, *THREADS, *BENDINGS, *EXTENSIONS)
 
 
-def cloth_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
-    """The mesh of a [cloth] table as generated, in memory or in its file: neither checked, sewn nor placed."""
-    mesh = keys["mesh"]
-    if isinstance(mesh, str) and mesh not in GENERATORS and Path(mesh).suffix.lower() == ".json":
+def cloth_shape(keys: ClothTable, where: str, directory: Path) -> Shape:
+    """The mesh of a [cloth] as generated, in memory or in its file: neither checked, sewn nor placed."""
+    if isinstance(keys, PatternFile):
         from clothsim.scene.assembly.pattern_file import shape_of_pattern
 
-        return shape_of_pattern(existing_file(f"{where}.mesh", directory, mesh), keys, where)
+        return shape_of_pattern(existing_file(f"{where}.mesh", directory, keys.mesh), keys)
     return mesh_shape(keys, where, directory)
 
 
-def cloth_of(
-    shape: Shape, keys: Mapping[str, Any], where: str, start: Floats | None = None
-) -> tuple[Cloth, tuple[str, ...]]:
-    """The cloth of a [cloth] table.
+def cloth_of(shape: Shape, keys: ClothTable, where: str, start: Floats | None = None) -> tuple[Cloth, tuple[str, ...]]:
+    """The cloth of a [cloth].
 
     Parameters
     ----------
     shape : Shape
-        The table's `cloth_shape`.
-    keys : dict
-        The table.
+        Its `cloth_shape`.
+    keys : ClothTable
+        Its section.
     where : str
-        Dotted name of the table, for messages.
+        Dotted name of the section, for messages.
     start : (n, 3) ndarray [m], optional
-        Initial positions of the vertices of the shape, in place of those of the table.
+        Initial positions of the vertices of the shape, in place of those of the section.
 
     Returns
     -------
@@ -119,30 +116,27 @@ def cloth_of(
     """
     label = name_of(keys, where)
     fabric, fabric_note = fabric_of(keys, where)
-    own = fabrics_of(f"{where}.fabric_of", shape.groups, keys.get("fabric_of") or {})
-    rest = keys.get("rest", "file")
-    if not isinstance(rest, str) or rest not in ("file", "vt"):
-        raise InputError(f"{where}.rest is {rest!r}.", 'Known: "file", "vt".')
-    if rest == "vt" and not len(shape.texture):
+    own = fabrics_of(f"{where}.fabric_of", shape.groups, keys.fabric_of or {})
+    if keys.rest not in ("file", "vt"):
+        raise InputError(f"{where}.rest is {keys.rest!r}.", 'Known: "file", "vt".')
+    if keys.rest == "vt" and not len(shape.texture):
         raise InputError(f'{where}.rest is "vt", but the mesh has no texture coordinates.', 'Use rest = "file".')
-    in_plane = rest == "vt" or shape.flat
+    in_plane = keys.rest == "vt" or shape.flat
     if start is None and shape.start is not None:
-        start = placed(keys, where, shape.start)
-    gap = as_positive(f"{where}.weld", keys.get("weld", 0.0), zero=True)
+        start = placed(keys, shape.start)
     shape = wound_alike(shape)
-    if gap:
-        shape, start = sewn(label, shape, start, gap, at_start=in_plane)
+    if keys.weld:
+        shape, start = sewn(label, shape, start, keys.weld, at_start=in_plane)
         shape = wound_alike(shape)  # panels wound the other way than their neighbours
-    layers = _flag(f"{where}.sewn", keys.get("sewn", False))
-    warnings = examined(label, shape, "sewn cloth" if gap or layers else "cloth")
+    warnings = examined(label, shape, "sewn cloth" if keys.weld or keys.sewn else "cloth")
     cloth = make_cloth(
         label,
         shape.positions,
         shape.triangles,
         fabric,
-        positions=placed(keys, where, shape.positions) if start is None else start,
+        positions=placed(keys, shape.positions) if start is None else start,
         material_coordinates=shape.texture if in_plane else None,
-        velocity=as_vector(f"{where}.velocity", keys.get("velocity", (0, 0, 0))),
+        velocity=np.array(keys.velocity, np.float64),
         groups=shape.groups,
         texture=shape.texture,
         fabrics={panel: own[panel] for panel in shape.groups if panel in own},
@@ -156,70 +150,56 @@ def body_mesh(given: Scene | cloth_arrays.Body) -> tuple[Body, tuple[str, ...]]:
     """The first body of a scene, or a body of arrays, as it is placed, and notes for the user."""
     if isinstance(given, Scene):
         return body_of(given.bodies[0], "body", given.directory)
-    return body_of(check_body("body", given.as_table()), "body", Path())
+    return body_of(check_body("body", given), "body", Path())
 
 
 def cloth_mesh(given: cloth_arrays.Cloth, weld: float) -> tuple[Cloth, tuple[str, ...]]:
     """A cloth of arrays as it is placed, and notes for the user; weld: in place of its own, if not 0 [m]."""
-    table = check_cloth("cloth", given.as_table() | ({"weld": weld} if weld else {}))
-    return cloth_of(cloth_shape(table, "cloth", Path()), table, "cloth")
+    keys = check_cloth("cloth", {**given, "weld": weld} if weld else given)
+    return cloth_of(cloth_shape(keys, "cloth", Path()), keys, "cloth")
 
 
-def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
-    """The body of a [[body]] table, and notes for the user."""
-    if "model" in keys:
+def body_of(keys: BodyTable | FramesTable | ModelTable, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
+    """The body of a [[body]], and notes for the user."""
+    if isinstance(keys, ModelTable):
         from clothsim.scene.assembly.model_body import body_of_model
 
         return body_of_model(keys, where, directory)
-    if "frames" in keys:
+    if isinstance(keys, FramesTable):
         return body_of_files(keys, where, directory)
     shape = mesh_shape(keys, where, directory)
-    if isinstance(keys["mesh"], MeshArrays) and keys["mesh"].frames is not None:
+    if isinstance(keys.mesh, MeshArrays) and keys.mesh.frames is not None:
         return body_of_frames(keys, where, shape)
     notes = examined(name_of(keys, where), shape, "body")
-    positions = placed(keys, where, shape.positions)
-    motion = dict(table(f"{where}.motion", keys.get("motion", {})))
-    motion.setdefault("centre", as_vector(f"{where}.position", keys.get("position", (0, 0, 0))))
-    return make_body(name_of(keys, where), positions, shape.triangles, rigid_motion(**motion)), notes
+    positions = placed(keys, shape.positions)
+    motion: Any = keys.motion or Motion()
+    centre: Any = keys.position if motion.centre is None else motion.centre
+    moving = rigid_motion(motion.velocity, motion.rotate_degrees_per_second, centre)
+    return make_body(name_of(keys, where), positions, shape.triangles, moving), notes
 
 
-def _flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise InputError(f"{name} is {value!r}.", "Give true or false.")
-    return value
-
-
-def mesh_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
+def mesh_shape(keys: ClothTable | BodyTable | RigidTable, where: str, directory: Path) -> Shape:
     """The mesh that the key `mesh` names or holds."""
-    mesh = keys["mesh"]
-    if isinstance(mesh, MeshArrays):
-        return _from_arrays(mesh, keys, where)
-    if mesh in GENERATORS:
-        return _generated(mesh, keys, where)
-    return _from_file(existing_file(f"{where}.mesh", directory, mesh), keys)
-
-
-def _generated(name: str, keys: Mapping[str, Any], where: str) -> Shape:
-    generator = GENERATORS[name]
-    own = list(inspect.signature(generator).parameters)
-    try:
-        positions, triangles = generator(**{key: keys[key] for key in own if key in keys})
-    except InputError as error:
-        raise InputError(f"{where} ({name}): {error.sentence}", error.remedy) from error
-    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
-    return Shape(scale * positions, triangles, np.zeros((0, 3, 2)), ())
-
-
-def _from_file(path: Path, keys: Mapping[str, Any]) -> Shape:
+    if isinstance(keys.mesh, MeshArrays):
+        return _from_arrays(keys.mesh, keys.scale)
+    if keys.mesh in GENERATORS:
+        return _generated(keys.mesh, keys, where)
     from clothsim.files.meshes.mesh_file import read_mesh
 
-    mesh = read_mesh(path, **{key: keys[key] for key in PART if key in keys})
+    mesh = read_mesh(existing_file(f"{where}.mesh", directory, keys.mesh), **{key: getattr(keys, key) for key in PART})
     return Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages, mesh.groups)
 
 
-def _from_arrays(mesh: MeshArrays, keys: Mapping[str, Any], where: str) -> Shape:
+def _generated(name: str, keys: PlacedKeys, where: str) -> Shape:
+    try:
+        positions, triangles = GENERATORS[name](**{key: getattr(keys, key) for key in keys_of(GENERATOR_KEYS[name])})
+    except InputError as error:
+        raise InputError(f"{where} ({name}): {error.sentence}", error.remedy) from error
+    return Shape(keys.scale * positions, triangles, np.zeros((0, 3, 2)), ())
+
+
+def _from_arrays(mesh: MeshArrays, scale: float) -> Shape:
     """A mesh in memory; its arrays are copied, for kernels are compiled for writable ones."""
-    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
     vertices, triangles = scale * mesh.vertices, mesh.triangles.copy()
     none = np.zeros((0, 3, 2))
     if mesh.rest is None:
@@ -229,14 +209,13 @@ def _from_arrays(mesh: MeshArrays, keys: Mapping[str, Any], where: str) -> Shape
     return Shape(scale * mesh.rest, triangles, none, (), mesh.groups, start=vertices)
 
 
-def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
+def fabric_of(keys: ClothTable, where: str) -> tuple[Fabric, str]:
     """The named fabric with the keys that override it.
 
     A Young's modulus replaces the stiffnesses of the threads, a bending stiffness those along warp, weft and bias.
     """
-    name = keys.get("fabric", "cotton")
-    named = fabric_named(f"{where}.fabric", name)
-    own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}
+    named = fabric_named(f"{where}.fabric", keys.fabric)
+    own = {key: getattr(keys, key) for key in FABRIC if key in keys}
     ruled = dict.fromkeys((*THREADS, *EXTENSIONS)) if "youngs_modulus" in own else {}
     ruled |= dict.fromkeys(BENDINGS) if "bending_stiffness" in own else {}
     try:
@@ -244,4 +223,4 @@ def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
     except InputError as error:
         raise InputError(f"{where}.{error.sentence}", error.remedy) from error
     changed = f" with its own {', '.join(own)}" if own else ""
-    return fabric, f"{name_of(keys, where)}: fabric {name}{changed}."
+    return fabric, f"{name_of(keys, where)}: fabric {keys.fabric}{changed}."

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, as_positive, as_vector
+from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import table
 from clothsim.files.characters.character import Character
@@ -16,7 +16,8 @@ from clothsim.files.characters.gait import CLIPS, shipped_clip
 from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
 from clothsim.files.characters.timeline import Timeline, timeline
-from clothsim.keys.model_keys import ClipKeys
+from clothsim.keys.model_keys import ClipKeys, ModelTable
+from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.motion import PosedMotion
 from clothsim.scene.assembly.placement import Shape, examined, existing_file, name_of, placed
@@ -29,10 +30,10 @@ UP = {"y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
 
 
 def motion_of_model(
-    keys: Mapping[str, Any], where: str, directory: Path, character: Character, first: Pose
+    keys: ModelTable, where: str, directory: Path, character: Character, first: Pose
 ) -> tuple[Timeline, tuple[str, ...]]:
     """The timeline of the key `motion`, and notes for the user. InputError names a bad clip."""
-    given = keys["motion"]
+    given = keys.motion
     clip = ClipKeys.parsed(f"{where}.motion", {"clip": given} if isinstance(given, str) else given)
     motion, note = _motion(clip, keys, where, directory, character)
     end = motion.duration if clip.end is None else min(clip.end, motion.duration)
@@ -56,17 +57,15 @@ def motion_of_model(
     )
 
 
-def _motion(
-    clip: ClipKeys, keys: Mapping[str, Any], where: str, directory: Path, character: Character
-) -> tuple[Motion, str]:
+def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, character: Character) -> tuple[Motion, str]:
     """The motion of the character's skeleton that a clip is, and its name."""
     if clip.clip in CLIPS:
-        own = keys["model"] == "mannequin" and not keys.get("shape")
+        own = keys.model == "mannequin" and not keys.shape
         shipped = shipped_clip(clip.clip)
         motion = shipped if own else retargeted(shipped, character.skeleton, clip.scale)
         return motion, f"motion {clip.clip}"
     ending, label = Path(clip.clip).suffix.lower(), f"motion {Path(clip.clip).name}"
-    model = directory / keys["model"]
+    model = directory / keys.model
     if clip.clip == OWN and model.suffix.lower() in (".glb", ".gltf"):
         from clothsim.files.characters.gltf_animation import read_animation
 
@@ -148,7 +147,7 @@ class PlacedCharacter:
         return self.first if self.timeline is None else self.timeline.pose(time)
 
 
-def body_of_model(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
+def body_of_model(keys: ModelTable, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table with a `model`, and notes for the user.
 
     Raises
@@ -169,18 +168,18 @@ def body_of_model(keys: Mapping[str, Any], where: str, directory: Path) -> tuple
     return make_body(label, positions, made.character.triangles, motion), notes
 
 
-def placed_character(keys: Mapping[str, Any], where: str, directory: Path) -> PlacedCharacter:
+def placed_character(keys: ModelTable, where: str, directory: Path) -> PlacedCharacter:
     """The character of a table with a `model`, its place in the scene and its motion; errors as `body_of_model`."""
     character = character_of(keys, where, directory)
     pose = first_pose(keys, where, character)
-    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
-    turned = {**keys, "up": keys.get("up", character.up)}
-    linear = scale * placed({**turned, "position": (0, 0, 0)}, where, np.eye(3)).T
+    up: Any = keys.up or character.up
+    turned = PlacedKeys(up=up, rotation_degrees=keys.rotation_degrees)
+    linear = keys.scale * placed(turned, np.eye(3)).T
     ground = np.zeros(3)
-    if keys["model"] == MANNEQUIN:
+    if keys.model == MANNEQUIN:
         ground[2] = character.vertices(pose)[:, 2].min()
-    shift = placed(turned, where, np.zeros(3)) - linear @ ground
-    if not keys.get("motion"):
+    shift = placed(turned.with_keys(position=keys.position), np.zeros(3)) - linear @ ground
+    if not keys.motion:
         return PlacedCharacter(character, pose, None, linear, shift, ())
     made, notes = motion_of_model(keys, where, directory, character, pose)
     return PlacedCharacter(character, pose, made, linear, shift, notes)
@@ -188,20 +187,19 @@ def placed_character(keys: Mapping[str, Any], where: str, directory: Path) -> Pl
 
 def character_of_scene(scene: Scene) -> tuple[PlacedCharacter, str]:
     """The only body model of a scene and its name. InputError where it has none or several."""
-    tables = [scene.body] if isinstance(scene.body, Mapping) else list(scene.body)
-    models = [(k, keys) for k, keys in enumerate(tables) if "model" in keys]
+    models = [(k, keys) for k, keys in enumerate(scene.bodies) if isinstance(keys, ModelTable)]
     if len(models) != 1:
         raise InputError(
             f"The scene has {len(models)} body models.", 'It takes one: [[body]] model = "mannequin", for instance.'
         )
     k, keys = models[0]
-    where = "body" if len(tables) == 1 else f"body[{k}]"
-    return placed_character(keys, where, scene.directory), str(keys.get("name", where))
+    where = "body" if len(scene.bodies) == 1 else f"body[{k}]"
+    return placed_character(keys, where, scene.directory), keys.name or where
 
 
-def character_of(keys: Mapping[str, Any], where: str, directory: Path) -> Character:
+def character_of(keys: ModelTable, where: str, directory: Path) -> Character:
     """The character of the keys `model`, `shape` and `group`. InputError names a bad file or shape."""
-    name, shape = keys["model"], keys.get("shape")
+    name, shape = keys.model, keys.shape
     ending = Path(name).suffix.lower()
     if name == MANNEQUIN:
         from clothsim.files.characters.known_bodies import mannequin_character
@@ -211,7 +209,7 @@ def character_of(keys: Mapping[str, Any], where: str, directory: Path) -> Charac
         from clothsim.files.characters.gltf_character import read_character
 
         path = existing_file(f"{where}.model", directory, name)
-        return read_character(path, _by_name(f"{where}.shape", shape), keys.get("group"))
+        return read_character(path, _by_name(f"{where}.shape", shape), keys.group)
     if ending in MODELS:
         from clothsim.files.characters.known_bodies import smpl_character
 
@@ -226,13 +224,13 @@ def character_of(keys: Mapping[str, Any], where: str, directory: Path) -> Charac
     raise InputError(f"{where}.model is {name!r}.", 'Give "mannequin", a rigged .glb or .gltf, or an .npz of SMPL.')
 
 
-def first_pose(keys: Mapping[str, Any], where: str, character: Character) -> Pose:
+def first_pose(keys: ModelTable, where: str, character: Character) -> Pose:
     """The pose of the key `pose`: named, of the mannequin, or rotation vectors from rest by joint [degrees]."""
-    pose, skeleton = keys.get("pose"), character.skeleton
+    pose, skeleton = keys.pose, character.skeleton
     if pose is None:
         return skeleton.rest
     if isinstance(pose, str):
-        if keys["model"] != MANNEQUIN:
+        if keys.model != MANNEQUIN:
             raise InputError(f"{where}.pose is {pose!r}.", "Give a table of joints with rotation vectors [degrees].")
         from clothsim.mesh.generators.mannequin.pose import turns_of
 

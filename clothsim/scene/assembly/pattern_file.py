@@ -1,12 +1,10 @@
 """Cloth of a sewing pattern: panels meshed and placed as in the file, sewn where they touch."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import as_positive
 from clothsim.mesh.pattern_lines import PatternLines
 from clothsim.mesh.weld import mean_of_parts
 from clothsim.patterns.pattern_mesh import PatternMesh, mesh_pattern, scaled_mesh
@@ -14,21 +12,16 @@ from clothsim.patterns.sewing import TOUCHING, largest_gap, sewn_vertices
 from clothsim.patterns.specification import read_specification
 from clothsim.scene.assembly.placement import Shape
 
-SIZE = 0.02
-"""Distance of neighbouring vertices where the table gives none [m]."""
 
-
-def shape_of_pattern(path: Path, keys: Mapping[str, Any], where: str) -> Shape:
+def shape_of_pattern(path: Path, keys: Any) -> Shape:
     """The mesh of a sewing pattern in a [cloth] table.
 
     Parameters
     ----------
     path : Path
         The `specification.json`.
-    keys : dict
-        The table: size, rotation_order, scale.
-    where : str
-        Dotted name of the table, for messages.
+    keys : ClothTable
+        Of a sewing pattern: with size, rotation_order and scale.
 
     Returns
     -------
@@ -41,7 +34,7 @@ def shape_of_pattern(path: Path, keys: Mapping[str, Any], where: str) -> Shape:
     InputError
         Naming the panel, edge or stitch, as `read_specification` and `mesh_pattern`.
     """
-    mesh = mesh_of_file(path, keys, where)
+    mesh = mesh_of_file(path, keys)
     closed = [seam for seam in mesh.seams if largest_gap(mesh.positions, seam) < TOUCHING]
     still_open = [seam.name for seam in mesh.seams if not any(seam is other for other in closed)]
     number = sewn_vertices(mesh, closed)
@@ -68,9 +61,7 @@ def lines_of(mesh: PatternMesh) -> PatternLines:
     return PatternLines(edges, labels, {seam.name: seam.pairs for seam in mesh.seams})
 
 
-def mesh_of_file(path: Path, keys: Mapping[str, Any], where: str) -> PatternMesh:
-    """The meshed pattern of a [cloth] table, in metres of the scene; parameters and errors as `shape_of_pattern`."""
-    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
-    size = as_positive(f"{where}.size", keys.get("size", SIZE))
-    mesh = mesh_pattern(read_specification(path, keys.get("rotation_order", "zyx")), size / scale)
-    return mesh if scale == 1.0 else scaled_mesh(mesh, scale)
+def mesh_of_file(path: Path, keys: Any) -> PatternMesh:
+    """The meshed pattern of a [cloth], in metres of the scene; parameters and errors as `shape_of_pattern`."""
+    mesh = mesh_pattern(read_specification(path, keys.rotation_order), keys.size / keys.scale)
+    return mesh if keys.scale == 1.0 else scaled_mesh(mesh, keys.scale)

@@ -3,17 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_vector
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.mesh_keys import FilePart
+from clothsim.keys.placed_keys import PlacedKeys
+from clothsim.keys.schema import keys_of
 from clothsim.mesh.checks import Role, examine, refuse
 from clothsim.mesh.motion import rotation_matrix
 from clothsim.mesh.pattern_lines import PatternLines
 
-PART = ("scale", "group", "component", "vertices")
+PART = ("scale", *keys_of(FilePart))
 """The keys that name a part of a file and its unit."""
 LONGEST_NAME = 200
 """Bound on the letters of a name, which stands in every message, table and file about it."""
@@ -56,11 +58,11 @@ class Shape:
     lines: PatternLines = field(default_factory=PatternLines)
 
 
-def name_of(keys: Mapping[str, Any], where: str) -> str:
-    """The name that a table gives, or the table's own. InputError for one that cannot be printed in a line."""
-    name = keys.get("name", where)
-    if not isinstance(name, str) or not name or not name.isprintable():
-        raise InputError(f"{where}.name must be a text that can be printed, not {name!r}.", 'Write name = "sheet".')
+def name_of(keys: PlacedKeys, where: str) -> str:
+    """The name that a section gives, or the section's own. InputError for an empty and for a long one."""
+    name = where if keys.name is None else keys.name
+    if not name:
+        raise InputError(f"{where}.name is empty.", 'Write name = "sheet".')
     if len(name) > LONGEST_NAME:
         raise InputError(f"{where}.name has {len(name):,} letters, more than {LONGEST_NAME}.", 'Write name = "sheet".')
     return name
@@ -87,15 +89,13 @@ def examined(label: str, shape: Shape, role: Role) -> tuple[str, ...]:
     return tuple(f"{label}: {note}" for note in (*shape.notes, *warnings))
 
 
-def placed(keys: Mapping[str, Any], where: str, positions: Floats) -> Floats:
+def placed(keys: PlacedKeys, positions: Floats) -> Floats:
     """Positions in the scene.
 
     Parameters
     ----------
-    keys : dict
-        A table with up, rotation_degrees and position.
-    where : str
-        Dotted name of the table, for messages.
+    keys : PlacedKeys
+        With up, rotation_degrees and position.
     positions : (..., 3) ndarray [m]
         Positions of the mesh.
 
@@ -104,14 +104,11 @@ def placed(keys: Mapping[str, Any], where: str, positions: Floats) -> Floats:
     (..., 3) ndarray [m]
         Turned from y up to z up where `up` says so, rotated about x, then y, then z, and displaced.
     """
-    up = keys.get("up", "z")
-    if up not in ("y", "z"):
-        raise InputError(f"{where}.up is {up!r}.", 'Known: "y", "z".')
-    if up == "y":
+    if keys.up == "y":
         x, y, z = np.moveaxis(positions, -1, 0)
         positions = np.stack([x, -z, y], axis=-1)
-    angles = np.radians(as_vector(f"{where}.rotation_degrees", keys.get("rotation_degrees", (0, 0, 0))))
+    angles = np.radians(np.array(keys.rotation_degrees, np.float64))
     turn = np.eye(3)
     for axis in range(3):
         turn = rotation_matrix(angles[axis] * np.eye(3)[axis]) @ turn
-    return positions @ turn.T + as_vector(f"{where}.position", keys.get("position", (0, 0, 0)))
+    return positions @ turn.T + np.array(keys.position, np.float64)

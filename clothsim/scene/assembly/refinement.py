@@ -1,6 +1,5 @@
 """Refinement of a scene: the cells of its generated cloths multiplied."""
 
-import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -10,6 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.mesh_keys import ClothTable
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.topology import unique_edges
 from clothsim.scene.assembly.meshes import cloth_shape
@@ -65,18 +65,16 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
     return replace(finer, effects={**scene.effects, **moved})
 
 
-def cells_of(keys: Mapping[str, Any]) -> list[int] | int:
-    """The cells of a [cloth] table, else its generator's default. InputError for a mesh without cells."""
-    mesh = keys.get("mesh")
-    parameters = inspect.signature(GENERATORS[mesh]).parameters if isinstance(mesh, str) and mesh in GENERATORS else {}
-    if "cells" not in parameters:
+def cells_of(keys: ClothTable) -> list[int] | int:
+    """The cells of a cloth. InputError for a mesh without cells."""
+    cells, mesh = getattr(keys, "cells", None), keys.mesh
+    if cells is None:
         kind = f"generated {mesh}" if mesh in GENERATORS else "file" if isinstance(mesh, str) else "mesh in memory"
         raise InputError(f"The mesh {mesh!r} is a {kind} without cells.", "Only rectangle, disk and tube have cells.")
-    cells = keys.get("cells", parameters["cells"].default)
     return list(cells) if isinstance(cells, Sequence) else cells
 
 
-def _scaled(keys: Mapping[str, Any], factor: Fraction, nearest: bool) -> dict[str, Any]:
+def _scaled(keys: ClothTable, factor: Fraction, nearest: bool) -> dict[str, Any]:
     cells = cells_of(keys)
     counts = [count * factor for count in (cells if isinstance(cells, list | tuple) else [cells])]
     if not nearest and any(count.denominator != 1 or count < 1 for count in counts):
@@ -87,14 +85,13 @@ def _scaled(keys: Mapping[str, Any], factor: Fraction, nearest: bool) -> dict[st
 
 def _refuse_numbered_lines(effects: Mapping[str, Any]) -> None:
     """InputError for a line of vertex numbers: another mesh has more or fewer vertices along it."""
-    sides = [
-        (f"effects.seams.seam[{k}].{key}", seam.get(key))
-        for k, seam in _tables(effects, "seams", "seam")
-        for key in ("from", "to")
-    ]
-    creases = [(f"effects.rest_angle.crease[{k}]", crease) for k, crease in _tables(effects, "rest_angle", "crease")]
-    for name, keys in (*sides, *creases):
-        if isinstance(keys, Mapping) and "vertices" in keys:
+    seams = effects["seams"].seam if "seams" in effects else ()
+    creases = effects["rest_angle"].crease if "rest_angle" in effects else ()
+    lines = [(f"effects.seams.seam[{k}].from", seam.from_) for k, seam in enumerate(seams)]
+    lines += [(f"effects.seams.seam[{k}].to", seam.to) for k, seam in enumerate(seams)]
+    lines += [(f"effects.rest_angle.crease[{k}]", crease) for k, crease in enumerate(creases)]
+    for name, line in lines:
+        if "vertices" in line.given:
             raise InputError(f"{name}.vertices are those of one mesh.", "Give the line by `through`.")
 
 
@@ -110,26 +107,13 @@ def _refuse_arrays(where: str, keys: Mapping[str, Any]) -> None:
             raise InputError(f"{name} has values for one mesh.", "Give a number, or a table by cloth.")
 
 
-def _tables(effects: Mapping[str, Any], name: str, key: str) -> list[tuple[int, Mapping[str, Any]]]:
-    """The numbered tables of a list of an effect; other entries are refused when the effect is built."""
-    tables = effects.get(name, {}).get(key, ())
-    return [(k, table) for k, table in enumerate(tables) if isinstance(table, Mapping)] if _is_list(tables) else []
-
-
-def _is_list(value: Any) -> bool:
-    return isinstance(value, Sequence) and not isinstance(value, str)
-
-
 def _moved(where: str, keys: Mapping[str, Any], tables: str, old: Scene, new: Scene) -> dict[str, Any]:
     """The keys of an effect, and of its list of `tables`, with vertex numbers of the new mesh in each select."""
     moved = {**keys}
     if "select" in keys:
         moved["select"] = _moved_selection(where, keys["select"], old, new)
-    if _is_list(keys.get(tables)):
-        moved[tables] = [
-            _moved(f"{where}.{tables}[{k}]", table, "", old, new) if isinstance(table, Mapping) else table
-            for k, table in enumerate(keys[tables])
-        ]
+    if tables in keys:
+        moved[tables] = [_moved(f"{where}.{tables}[{k}]", table, "", old, new) for k, table in enumerate(keys[tables])]
     return moved
 
 

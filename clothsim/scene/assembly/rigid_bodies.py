@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, as_positive, as_vector
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.keys.rigid_keys import RigidTable
 from clothsim.mesh.rigid_body import Joint, RigidBody, rigid_body
@@ -19,24 +19,21 @@ from clothsim.scene.assembly.meshes import mesh_shape
 from clothsim.scene.assembly.placement import examined, name_of, placed
 from clothsim.scene.scene import Scene
 
-DEFAULTS = RigidTable(mesh="")
 
-
-def rigid_body_of(keys: Mapping[str, Any], where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
+def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
     """The rigid body of a [[rigid]] table, and notes for the user. InputError for a mesh that is no solid."""
     shape = mesh_shape(keys, where, scene.directory)
     label = name_of(keys, where)
     notes = examined(label, shape, "body")
-    spin = as_vector(f"{where}.spin_degrees_per_second", keys.get("spin_degrees_per_second", (0, 0, 0)))
     body = rigid_body(
         label,
-        placed(keys, where, shape.positions),
+        placed(keys, shape.positions),
         shape.triangles,
-        as_positive(f"{where}.density", keys.get("density", DEFAULTS.density)),
-        as_vector(f"{where}.velocity", keys.get("velocity", (0, 0, 0))),
-        np.radians(spin),
-        as_positive(f"{where}.stiffness", keys.get("stiffness", DEFAULTS.stiffness)),
-        _joint(keys.get("joint"), where),
+        keys.density,
+        np.array(keys.velocity, np.float64),
+        np.radians(np.array(keys.spin_degrees_per_second, np.float64)),
+        keys.stiffness,
+        _joint(keys.joint, where),
     )
     return body, (*notes, f"{label}: rigid, {body.mass:.4g} kg.")
 
@@ -60,31 +57,26 @@ def rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) -
     return made | ({"rigid_ties": rigid_ties(world, tied)} if tied else {})
 
 
-def _joint(keys: Mapping[str, Any] | None, where: str) -> Joint | None:
+def _joint(keys: Any, where: str) -> Joint | None:
+    """The joint of `JointKeys`."""
     if keys is None:
         return None
-    if "point" not in keys:
-        raise InputError(f"{where}.joint has no point.", "Write point = [x, y, z], in metres.")
-    axis = keys.get("axis")
-    direction = np.zeros(3) if axis is None else as_vector(f"{where}.joint.axis", axis)
-    if axis is not None and not direction.any():
+    direction = np.zeros(3) if keys.axis is None else np.array(keys.axis, np.float64)
+    if keys.axis is not None and not direction.any():
         raise InputError(f"{where}.joint.axis is zero.", "Give a direction, or leave it out for a ball joint.")
-    return Joint(as_vector(f"{where}.joint.point", keys["point"]), direction)
+    return Joint(np.array(keys.point, np.float64), direction)
 
 
-def _tied(scene: Scene, world: World, number: int, keys: Mapping[str, Any]) -> Sequence[Tied]:
-    """The ties of one table."""
+def _tied(scene: Scene, world: World, number: int, keys: RigidTable) -> Sequence[Tied]:
+    """The ties of one rigid body."""
     found = []
     several = len(scene.rigid_bodies) > 1
-    for k, tie in enumerate(keys.get("tie", ())):
+    tie: Any
+    for k, tie in enumerate(keys.tie):
         where = f"rigid[{number}].tie[{k}]" if several else f"rigid.tie[{k}]"
-        if not isinstance(tie, Mapping) or "select" not in tie:
-            raise InputError(f"{where} has no select.", 'Write select = "corners", vertex numbers or a box.')
-        vertices = selected_vertices(f"{where}.select", world, tie["select"])
-        stiffness = tie.get("stiffness")
-        if stiffness is None:
-            stiffness = STIFFER * _fabric_stiffness(where, world)
-        found.append(Tied(number, vertices, as_positive(f"{where}.stiffness", stiffness)))
+        vertices = selected_vertices(f"{where}.select", world, tie.select)
+        stiffness = STIFFER * _fabric_stiffness(where, world) if tie.stiffness is None else tie.stiffness
+        found.append(Tied(number, vertices, stiffness))
     return found
 
 

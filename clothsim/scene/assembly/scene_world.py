@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.rigid_keys import RigidTable
 from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.rigid_body import RigidBody
 from clothsim.mesh.world import World, make_world
@@ -187,13 +188,13 @@ def build_effects(
             _take_over(name, before, energies, constraints, off)
             continue
         supplied = {"contacts": contacts, "built": energies}
-        keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
+        where = f"effects.{name}"
+        keys = with_arrays(where, scene.effects[name], scene.directory)
         try:
             made = effect.build(world, keys, supplied)
         except (TypeError, ValueError) as error:
             raise InputError(
-                f"effects.{name} has a value of the wrong type: {error}.",
-                f"`clothsim keys effects.{name}` lists the types.",
+                f"{where} has a value of the wrong type: {error}.", f"`clothsim keys {where}` lists the types."
             ) from error
         if isinstance(made, Off):
             off[name] = made.reason
@@ -250,7 +251,7 @@ def _take_over(
         off[name] = before.off[name]
 
 
-def _rigid_body(keys: Mapping[str, Any], where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
+def _rigid_body(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
     from clothsim.scene.assembly.rigid_bodies import rigid_body_of
 
     return rigid_body_of(keys, where, scene)
@@ -271,13 +272,13 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
         cloth, cloth_notes = cloth_of(shape, keys, where, start)
         cloths.append(cloth)
         notes.extend(cloth_notes)
-    for k, keys in enumerate(scene.bodies):
-        body, body_notes = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
+    for k, given in enumerate(scene.bodies):
+        body, body_notes = body_of(given, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
         bodies.append(body)
         notes.extend(body_notes)
     rigid = []
-    for k, keys in enumerate(scene.rigid_bodies):
-        solid, body_notes = _rigid_body(keys, "rigid" if len(scene.rigid_bodies) == 1 else f"rigid[{k}]", scene)
+    for k, solid_keys in enumerate(scene.rigid_bodies):
+        solid, body_notes = _rigid_body(solid_keys, "rigid" if len(scene.rigid_bodies) == 1 else f"rigid[{k}]", scene)
         rigid.append(solid)
         notes.extend(body_notes)
     world = make_world(cloths, bodies, rigid)

@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.geometry.held_inside import held_inside
-from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
 from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
@@ -78,12 +78,12 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     sentences = []
     for (name, positions), keys in zip(meshes, tables, strict=True):
         extent = np.ptp(positions, axis=0)
-        if not (isinstance(keys.get("mesh"), str) and keys["mesh"] == "slab"):
+        if not isinstance(keys, Slab):
             sentences += _other_unit(name, float(extent.max()))
     gravity = getattr(energies.get("gravity"), "acceleration", None)
     for body, keys in zip(world.prescribed_bodies, scene.bodies, strict=True):
-        if gravity is not None and not (isinstance(mesh := keys.get("mesh"), str) and mesh in GENERATOR_KEYS):
-            sentences += _lying(body.name, np.ptp(body.positions, axis=0), gravity, keys.get("up", "z"))
+        if gravity is not None and not isinstance(keys, tuple(GENERATOR_KEYS.values())):
+            sentences += _lying(body.name, np.ptp(body.positions, axis=0), gravity, keys.up or "z")
     return tuple(sentences)
 
 

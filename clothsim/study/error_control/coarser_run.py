@@ -9,20 +9,13 @@ from typing import Any
 
 from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
-from clothsim.engine import Session, steps_per_frame
-from clothsim.study.error_control.knob_errors import root_sum
-from clothsim.study.error_control.requested import Message, Runs
-from clothsim.study.error_control.resolution import (
-    CELLS,
-    D_HAT,
-    TIME,
-    Resolution,
-    Resolvable,
-    has_cells_for,
-    resolvable,
-)
+from clothsim.engine import Session
+from clothsim.study.error_control.parameter_errors import root_sum
+from clothsim.study.error_control.resolution import Resolution, Resolvable, has_cells_for, resolvable
+from clothsim.study.error_control.search import Message
 from clothsim.study.error_control.three_runs import from_three
-from clothsim.study.error_control.trial import Trial, another_shape, distance_at, pilot
+from clothsim.study.error_control.trial import Runs, Trial, another_shape, distance_at, pilot
+from clothsim.study.parameters import CELLS, D_HAT, TIME, steps_per_frame
 from clothsim.study.resample import world_material
 
 COARSER = (2, 4)
@@ -31,10 +24,10 @@ COARSER = (2, 4)
 
 @dataclass(frozen=True)
 class Coarsened:
-    """Resolutions of the pilot runs, what is coarser in them, and the reason for each knob that is not."""
+    """Resolutions of the pilot runs, what is coarser in them, and the reason for each parameter that is not."""
 
     resolutions: tuple[Resolution, ...]
-    knobs: tuple[str, ...]
+    parameters: tuple[str, ...]
     fixed: Mapping[str, str]
 
 
@@ -69,7 +62,7 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
         process_time() - started,
     )
     trials = [own]
-    for resolution in coarser.resolutions if coarser.knobs else ():
+    for resolution in coarser.resolutions if coarser.parameters else ():
         message(f"pilot run for the error: {ladder.text(resolution)}")
         trials.append(pilot(ladder.at(resolution, scene.solver_settings.stop_fraction), resolution))
         if trials[-1].reason:
@@ -78,22 +71,22 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
 
 
 def coarsened(ladder: Resolvable) -> Coarsened:
-    """Return the resolutions coarser by COARSER; a knob that cannot be coarser by all of them stays as it is."""
+    """Return the resolutions coarser by COARSER; a parameter that cannot be coarser by all of them stays as it is."""
     steps, fixed = steps_per_frame(ladder.scene)[0], dict(ladder.fixed)
     if steps < COARSER[-1]:
         fixed[TIME] = f"a frame has {steps} step{'s' * (steps > 1)}, and {COARSER[-1]} are needed"
-    if CELLS in ladder.knobs and not has_cells_for(ladder.scene, COARSER[-1], fewest=1):
+    if CELLS in ladder.parameters and not has_cells_for(ladder.scene, COARSER[-1], fewest=1):
         fixed[CELLS] = "the cells cannot be quartered"
-    knobs = tuple(name for name in ladder.knobs if name not in fixed)
+    parameters = tuple(name for name in ladder.parameters if name not in fixed)
     resolutions = tuple(
         Resolution(
-            steps // factor if TIME in knobs else steps,
-            Fraction(1, factor if CELLS in knobs else 1),
-            Fraction(factor if D_HAT in knobs else 1),
+            steps // factor if TIME in parameters else steps,
+            Fraction(1, factor if CELLS in parameters else 1),
+            Fraction(factor if D_HAT in parameters else 1),
         )
         for factor in COARSER
     )
-    return Coarsened(resolutions, knobs, fixed)
+    return Coarsened(resolutions, parameters, fixed)
 
 
 def _annotated(run: Run, trials: list[Trial], coarser: Coarsened) -> Run:
@@ -111,13 +104,13 @@ def _annotated(run: Run, trials: list[Trial], coarser: Coarsened) -> Run:
 def _estimate(trials: list[Trial], coarser: Coarsened, newton: Any) -> dict[str, Any]:
     """Entries of the estimate; fixed: what could not be coarser, and why else the error is not known."""
     fixed = dict(coarser.fixed)
-    if not coarser.knobs:
+    if not coarser.parameters:
         return {"total": "not estimated (nothing can be coarser)", "known": False, "fixed": fixed}
     if trials[-1].reason:
         return {"total": f"not estimated (a coarser run failed: {trials[-1].reason})", "known": False, "fixed": fixed}
     distance = distance_at(trials[-1].material)
     moved, further = (distance(one, other) for one, other in zip(trials[:-1], trials[1:], strict=True))
-    found = from_three(moved, further, coarser.knobs)
+    found = from_three(moved, further, coarser.parameters)
     reason = found.reason
     if another_shape(trials[0], max(moved, further)):
         reason = f"a coarser run ends in another shape, {max(moved, further):.2g} m away"

@@ -14,10 +14,11 @@ from dataclasses import replace
 from fractions import Fraction
 
 from clothsim.base.errors import InputError
-from clothsim.study.error_control.resolution import CELLS, D_HAT, TIME, Resolution
+from clothsim.study.error_control.resolution import Resolution
 from clothsim.study.error_control.search import TWIN, Found, Search, parts_of, repeated
 from clothsim.study.error_control.three_runs import from_three
 from clothsim.study.error_control.trial import Trial, another_shape, distance_at
+from clothsim.study.parameters import CELLS, D_HAT, TIME
 
 MOST_LEVELS = 2
 """Further joint refinements of a run whose coarser ones show no order of convergence."""
@@ -44,7 +45,7 @@ def confirmed(search: Search, found: Found) -> Found:
             return _compared_with_twins(search, _at_least(found, error))
         if not left or search.spent + REFINED_COST * found.trial.seconds > search.budget:
             return replace(found, known=False)
-        finer = search.resolvable.refined(found.trial.resolution, search.resolvable.knobs)
+        finer = search.resolvable.refined(found.trial.resolution, search.resolvable.parameters)
         run, trial = search.run(finer, error)
         if run.status != "completed":
             return replace(repeated(search, found), known=False)
@@ -76,7 +77,7 @@ def _of_three(search: Search, found: Found) -> tuple[float, str]:
             return found.resolution_error, trials[-1].reason
     distance = distance_at(trials[-1].material)
     near, far = distance(trials[1], trials[0]), distance(trials[2], trials[1])
-    three = from_three(near, far, search.resolvable.knobs)
+    three = from_three(near, far, search.resolvable.parameters)
     if another_shape(found.trial, near):
         return three.error, "coarser runs end in another shape"
     return three.error, three.reason
@@ -84,16 +85,16 @@ def _of_three(search: Search, found: Found) -> tuple[float, str]:
 
 def _coarser(search: Search, resolution: Resolution, factor: int) -> Resolution:
     """The resolution coarser by a factor in everything that can be; InputError where the cells cannot be."""
-    knobs = search.resolvable.knobs
-    cells = resolution.cells / (factor if CELLS in knobs else 1)
-    if TIME in knobs and resolution.steps < factor:
+    parameters = search.resolvable.parameters
+    cells = resolution.cells / (factor if CELLS in parameters else 1)
+    if TIME in parameters and resolution.steps < factor:
         raise InputError(f"A frame has {resolution.steps} steps, and {factor} are needed.", "Give a shorter dt.")
-    if CELLS in knobs and not search.resolvable.whole(cells):
+    if CELLS in parameters and not search.resolvable.whole(cells):
         raise InputError(f"The cells cannot be divided by {factor}.", "Give a number of them that can.")
     return Resolution(
-        -(-resolution.steps // factor) if TIME in knobs else resolution.steps,
+        -(-resolution.steps // factor) if TIME in parameters else resolution.steps,
         cells,
-        resolution.d_hat * (Fraction(factor) if D_HAT in knobs else 1),
+        resolution.d_hat * (Fraction(factor) if D_HAT in parameters else 1),
     )
 
 

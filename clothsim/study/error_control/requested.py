@@ -1,21 +1,19 @@
 """Simulation of a scene with solver.error, and the entries of its summary."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from time import process_time
 from typing import Any
 
 from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
-from clothsim.engine import Session, d_hats
+from clothsim.engine import Session
 from clothsim.study.error_control.confirmation import confirmed
-from clothsim.study.error_control.resolution import D_HAT, Resolution
+from clothsim.study.error_control.resolution import Resolution
 from clothsim.study.error_control.search import Found, Message, Search, searched
-from clothsim.study.error_control.trial import Trial
+from clothsim.study.error_control.trial import Runs, Trial
+from clothsim.study.parameters import D_HAT, d_hats
 from clothsim.study.resample import world_material
-
-Runs = Callable[[Scene, list[Session]], Run]
-"""Runs a scene with fixed settings into the output directory; the list receives the session that it announces."""
 
 
 def simulate_to_error(scene: Scene, runs: Runs, message: Message) -> Run:
@@ -38,7 +36,7 @@ def simulate_to_error(scene: Scene, runs: Runs, message: Message) -> Run:
     chosen: list[Scene] = []
 
     def candidate(some: Scene, resolution: Resolution) -> tuple[Run, Trial]:
-        started, sessions = process_time(), []  # type: tuple[float, list[Session]]
+        started, sessions = process_time(), list[Session]()
         run = runs(some, sessions)
         chosen.append(some)
         seconds = process_time() - started

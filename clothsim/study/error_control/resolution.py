@@ -6,13 +6,13 @@ from fractions import Fraction
 
 from clothsim import Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.engine import BDF2, build, cells_of, d_hats, fixed, with_cells
+from clothsim.engine import build, with_cells
+from clothsim.study.parameters import CELLS, D_HAT, TIME, d_hats, with_explicit_lengths
 
 COARSEST_STEP = 0.01
 """Longest step of the first pilot run [s]. With 20 ms a strip under compression buckled to the other side."""
 FEWEST_CELLS = 2
 """Cells along a side below which no pilot run goes."""
-TIME, CELLS, D_HAT = "dt", "cells", "d_hat"
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Resolvable:
         Duration of a frame [s].
     coarsest : Resolution
         Resolution of the first pilot run.
-    knobs : tuple of str
+    parameters : tuple of str
         What is refined: TIME, CELLS, D_HAT.
     fixed : mapping
         Reason for each that is not.
@@ -55,22 +55,22 @@ class Resolvable:
     scene: Scene
     frame: float
     coarsest: Resolution
-    knobs: tuple[str, ...]
+    parameters: tuple[str, ...]
     fixed: Mapping[str, str]
 
     def sizes(self, resolution: Resolution) -> dict[str, float]:
-        """Size of each knob relative to the coarsest."""
+        """Size of each parameter relative to the coarsest."""
         coarsest = self.coarsest
         sizes = {
             TIME: coarsest.steps / resolution.steps,
             CELLS: float(coarsest.cells / resolution.cells),
             D_HAT: float(resolution.d_hat / coarsest.d_hat),
         }
-        return {name: sizes[name] for name in self.knobs}
+        return {name: sizes[name] for name in self.parameters}
 
-    def refined(self, resolution: Resolution, knobs: Collection[str]) -> Resolution:
-        """A resolution with some knobs refined by two; those that the scene has not stay."""
-        both = [name for name in knobs if name in self.knobs]
+    def refined(self, resolution: Resolution, parameters: Collection[str]) -> Resolution:
+        """A resolution with some parameters refined by two; those that the scene has not stay."""
+        both = [name for name in parameters if name in self.parameters]
         return Resolution(
             resolution.steps * (2 if TIME in both else 1),
             resolution.cells * (2 if CELLS in both else 1),
@@ -84,8 +84,8 @@ class Resolvable:
     def text(self, resolution: Resolution) -> str:
         """A resolution for people: "dt 5 ms, cells x 2, d_hat x 1/2"."""
         parts = [f"dt {1e3 * self.dt(resolution):.3g} ms"]
-        parts += [f"cells x {resolution.cells}"] if CELLS in self.knobs else []
-        parts += [f"d_hat x {resolution.d_hat}"] if D_HAT in self.knobs else []
+        parts += [f"cells x {resolution.cells}"] if CELLS in self.parameters else []
+        parts += [f"d_hat x {resolution.d_hat}"] if D_HAT in self.parameters else []
         return ", ".join(parts)
 
     def dt(self, resolution: Resolution) -> float:
@@ -107,26 +107,26 @@ def resolvable(given: Scene) -> Resolvable:
 
     With solver.error every step is converged.
     """
-    threads = given.solver.get("threads", 0)
+    threads = given.solver_settings.threads
     solver = {key: value for key, value in given.solver.items() if key != "error"}
     if given.solver_settings.error and "tolerance" not in solver:
         solver["converge"] = True
-    scene = replace(given, solver={"integrator": BDF2, **solver})
-    scene = engine.replace(fixed(scene, build(scene)), "solver.threads", threads)
+    scene = replace(given, solver={"integrator": "bdf2", **solver})
+    scene = engine.replace(with_explicit_lengths(scene, build(scene).energies), "solver.threads", threads)
     run, missing = scene.run_settings, {}
     frame = min(1 / run.frames_per_second, run.duration)
     steps = max(1, -int(-frame // COARSEST_STEP))
-    knobs = [TIME]
+    parameters = [TIME]
     cells = Fraction(1)
     try:
         with_cells(scene, Fraction(2))
-        knobs.append(CELLS)
+        parameters.append(CELLS)
         cells = Fraction(1, 2) if has_cells_for(scene, 2) else cells
     except InputError as error:
         missing[CELLS] = error.sentence.rstrip(".")
     if d_hats(scene):
-        knobs.append(D_HAT)
-    return Resolvable(scene, frame, Resolution(steps, cells), tuple(knobs), missing)
+        parameters.append(D_HAT)
+    return Resolvable(scene, frame, Resolution(steps, cells), tuple(parameters), missing)
 
 
 def has_cells_for(scene: Scene, factor: int, fewest: int = FEWEST_CELLS) -> bool:
@@ -142,5 +142,5 @@ def has_cells_for(scene: Scene, factor: int, fewest: int = FEWEST_CELLS) -> bool
 
 def _counts(scene: Scene) -> list[int]:
     """Cells along each side of each cloth."""
-    counts = [cells_of(keys) for keys in scene.cloths]
+    counts = [keys["cells"] for keys in with_cells(scene, Fraction(1)).cloths]
     return [count for each in counts for count in (each if isinstance(each, list | tuple) else [each])]

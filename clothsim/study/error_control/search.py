@@ -1,22 +1,24 @@
 """Search for the resolution that meets a requested error, and the run with it.
 
-A coarse pilot run and a run with every knob refined by two give a first estimate; where the two end in different
+A coarse pilot run and a run with every parameter refined by two give a first estimate; where the two end in different
 shapes, both start again with half the step. Where the estimate is too large, a path of pilot runs between the two gives
-the error of each knob, the cheapest resolution that is expected to be accurate enough is run, and the distance to the
-run before corrects the expectation. A resolution that is expected to miss the request is run as a pilot. Every loop is
-bounded.
+the error of each parameter, the cheapest resolution that is expected to be accurate enough is run, and the distance to
+the run before corrects the expectation. A resolution that is expected to miss the request is run as a pilot. Every loop
+is bounded.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from itertools import product
 from typing import Any
 
 from clothsim import Run, Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.study.error_control.choice import chosen, work
-from clothsim.study.error_control.knob_errors import KnobErrors, from_joint, from_path, root_sum
-from clothsim.study.error_control.resolution import CELLS, D_HAT, TIME, Resolution, Resolvable, resolvable
+from clothsim.study.error_control.parameter_errors import ParameterErrors, from_all, from_path, root_sum
+from clothsim.study.error_control.resolution import Resolution, Resolvable, resolvable
 from clothsim.study.error_control.trial import Distance, Trial, another_shape, distance_at, pilot
+from clothsim.study.parameters import CELLS, D_HAT, PARAMETERS, TIME
 
 NEWTON_PART = 0.2
 """Fraction of the requested error above which Newton's method stops at FINER times a smaller one."""
@@ -31,7 +33,7 @@ STALLED, MOST_STALLED = 0.8, 2
 MOST_RETRIES = 3
 """Failures of the coarsest pilot run, each followed by one with half the step."""
 PATH = (D_HAT, CELLS, TIME)
-"""Order in which the path of pilot runs refines the knobs: cells at the longer steps, where they cost least."""
+"""Order in which the path of pilot runs refines the parameters: cells at the longer steps, where they cost least."""
 
 Candidate = Callable[[Scene, Resolution], tuple[Run, Trial]]
 """Runs a scene into the output directory."""
@@ -49,7 +51,7 @@ class Found:
     trial : Trial
         Its last positions.
     parts : mapping
-        RMS error of each knob and of Newton's method [m].
+        RMS error of each parameter and of Newton's method [m].
     known : bool
         False where the last refinement moved the result by far more than expected, or nothing was compared.
     """
@@ -66,7 +68,7 @@ class Found:
 
     @property
     def resolution_error(self) -> float:
-        """RMS error of the knobs, without that of Newton's method [m]."""
+        """RMS error of the parameters, without that of Newton's method [m]."""
         return root_sum(part for name, part in self.parts.items() if name != "newton")
 
     def met(self, asked: float) -> bool:
@@ -159,7 +161,7 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
             return search, failed if earlier is None else repeated(search, earlier)
         moved = distance(coarsest, first)
         same = not another_shape(first, moved)
-        left = from_joint(moved, 2.0, search.resolvable.knobs, search.resolvable.dt(coarsest.resolution))
+        left = from_all(moved, 2.0, search.resolvable.parameters, search.resolvable.dt(coarsest.resolution))
         found = Found(run, first, parts_of(run, {"all": left}), same)
         if same or search.spent > search.budget / 2:
             break
@@ -167,15 +169,15 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
         search.halve_step()
     if not found.known or found.met(search.asked):
         return search, found
-    errors = _by_knob(search, coarsest, first, distance).not_below(found.parts["all"])
+    errors = _by_parameter(search, coarsest, first, distance).not_below(found.parts["all"])
     found = Found(run, first, parts_of(run, errors.errors), True)
     return search, _refined(search, found, errors, distance)
 
 
 def _first_pair(search: Search) -> tuple[Trial, Run, Trial]:
-    """The coarsest pilot run, and the run with every knob refined by two."""
+    """The coarsest pilot run, and the run with every parameter refined by two."""
     coarsest = _coarsest(search)
-    return coarsest, *search.run(search.resolvable.refined(coarsest.resolution, search.resolvable.knobs))
+    return coarsest, *search.run(search.resolvable.refined(coarsest.resolution, search.resolvable.parameters))
 
 
 def _coarsest(search: Search) -> Trial:
@@ -188,9 +190,9 @@ def _coarsest(search: Search) -> Trial:
     raise InputError(f"No pilot run for solver.error came to its end: {trial.reason}", "Give solver.dt, and run it.")
 
 
-def _by_knob(search: Search, coarsest: Trial, first: Trial, distance: Distance) -> KnobErrors:
-    """Errors of the first run by knob, from a path of pilot runs that refines one knob after the other."""
-    names = [name for name in PATH if name in search.resolvable.knobs]
+def _by_parameter(search: Search, coarsest: Trial, first: Trial, distance: Distance) -> ParameterErrors:
+    """Errors of the first run by parameter, from a path of pilot runs that refines one parameter after the other."""
+    names = [name for name in PATH if name in search.resolvable.parameters]
     path = [coarsest]
     for name in names[:-1]:
         trial = search.pilot(search.resolvable.refined(path[-1].resolution, [name]))
@@ -200,7 +202,7 @@ def _by_knob(search: Search, coarsest: Trial, first: Trial, distance: Distance) 
     return from_path(search.resolvable.sizes(first.resolution), moved, dict.fromkeys(names, 2.0))
 
 
-def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distance) -> Found:
+def _refined(search: Search, found: Found, errors: ParameterErrors, distance: Distance) -> Found:
     """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds.
 
     Where the last of them was a pilot, it is run into the output directory at the end.
@@ -245,7 +247,7 @@ def repeated(search: Search, found: Found) -> Found:
     return Found(run, trial, parts_of(run, {key: part for key, part in found.parts.items() if key != "newton"}), False)
 
 
-def _following(search: Search, found: Found, errors: KnobErrors, last: Trial) -> Resolution | None:
+def _following(search: Search, found: Found, errors: ParameterErrors, last: Trial) -> Resolution | None:
     """The next resolution within the bounds of the search; None where there is none."""
     if found.parts["newton"] > NEWTON_PART * search.asked:
         search.newton_error_fraction *= FINER
@@ -257,6 +259,121 @@ def _following(search: Search, found: Found, errors: KnobErrors, last: Trial) ->
 
 
 def parts_of(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
-    """Return the parts of an error: those of the knobs, and the sum of Newton's own estimates."""
+    """Return the parts of an error: those of the parameters, and the sum of Newton's own estimates."""
     newton = run.summary["certificate"]["error_estimate"]["newton"]
     return {**errors, "newton": newton if isinstance(newton, float) else 0.0}
+
+
+AIM = 0.95
+"""Fraction of the requested error that is aimed at."""
+FARTHEST = {name: each.assumed.farthest for name, each in PARAMETERS.items() if each.assumed}
+"""Largest refinement of a parameter beyond the finest run so far: further out the expected errors are not trusted."""
+OVERHEAD = 100
+"""Vertices whose work is that of a Newton iteration without any."""
+GROWTH = 0.85
+"""Newton iterations grow with that power of the number of steps."""
+FACTORS = (
+    1,
+    Fraction(3, 2),
+    2,
+    Fraction(5, 2),
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    10,
+    12,
+    14,
+    16,
+    20,
+    24,
+    28,
+    32,
+    40,
+    48,
+    56,
+    64,
+    80,
+    96,
+    128,
+)
+"""Factors of the coarsest resolution."""
+
+
+def work(resolvable: Resolvable, resolution: Resolution, vertices: int) -> float:
+    """Expected work of a run relative to the coarsest: Newton iterations times vertices, counted so that it repeats.
+
+    Parameters
+    ----------
+    resolvable : Resolvable
+        The scene.
+    resolution : Resolution
+        Its resolution.
+    vertices : int
+        Vertices of its coarsest mesh.
+    """
+    coarsest = resolvable.coarsest
+    size = vertices * float((resolution.cells / coarsest.cells) ** 2)
+    contact = float(coarsest.d_hat / resolution.d_hat) ** 0.15
+    return (size + OVERHEAD) / (vertices + OVERHEAD) * (resolution.steps / coarsest.steps) ** GROWTH * contact
+
+
+def chosen(
+    resolvable: Resolvable,
+    errors: ParameterErrors,
+    done: Sequence[Resolution],
+    asked: float,
+    vertices: int,
+    most: float,
+) -> Resolution | None:
+    """The resolution with the least work whose expected error is AIM of what is asked.
+
+    Parameters
+    ----------
+    resolvable : Resolvable
+        The scene.
+    errors : ParameterErrors
+        Errors of the last run.
+    done : sequence of Resolution
+        All runs so far.
+    asked : float
+        Requested error [m].
+    vertices : int
+        Vertices of the coarsest mesh.
+    most : float
+        Largest admissible work.
+
+    Returns
+    -------
+    Resolution or None
+        Where none within reach is accurate enough: one of those that come nearest. None where none is new.
+    """
+    candidates = [each for each in _within_reach(resolvable, done) if each not in done]
+    candidates = [each for each in candidates if work(resolvable, each, vertices) <= most]
+    if not candidates:
+        return None
+    expected = {each: errors.at(resolvable.sizes(each)).total for each in candidates}
+    bar = max(AIM * asked, 1.2 * min(expected.values()))
+    enough = [each for each in candidates if expected[each] <= bar]
+    return min(enough, key=lambda each: work(resolvable, each, vertices))
+
+
+def _within_reach(resolvable: Resolvable, done: Sequence[Resolution]) -> list[Resolution]:
+    coarsest, parameters = resolvable.coarsest, resolvable.parameters
+    steps = [coarsest.steps * factor for factor in FACTORS if (coarsest.steps * factor) % 1 == 0]
+    cells = [Fraction(coarsest.cells * factor) for factor in FACTORS if (coarsest.cells * factor * 2) % 1 == 0]
+    d_hat = [coarsest.d_hat / factor for factor in FACTORS]
+    finest_steps, finest_cells = max(each.steps for each in done), max(each.cells for each in done)
+    least = min(each.d_hat for each in done)
+    return [
+        Resolution(int(n), c, Fraction(d))
+        for n, c, d in product(
+            [each for each in steps if each <= FARTHEST[TIME] * finest_steps],
+            [each for each in cells if each <= FARTHEST[CELLS] * finest_cells and resolvable.whole(each)]
+            if CELLS in parameters
+            else [coarsest.cells],
+            [each for each in d_hat if each >= least / FARTHEST[D_HAT]] if D_HAT in parameters else [coarsest.d_hat],
+        )
+    ]

@@ -1,16 +1,16 @@
 """Error of a run by two coarser ones, whose differences tell whether an order of convergence may be assumed.
 
 Coarser by two and by four in all (dt, cells, d_hat), two runs move the result by D2 and D4 - D2. Where an error falls
-with an order p, the second difference is 2^p times the first. That order itself predicts badly (`knob_errors`); but
-where the differences do not fall about as assumed the pair tells nothing, and the error is not known. Of 39 runs of 12
-scenes 34 had a number by the first difference alone, 10 of them off by more than two; with this check 8 have one, none
-of them off by more (docs/howto/accuracy.md).
+with an order p, the second difference is 2^p times the first. That order itself predicts badly (`parameter_errors`);
+but where the differences do not fall about as assumed the pair tells nothing, and the error is not known. Of 39 runs of
+12 scenes 34 had a number by the first difference alone, 10 of them off by more than two; with this check 8 have one,
+none of them off by more (docs/howto/accuracy.md).
 """
 
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from clothsim.study.error_control.resolution import D_HAT
+from clothsim.study.parameters import D_HAT
 
 ORDER, ORDER_IN_CONTACT = 1.5, 1.2
 """Assumed orders of a joint refinement."""
@@ -35,7 +35,7 @@ class ThreeRuns:
     reason: str = ""
 
 
-def from_three(difference: float, coarser_difference: float, knobs: Collection[str]) -> ThreeRuns:
+def from_three(difference: float, coarser_difference: float, parameters: Collection[str]) -> ThreeRuns:
     """Estimate the error of a run.
 
     Parameters
@@ -44,7 +44,7 @@ def from_three(difference: float, coarser_difference: float, knobs: Collection[s
         RMS distance from the run that is coarser by two [m].
     coarser_difference : float
         That of this one from the run coarser by four [m].
-    knobs : collection of str
+    parameters : collection of str
         What is coarser; with a d_hat the scene has contact.
 
     Returns
@@ -58,7 +58,7 @@ def from_three(difference: float, coarser_difference: float, knobs: Collection[s
     >>> from_three(1e-3, 1.1e-3, ("dt", "cells")).reason
     'a run coarser by two moves the result by 1 mm, one by four by another 1.1 mm: no order of convergence'
     """
-    order, (least, most) = (ORDER_IN_CONTACT, FALL_IN_CONTACT) if D_HAT in knobs else (ORDER, FALL)
+    order, (least, most) = (ORDER_IN_CONTACT, FALL_IN_CONTACT) if D_HAT in parameters else (ORDER, FALL)
     error = difference / (2.0**order - 1)
     if least * difference <= coarser_difference <= most * difference:
         return ThreeRuns(error)

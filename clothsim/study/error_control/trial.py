@@ -6,9 +6,9 @@ from time import process_time
 
 import numpy as np
 
-from clothsim import Scene
+from clothsim import Run, Scene
 from clothsim.base.arrays import Floats
-from clothsim.engine import build, first_state, prepare, steps
+from clothsim.engine import Session, last_positions
 from clothsim.study.error_control.resolution import Resolution
 from clothsim.study.resample import Material, at_points_of, point_areas, world_material
 
@@ -38,6 +38,8 @@ class Trial:
     reason: str = ""
 
 
+Runs = Callable[[Scene, list[Session]], Run]
+"""Runs a scene with fixed settings into the output directory; the list receives the session that it announces."""
 Distance = Callable[[Trial, Trial], float]
 ANOTHER_SHAPE = 0.1
 """Distance of two runs over the size of the cloth from which no order of convergence holds between them."""
@@ -46,16 +48,8 @@ ANOTHER_SHAPE = 0.1
 def pilot(scene: Scene, resolution: Resolution) -> Trial:
     """Run a scene at a resolution without writing anything."""
     started = process_time()
-    session = prepare(scene, build(scene))
-    world, run = session.built.world, scene.run_settings
-    state, reason = first_state(world, session.integrator.dt), ""
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
-        if report.failure is not None:
-            reason = report.failure.reason
-            break
-        state = report.state
-    x = state.positions[: world.n_cloth] + world.origin
-    return Trial(resolution, world_material(world), x, process_time() - started, reason)
+    world, positions, reason = last_positions(scene)
+    return Trial(resolution, world_material(world), positions, process_time() - started, reason)
 
 
 def another_shape(finer: Trial, moved: float) -> bool:

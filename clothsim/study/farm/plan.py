@@ -10,7 +10,7 @@ from typing import Any
 from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.engine import build, scene_from_text
+from clothsim.engine import build
 from clothsim.study.farm.identity import content_id
 from clothsim.study.farm.recipe import Recipe, changed
 
@@ -47,7 +47,7 @@ class Farm:
     @cached_property
     def scene(self) -> Scene:
         """The base scene."""
-        return scene_from_text(json.dumps(self.settings["scene"]), self.directory)
+        return Scene.from_text(json.dumps(self.settings["scene"]), self.directory)
 
     @cached_property
     def jobs(self) -> tuple[Job, ...]:

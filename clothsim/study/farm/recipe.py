@@ -12,9 +12,8 @@ import numpy as np
 
 from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import shown, table
+from clothsim.base.inputs import refuse_unknown, shown, table
 from clothsim.base.safe_files.regular_file import read_regular_file
-from clothsim.engine import refuse_unknown
 
 # Random draws of scene keys: one stream for each seed, index and key.
 
@@ -217,9 +216,8 @@ def load_recipe(path: str | Path) -> Recipe:
     """
     file = Path(path)
     try:
-        data = tomllib.loads(read_regular_file(file, 1 << 24).decode("utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"There is no recipe {file}.", "Name a TOML file with [farm] and [vary].") from error
+        absent = "Name a TOML file with [farm] and [vary]."
+        data = tomllib.loads(read_regular_file(file, 1 << 24, absent).decode("utf-8"))
     except ValueError as error:
         raise InputError(f"{file} is not a TOML file: {error}.", "Write key = value, as in toml.io.") from error
     refuse_unknown("The recipe", data, ("farm", "set", "vary"))

@@ -57,7 +57,7 @@ def work(
     farm: Farm,
     worker: Worker | None = None,
     most_attempts: int = ATTEMPTS,
-    on_drape: Callable[[Job, Drape], None] | None = None,
+    progress: Callable[[Job, Drape], None] | None = None,
     pause: float = PAUSE,
 ) -> Tally:
     """Make drapes in this process until every one of the farm is published.
@@ -70,7 +70,7 @@ def work(
         Times of heartbeats.
     most_attempts : int
         Attempts that began and did not end, before a drape is published as killed.
-    on_drape : callable, optional
+    progress : callable, optional
         Called with each drape that this process published.
     pause : float
         Time between two looks at drapes that others make [s].
@@ -96,8 +96,8 @@ def work(
                 if made is not None:
                     idle = False
                     tally = tally.after(made)
-                    if on_drape is not None:
-                        on_drape(job, made)
+                    if progress is not None:
+                        progress(job, made)
             if idle:
                 sleep(pause)
     return tally

@@ -9,6 +9,7 @@ from clothsim.files.characters.clip import uniform_clip
 from clothsim.files.characters.keep_apart import GAP, _least, kept_apart
 from clothsim.files.characters.known_bodies import mannequin_character
 from clothsim.files.characters.motion_check import meetings
+from clothsim.keys.mesh_keys import check_body
 from clothsim.scene.assembly.meshes import body_of
 
 
@@ -53,7 +54,7 @@ def test_a_motion_without_meetings_stays(character):
 
 def test_the_key_of_a_scene():
     motion = {"clip": "turn", "end": 0.02, "keep_apart": True, "lead_in": 0.1}
-    _, notes = body_of({"model": "mannequin", "motion": motion}, "body", Path())
+    _, notes = body_of(check_body("body", {"model": "mannequin", "motion": motion}), "body", Path())
     assert any("degrees to keep apart" in note for note in notes)
     assert 0 < GAP < 0.05
 

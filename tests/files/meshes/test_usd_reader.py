@@ -6,6 +6,7 @@ from exported_runs import Y_UP, all_points, exported_run
 
 from clothsim import InputError
 from clothsim.files.meshes.mesh_file import read_mesh
+from clothsim.keys.mesh_keys import check_body
 from clothsim.scene.assembly.meshes import body_of
 
 pxr = pytest.importorskip("pxr", reason="needs clothsim[usd]")
@@ -61,7 +62,7 @@ def test_a_body_moves_as_in_the_file_at_any_rate(tmp_path, rate):
     run = exported_run(tmp_path)
     run.export(tmp_path / "a.usdc", scale=100)
     keys = {"frames": "a.usdc", "group": "kick", "name": "kick", "frames_per_second": rate}
-    body, _ = body_of(keys, "body", tmp_path)
+    body, _ = body_of(check_body("body", keys), "body", tmp_path)
     for frame, time in enumerate(run.times):
         np.testing.assert_allclose(body.at(time), run.bodies(frame)[1][1], rtol=0, atol=1e-6)
     assert body.motion.duration == pytest.approx(run.times[-1])

@@ -143,7 +143,7 @@ def test_the_graded_pattern_is_sewn_and_written(own, wide, tmp_path, monkeypatch
     shelf = [[-22, -22], [22, -22], [22, 22], [-22, 22]]
     pattern = pattern_of(specification({"shelf": panel(shelf, translation=[0, 110, 0], rotation=[90, 0, 0])}))
     bodies = [clothsim.Body(each.positions, each.triangles, name=each.name) for each in (own, wide)]
-    done = clothsim.dress(pattern, bodies[1], tmp_path, size=0.07, cut_for=bodies[0], grade={"arm": 1.25})
+    done = clothsim.dress(pattern, bodies[1], tmp_path, size=0.07, made_for=bodies[0], grade={"arm": 1.25})
     assert done.status == "failed"
     written = read_specification(tmp_path / "graded_specification.json")
     assert np.allclose(written.panels["shelf"].vertices, done.pattern.panels["shelf"].vertices, atol=1e-12)

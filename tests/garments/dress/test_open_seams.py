@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from effect_builders import bending, seams
 from sewing_patterns import panel, specification, stitch
 
 from clothsim.garments.dress.draping import open_seam_tables
@@ -11,8 +12,6 @@ from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.seams import seams
 
 
 def welded_but(open_pairs: list[int]) -> SewingState:

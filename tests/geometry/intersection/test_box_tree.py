@@ -23,8 +23,8 @@ def search(lower, upper, low=None, high=None):
     """Pairs of boxes that overlap, by the traversal of two trees, or of one with itself."""
     itself = low is None
     low, high = (lower, upper) if itself else (low, high)
-    order, nodes = tree(lower, upper)
-    other_order, other_nodes = (order, nodes) if itself else tree(low, high)
+    order, nodes = tree(lower, upper, box_tree.LEAF)
+    other_order, other_nodes = (order, nodes) if itself else tree(low, high, box_tree.LEAF)
     assert np.array_equal(np.sort(order), np.arange(len(lower)))
     items, others = leaves_of(order, nodes), leaves_of(other_order, other_nodes)
     stack, waiting, found = np.ones((box_tree.STACK, 2), np.int64), 1, []

@@ -14,9 +14,9 @@ from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.hinges import dihedral_angles
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
 from tests.known_answers.plates import drooped, elastica
 from tests.known_answers.strips import lattice_strip
+from tests.support.effect_builders import bending
 
 SIZE = 1e-4
 STIFFNESS = UNIT.bending_stiffness

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from contacts import sheet_on_ball
 
-from clothsim import Scene, simulate
+from clothsim import Friction, Scene, simulate
 from clothsim.physics.contact.anchors import Anchors, anchors_at, anchors_from
 from clothsim.physics.contact.friction_coefficients import coefficient_tables
 
@@ -208,6 +208,5 @@ def test_a_file_gives_the_same_bits():
     ],
 )
 def test_defaults_of_the_two_coefficients(keys, static, kinetic):
-    keys = {"coefficient": 0.3, "mu_static": "auto", "mu_kinetic": "auto"} | keys
-    tables = coefficient_tables(sheet_on_ball(), *keys.values(), pairs=())
+    tables = coefficient_tables(sheet_on_ball(), Friction(coefficient=0.3, **keys))
     assert [table[0, 1] for table in tables] == [static, kinetic]

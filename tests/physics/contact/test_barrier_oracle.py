@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from contacts import jittered, sheet, sheet_on_ball, two_sheets
 from differences import dense_hessian
+from effect_builders import body_contact, self_contact
 from ipctk_barrier import by_ipctk
 
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.contact.self_contact import self_contact
 
 D_HAT = 0.06
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import body_contact
 from meshes import cloth, grid, small_world
 from solving import step_at
 
@@ -12,7 +13,6 @@ from clothsim.base.errors import InputError
 from clothsim.mesh.body import make_body
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.body_contact import body_contact
 from clothsim.physics.contact.stiffness import barrier_stiffness, default_d_hat
 from clothsim.physics.energies.base import Off
 

@@ -7,7 +7,7 @@ import pytest
 
 from clothsim.physics.contact.broad_phase import candidate_pairs
 from clothsim.physics.contact.bvh import build_tree, refit
-from clothsim.physics.contact.pair_order import lexicographic_order
+from clothsim.physics.contact.search import lexicographic_order
 
 ROW_OFFSET = 2000
 """More rows than any test has boxes."""

@@ -9,12 +9,11 @@ import pytest
 from contact_configurations import D_HAT, at_random, close
 from contacts import ball, jittered, sheet
 from differences import dense_hessian, gradient_error, hessian_error, taylor_slopes
+from effect_builders import body_contact, self_contact
 
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact import barrier_kernels as kernels
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.contact.self_contact import self_contact
 
 POSES = {**at_random(2), **close((1e-2, 1e-6))}
 

@@ -5,7 +5,7 @@ from importlib import import_module
 
 import pytest
 
-NAMES = ("body_contact", "flat_features", "friction_coefficients", "self_contact", "stiffness")
+NAMES = ("body_contact", "friction_coefficients", "self_contact", "stiffness", "surface")
 
 
 @pytest.mark.parametrize("name", NAMES)

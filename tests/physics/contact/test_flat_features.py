@@ -11,9 +11,9 @@ from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import frame_motion, rigid_motion
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.contact.flat_features import FLAT, flat_features
+from clothsim.physics.contact.surface import FLAT, flat_features
 from tests.known_answers.unit_meshes import irregular_grid
+from tests.support.effect_builders import body_contact
 
 D_HAT = 0.05
 

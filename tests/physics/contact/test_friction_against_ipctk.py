@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 from contact_configurations import adversarial, at_random, close
 from differences import dense_hessian
+from effect_builders import friction
 from ipctk_barrier import by_ipctk
 from solving import step_at
 
 from clothsim.base.indexing import four_points
 from clothsim.physics.contact import barrier_kernels as kernels
-from clothsim.physics.contact.friction_coefficients import friction
 
 POSES = {**at_random(), **adversarial(), **close()}
 OVER_NEEDLES = "needles over needles, body"

@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import body_contact, inertia
 from meshes import cloth, grid
 from solving import step_at
 
 from clothsim.mesh.body import make_body
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.body_contact import body_contact
 from clothsim.physics.contact.stiffness import RISE_TIME, bounded_stiffness
-from clothsim.physics.energies.inertia import inertia
 
 DT = 0.01
 

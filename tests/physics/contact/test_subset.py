@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from contacts import body_surface, self_surface, sheet_on_ball, two_sheets
 
+from clothsim.physics.contact.barrier import RADIUS_IN_SKINS, CandidateSubset
 from clothsim.physics.contact.candidates import Candidates
-from clothsim.physics.contact.subset import RADIUS_IN_SKINS, CandidateSubset
 
 D_HAT = 0.05
 

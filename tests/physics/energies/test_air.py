@@ -4,18 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import air, gravity, inertia, membrane
 from meshes import UNIT, cloth, deformed, grid, irregular_grid, random_rotation, small_world
 from solving import integrator_of, run_of, step_at
 
-from clothsim import InputError, Scene, resume, simulate
+from clothsim import Gust, InputError, Scene, Vortex, resume, simulate
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.air import air
+from clothsim.physics.energies.air import swing, wind_of
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from clothsim.physics.energies.step import Past
-from clothsim.physics.energies.wind import swing, wind_of
 
 G = 9.81
 
@@ -143,7 +140,7 @@ def test_velocities_are_taken_from_the_past_of_the_formula():
 
 
 def test_a_gust_swings_within_its_amplitude_and_travels_with_the_wind():
-    gust = wind_of("w", {"kind": "gust", "velocity": [4.0, 0, 0], "amplitude": 0.5, "period": 0.7})
+    gust = wind_of("w", Gust(velocity=[4.0, 0, 0], amplitude=0.5, period=0.7))
     times = np.linspace(0, 50, 4001)
     here = np.array([gust.at(np.zeros((1, 3)), time)[0] for time in times])
     assert not here[:, 1:].any()
@@ -155,7 +152,7 @@ def test_a_gust_swings_within_its_amplitude_and_travels_with_the_wind():
 
 
 def test_a_gust_sways_to_either_side_by_its_angle():
-    gust = wind_of("w", {"kind": "gust", "velocity": [0, 3.0, 0], "amplitude": 0, "sway_degrees": 20})
+    gust = wind_of("w", Gust(velocity=[0, 3.0, 0], amplitude=0, sway_degrees=20))
     winds = gust.at(np.zeros((1, 3)) + np.linspace(0, 90, 4001)[:, None] * [0, 1, 0], 0.0)
     angles = np.degrees(np.arctan2(-winds[:, 0], winds[:, 1]))
     assert np.allclose(np.linalg.norm(winds, axis=1), 3.0)
@@ -171,13 +168,13 @@ def test_swing_stays_between_minus_one_and_one():
 
 
 def test_a_vortex_turns_about_its_line_and_is_advected():
-    keys = {"kind": "vortex", "circulation": 2.0, "core": 0.3, "centre": [1, 0, 5], "axis": [0, 0, 2]}
+    keys = Vortex(circulation=2.0, core=0.3, centre=[1, 0, 5], axis=[0, 0, 2])
     vortex = wind_of("w", keys)
     r = 0.3
     assert np.allclose(vortex.at(np.array([[1 + r, 0, 7.0]]), 3.0), [[0, 2.0 / (2 * np.pi * 2 * r), 0]])
     far = 3e4
     assert vortex.at(np.array([[1.0, far, 0]]), 0.0)[0, 0] * far == pytest.approx(-2.0 / (2 * np.pi))
-    moved = wind_of("w", keys | {"velocity": [2.0, 0, 0]})
+    moved = wind_of("w", keys.with_keys(velocity=[2.0, 0, 0]))
     assert np.allclose(moved.at(np.array([[7 + r, 0, 0]]), 3.0), [[2.0, 2.0 / (2 * np.pi * 2 * r), 0]])
 
 
@@ -194,17 +191,18 @@ def test_a_field_knows_the_scenes_own_coordinates():
     ("keys", "message"),
     [
         ({"wind": [1, 2]}, "effects.air.wind must be 3 numbers"),
-        ({"wind": "west"}, "effects.air.wind must be numbers"),
+        ({"wind": "west"}, "effects.air.wind must be 3 numbers"),
         ({"wind": {"kind": "storm"}}, "effects.air.wind.kind is 'storm'. Known: gust, vortex"),
         ({"wind": {"velocity": [1, 0, 0]}}, "effects.air.wind.kind is None"),
-        ({"wind": {"kind": "gust"}}, r"wind \(gust\) has no velocity"),
+        ({"wind": {"kind": "gust"}}, "wind has no velocity"),
         ({"wind": {"kind": "gust", "velocity": [0, 0, 0]}}, "velocity is zero"),
         ({"wind": {"kind": "gust", "velocity": [1, 0, 0], "period": 0}}, "period must be above 0"),
         ({"wind": {"kind": "gust", "velocity": [1, 0, 0], "sway": 3}}, "has no key 'sway'"),
         ({"wind": {"kind": "vortex", "circulation": 1}}, "has no core"),
         ({"wind": {"kind": "vortex", "circulation": 1, "core": 1, "axis": [0, 0, 0]}}, "axis is zero"),
         ({"wind": {"function": "blow"}}, "effects.air.wind was the Python function 'blow'"),
-        ({"lift": 1.5}, "effects.air.lift is 1.5 on triangle 0"),
+        ({"lift": 1.5}, "effects.air.lift must be from 0 to 1"),
+        ({"lift": [0.5] * 7 + [1.5] * 5}, "effects.air.lift is 1.5 on triangle 7"),
         ({"drag": -1}, "effects.air.drag must be at least 0"),
         ({"density": -1}, "effects.air.density must be at least 0"),
     ],

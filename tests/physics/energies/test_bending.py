@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error, taylor_slopes
+from effect_builders import bending
 from meshes import UNIT, cloth, deformed, grid, irregular_grid, random_rotation, small_world
 
 from clothsim.base.errors import InputError
@@ -12,7 +13,6 @@ from clothsim.base.linalg import kabsch
 from clothsim.mesh.hinges import dihedral_angles
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.bending import bending
 from clothsim.physics.energies.quadratic_bending import folded
 from clothsim.physics.energies.step import Step
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from differences import dense_hessian, gradient_error, hessian_error
+from effect_builders import damping, inertia, membrane
 from meshes import UNIT, cloth, deformed, grid, small_world
 from solving import integrator_of, run_of, step_at
 
@@ -13,11 +14,9 @@ from clothsim.base.errors import InputError
 from clothsim.mesh.motion import rotation_matrix
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.damping import MassDamping, damping
+from clothsim.physics.energies.damping import MassDamping
 from clothsim.physics.energies.hinge_bending import hinge_bending
-from clothsim.physics.energies.history import past_of
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
+from clothsim.physics.energies.strain_damping import past_of
 from clothsim.solve.stepping.integrators import bdf2_past
 from clothsim.solve.stepping.state import Previous, first_state
 

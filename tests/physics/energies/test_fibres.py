@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error
+from effect_builders import fibres, membrane
 from meshes import UNIT, cloth, deformed, irregular_grid, random_rotation, small_world
 
 from clothsim.base.errors import InputError
@@ -13,8 +14,6 @@ from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.sheets import tube
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.fibres import fibres
-from clothsim.physics.energies.membrane import membrane
 
 WARP, WEFT, SHEAR, NU = 3.0, 1.2, 0.4, 0.3
 WOVEN = replace(UNIT, warp_stiffness=WARP, weft_stiffness=WEFT, shear_stiffness=SHEAR, poisson_ratio=NU)

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, membrane, strain_limit
 from meshes import cloth, grid
 
 from clothsim.base.jit import LANES
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
 from clothsim.physics.energies.hessians import AT_ONCE
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.strain_limit import strain_limit
 
 ENERGIES = {
     "hinges": lambda world: bending(world, model="hinge"),

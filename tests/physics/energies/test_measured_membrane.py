@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error
+from effect_builders import membrane
 from meshes import deformed, random_rotation, small_world
 from scipy.integrate import quad
 from small_scenes import SHEET, SOLVER
@@ -10,7 +11,6 @@ from small_scenes import SHEET, SOLVER
 from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
 from clothsim.physics.energies.measured_membrane import Curve
-from clothsim.physics.energies.membrane import membrane
 
 WARP = [[0.02, 4.0], [0.05, 20.0], [0.10, 60.0]]
 WEFT = [[0.10, 3.0], [0.30, 30.0]]

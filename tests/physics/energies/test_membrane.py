@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from differences import dense_hessian, hessian_error
+from effect_builders import membrane
 from meshes import UNIT, cloth, deformed, grid, irregular_grid, random_rotation, small_world
 from scipy.optimize import brentq
 
@@ -15,7 +16,6 @@ from clothsim.base.errors import InputError
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.membrane import membrane
 
 MU, LAM = 1.0, 1.5
 NU = LAM / (LAM + 2 * MU)

@@ -14,12 +14,12 @@ from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.membrane import membrane
 from clothsim.physics.energies.paired_membrane import IN_PLANE, OWN, paired_membrane
 from clothsim.physics.energies.triangle_pairs import pairs
 from tests.known_answers.a1_membrane import FABRIC, STATES, psi, sliver_sheet
 from tests.known_answers.a6_inflation import balloon, blown_up, mylar
 from tests.known_answers.a8_wrinkles import sheared, strip, thickness_of
+from tests.support.effect_builders import membrane
 
 every_shape = pytest.mark.parametrize("curved", [False, True], ids=["flat", "curved"])
 

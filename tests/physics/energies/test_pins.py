@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from effect_builders import pins
 from meshes import cloth, grid, small_world
 from scipy.spatial.transform import Rotation
 
@@ -9,7 +10,6 @@ from clothsim.base.errors import InputError
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.pins import pins
 
 
 def sheet(n=3):

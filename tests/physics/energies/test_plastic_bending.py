@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, membrane, plastic_bending, rest_angle
 from meshes import UNIT, cloth, grid
 from small_scenes import EFFECTS, SHEET, small_scene
 from solving import equilibrium, held, step_at, those_on
@@ -13,12 +14,8 @@ from clothsim.base.errors import InputError
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.bending import bending
 from clothsim.physics.energies.hinge_kernels import angles
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.plastic_bending import plastic_bending
 from clothsim.physics.energies.plastic_hinges import flowed
-from clothsim.physics.energies.rest_angle import rest_angle
 
 
 def sheet(**changes):

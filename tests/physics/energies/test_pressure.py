@@ -12,12 +12,7 @@ from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
-from clothsim.physics.energies.pressure import pressure
 from clothsim.solve.stepping.branch_switching import static_model
 from tests.known_answers.a6_inflation import (
     inflated_disc,
@@ -27,6 +22,7 @@ from tests.known_answers.a6_inflation import (
     sphere_pressure,
     volume,
 )
+from tests.support.effect_builders import gravity, inertia, membrane, pins, pressure
 
 
 def ball(subdivisions=1, fabric=UNIT, inward=False):

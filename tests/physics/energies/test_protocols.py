@@ -4,13 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from effect_builders import friction, gravity, membrane
 from meshes import small_world
 from solving import step_at
 
-from clothsim.physics.contact.friction_coefficients import friction
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.links import Links
-from clothsim.physics.energies.membrane import membrane
 from clothsim.physics.energies.protocols import (
     NO_REPORT,
     ContactGap,

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from differences import dense_hessian
+from effect_builders import bending, membrane, rest_angle
 from meshes import UNIT, cloth, grid, irregular_grid
 from small_scenes import SHEET, small_scene
 from solving import equilibrium, held, step_at, those_on
@@ -13,10 +14,7 @@ from clothsim import simulate
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.bending import bending
 from clothsim.physics.energies.hinge_kernels import angles
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.rest_angle import rest_angle
 
 MIDDLE = {"through": [[0.5, 0.0, 0.0], [0.5, 1.0, 0.0]]}
 

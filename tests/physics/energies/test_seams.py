@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, gravity, membrane, seams
 from meshes import UNIT, cloth, grid
 from small_scenes import SHEET, SOLVER, small_scene
 from solving import equilibrium, held, step_at
@@ -13,11 +14,7 @@ from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.hinge_kernels import angles
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.seams import seams
 
 LEFT, RIGHT = {"side": "left"}, {"side": "right"}
 
@@ -231,8 +228,8 @@ def test_no_seam_is_off():
     [
         ({"from": {"side": "left"}}, r"seam\[0\] has no to"),
         ({"from": LEFT, "to": RIGHT, "stop": 1}, "no key 'stop'"),
-        ({"from": LEFT, "to": "right"}, r"seam\[0\].to is 'right'"),
-        ({"from": LEFT, "to": {"border": "right"}}, r"seam\[0\]\.to is .*cloth, side"),
+        ({"from": LEFT, "to": "right"}, r"seam\[0\].to must be a table, not 'right'"),
+        ({"from": LEFT, "to": {"border": "right"}}, r"seam\[0\]\.to has no key 'border'.*cloth, side"),
         ({"from": LEFT, "to": {"side": "right", "edge": 1}}, "panel with edge"),
         ({"from": LEFT, "to": {"panel": "front"}}, "panel with edge"),
         ({"from": LEFT, "to": {"panel": "front", "edge": 1}}, "which no cloth has"),

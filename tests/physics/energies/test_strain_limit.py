@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error
+from effect_builders import membrane, strain_limit
 from meshes import cloth, deformed, grid, irregular_grid, random_rotation, small_world
 from small_scenes import SHEET, SOLVER
 from solving import equilibrium, held
@@ -17,8 +18,7 @@ from clothsim.keys.fabrics import FABRICS
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.strain_limit import limit_of_extension, strain_limit
+from clothsim.physics.energies.strain_limit import limit_of_extension
 from clothsim.physics.energies.stretch_barrier import SLACK
 
 STIFFNESS = 2.0

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error, numeric_hessian, taylor_slopes
+from effect_builders import built
 from meshes import cloth, deformed, irregular_grid, random_rotation
 from scipy import sparse
 
@@ -36,13 +37,13 @@ def table_world():
 def made(name):
     """The effect on the table world: the energy bound to a step of order one or the constraint, and the world."""
     world = table_world()
-    filled = {"contacts": ("body_contact",), "built": {"bending": EFFECTS["bending"].build(world, {}, {})}}
-    thing = EFFECTS[name].build(world, EXAMPLES[name].keys, filled)
+    filled = {"contacts": ("body_contact",), "built": {"bending": built("bending", world)}}
+    thing = built(name, world, **EXAMPLES[name].keys, **filled)
     if isinstance(thing, tuple):
         return thing[1], thing[0]
     assert isinstance(thing, Energy), f"{name} is {thing}: give it an EXAMPLE with which it acts"
-    contact = EFFECTS["body_contact"].build(world, EXAMPLES["body_contact"].keys, {})
-    crease = EFFECTS["rest_angle"].build(world, EXAMPLES["rest_angle"].keys, filled)
+    contact = built("body_contact", world, **EXAMPLES["body_contact"].keys)
+    crease = built("rest_angle", world, **EXAMPLES["rest_angle"].keys, **filled)
     start = step(world, world.start())
     return thing.begin(replace(start, bound={"body_contact": contact, "rest_angle": crease.begin(start)})), world
 

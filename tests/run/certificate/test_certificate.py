@@ -5,14 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, gravity, inertia, membrane
 from meshes import cloth, deformed, irregular_grid, small_world
 from solving import integrator_of, run_of
 
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from clothsim.run.certificate.certificate import Certificate, certificate_from, world_stretches
 from clothsim.run.certificate.intersection_history import IntersectionHistory, Occurrences
 from clothsim.solve.stepping.state import first_state

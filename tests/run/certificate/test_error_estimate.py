@@ -4,16 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import body_contact, gravity, inertia, membrane, pins
 from meshes import cloth, grid, irregular_grid
 from solving import integrator_of, run_of
 
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
 from clothsim.run.certificate.error_estimate import ErrorEstimate
 
 PLATE = np.array([[-5.0, -4, 0], [5, -5, 0], [4.5, 5, 0], [-5, 5, 0]]), np.array([[0, 1, 2], [0, 2, 3]])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from meshes import cloth, grid
 
+from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.mesh.world_surfaces import world_surfaces
@@ -19,7 +20,8 @@ def world(*bodies):
 
 
 def check_of(scene, effects):
-    return intersection_check_of(world_surfaces(scene), effects, effects)
+    sections = {name: TYPED_EFFECTS[name].parsed(name, keys) for name, keys in effects.items()}
+    return intersection_check_of(world_surfaces(scene), sections, effects)
 
 
 @pytest.mark.parametrize(

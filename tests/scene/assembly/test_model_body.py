@@ -9,6 +9,7 @@ import pytest
 
 import clothsim
 from clothsim.base.errors import InputError
+from clothsim.keys.mesh_keys import check_body
 from clothsim.scene.assembly.meshes import body_of
 
 HERE = Path(__file__).parent
@@ -16,12 +17,12 @@ WALK = {"clip": "walk", "loop": True, "lead_in": 0.5}
 
 
 def model(**keys):
-    return body_of({"model": "mannequin", **keys}, "body", HERE)[0]
+    return body_of(check_body("body", {"model": "mannequin", **keys}), "body", HERE)[0]
 
 
 @pytest.mark.parametrize("measures", [{}, {"height": 1.6}, {"height": 1.87, "waist": 1.1}])
 def test_the_mannequin_through_the_model_is_the_mannequin(measures):
-    generated, _ = body_of({"mesh": "mannequin", **measures}, "body", HERE)
+    generated, _ = body_of(check_body("body", {"mesh": "mannequin", **measures}), "body", HERE)
     found = model(shape=measures)
     np.testing.assert_allclose(found.positions, generated.positions, rtol=0, atol=1e-12)
     assert np.array_equal(found.triangles, generated.triangles)
@@ -81,7 +82,7 @@ def test_part_of_a_clip_ends_at_rest():
 )
 def test_faults_are_input_errors(keys):
     with pytest.raises(InputError) as caught:
-        body_of(keys, "body", HERE)
+        body_of(check_body("body", keys), "body", HERE)
     assert caught.value.remedy
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from clothsim.physics.energies.diagonal import every_vertex
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.inertia import Inertia
+from clothsim.physics.energies.inertia import InertiaEnergy
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton.nonlinear_elimination import Patch
@@ -29,7 +29,7 @@ def test_a_pattern_that_grows_moves_the_places_of_what_was_known():
 
 
 def test_the_vertices_one_by_one_are_the_same_elements_each_time():
-    energy = Inertia(every_vertex(5), np.arange(1.0, 6.0), np.zeros((5, 3)), 1.0)
+    energy = InertiaEnergy(every_vertex(5), np.arange(1.0, 6.0), np.zeros((5, 3)), 1.0)
     first, second = energy.hessian(np.zeros((5, 3))), energy.hessian(np.ones((5, 3)))
     assert first.elements is second.elements
     assert first.elements.tolist() == [[0], [1], [2], [3], [4]]

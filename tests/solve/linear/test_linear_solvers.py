@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import membrane
 from meshes import deformed, grid, small_world
 from small_scenes import small_scene
 
 from clothsim.base.errors import ClothsimError, InputError, MissingPackageError
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.membrane import membrane
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.linear.linear_solvers import SOLVERS, NotPositiveDefiniteError, make_solver, slowness

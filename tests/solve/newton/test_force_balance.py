@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from effect_builders import gravity, membrane
 from meshes import deformed, small_world
 from small_scenes import small_scene
 
 from clothsim import simulate
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve.newton.force_balance import BALANCED, force_balance
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers

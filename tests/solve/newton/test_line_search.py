@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from differences import numeric_gradient
+from effect_builders import membrane
 from meshes import deformed, small_world
 
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve.newton.line_search import MAX_HALVINGS, SUFFICIENT_DECREASE, armijo, extended_fraction
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers

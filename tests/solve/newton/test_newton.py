@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, body_contact, gravity, inertia, membrane
 from meshes import cloth, deformed, grid, small_world
 from solving import NOTHING, equilibrium, held, newton_of, solve
 
@@ -11,14 +12,9 @@ from clothsim import Scene, simulate
 from clothsim.mesh.body import make_body
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.body_contact import body_contact
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.bending import bending
 from clothsim.physics.energies.constraint import Prescribed
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton import direction

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import bending, inertia, membrane
 from meshes import cloth, grid
 from solving import newton_of
 
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
 from clothsim.physics.energies.constraint import Prescribed
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton import newton, nonlinear_elimination
 from clothsim.solve.newton.nonlinear_elimination import NONE, unconverged

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from differences import gradient_error
+from effect_builders import bending, gravity, membrane
 from meshes import deformed, small_world
 from solving import step_at
 
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.membrane import membrane
 from clothsim.physics.energies.protocols import ContactGap, Coupling, Idling, Lagged
 from clothsim.physics.energies.step import Step
 from clothsim.solve.newton.potential import Potential

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from effect_builders import bending, gravity, inertia, membrane, springs
 from meshes import cloth, deformed, grid, irregular_grid, random_rotation, small_world
 from scipy.linalg import eigh
 from solving import pattern_of, step_at
@@ -9,11 +10,6 @@ from solving import pattern_of, step_at
 from clothsim.base.linalg import dot
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.springs import springs
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.newton.stability import lowest_mode, way_down

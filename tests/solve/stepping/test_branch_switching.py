@@ -10,17 +10,12 @@ from solving import integrator_of
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.bending import bending
-from clothsim.physics.energies.damping import damping
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
 from clothsim.solve.stepping.branch_switching import MOST_SWITCHES, STEPS_BETWEEN_LOOKS
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2
 from clothsim.solve.stepping.state import Rest, first_state
 from clothsim.solve.stepping.time_loop import steps
 from tests.known_answers.elastica import elastica_height
+from tests.support.effect_builders import bending, damping, gravity, inertia, membrane, pins
 
 STRIP = Fabric(density=0.15, thickness=1e-3, youngs_modulus=1e6, poisson_ratio=0.0, bending_stiffness=1e-2)
 LENGTH, CELLS = 0.5, 16

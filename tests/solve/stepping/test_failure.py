@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from effect_builders import pins
 from meshes import cloth, grid
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene, without
 
 from clothsim import resume, simulate
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.pins import pins
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.newton.outcome import Ending

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import gravity, inertia
 from meshes import small_world
 from solving import integrator_of
 
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
 from clothsim.solve.stepping.integrators import LARGEST_RATIO, formula_of
 from clothsim.solve.stepping.state import Previous, State, first_state
 from clothsim.solve.stepping.stepping import advance

@@ -4,14 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import gravity, inertia, membrane, pins
 from meshes import cloth, irregular_grid, small_world
 from solving import integrator_of, run_of
 
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
 from clothsim.physics.energies.step import Past
 from clothsim.solve.stepping.integrators import Formula
 from clothsim.solve.stepping.local_error import STARTUP_FACTOR, VELOCITY_ERROR_FACTOR, step_error

@@ -1,12 +1,12 @@
 """Prescribed positions of bodies, pins and ghosts at a time."""
 
 import numpy as np
+from effect_builders import pins
 from meshes import cloth, grid
 
 from clothsim.mesh.body import make_body
 from clothsim.mesh.motion import rigid_motion
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.pins import pins
 from clothsim.solve.stepping.prescribed import prescribed
 
 TRIANGLE = np.array([[0.0, 0, -1], [1, 0, -1], [0, 1, -1]]), np.array([[0, 1, 2]])

@@ -4,21 +4,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from effect_builders import air, damping, gravity, inertia, membrane, pins, springs
 from meshes import cloth, grid
 from solving import integrator_of, run_of
 
 from clothsim.mesh.body import make_body
 from clothsim.mesh.motion import frame_motion, rigid_motion
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.air import air
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.damping import damping
-from clothsim.physics.energies.gravity import gravity
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
-from clothsim.physics.energies.springs import springs
 from clothsim.solve.newton.statics import HORIZON
 from clothsim.solve.stepping.branch_switching import static_model
 from clothsim.solve.stepping.rest import SLOW_STEPS, with_rest

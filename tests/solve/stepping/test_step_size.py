@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from effect_builders import body_contact, gravity, inertia, membrane
 from hurdle import Hurdle
 from meshes import cloth, grid, small_world
 from solving import integrator_of
 
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
 from clothsim.solve.stepping.integrators import LARGEST_RATIO
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.step_size import (

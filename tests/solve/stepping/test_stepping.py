@@ -2,16 +2,13 @@
 
 import numpy as np
 import pytest
+from effect_builders import gravity, inertia, membrane, pins
 from hurdle import Hurdle
 from meshes import cloth, grid, small_world
 from solving import integrator_of, run_of
 
 from clothsim import Scene, simulate
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
 from clothsim.solve.newton.outcome import Ending
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.stepping import GROWTH, MAX_HALVINGS, advance

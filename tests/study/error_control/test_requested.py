@@ -11,9 +11,9 @@ from clothsim import Cloth, Scene, simulate
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.scene import paths
 from clothsim.study.error_control import search, trial
-from clothsim.study.error_control.choice import chosen, work
-from clothsim.study.error_control.knob_errors import KnobErrors
+from clothsim.study.error_control.parameter_errors import ParameterErrors
 from clothsim.study.error_control.resolution import Resolution, resolvable
+from clothsim.study.error_control.search import chosen, work
 
 STRIP = {"mesh": "rectangle", "size": [0.3, 0.1], "cells": [6, 2], "density": 0.15, "thickness": 3e-4}
 STRIP |= {"youngs_modulus": 1e6, "poisson_ratio": 0.3, "bending_stiffness": 2e-4}
@@ -91,7 +91,7 @@ def test_meshes_without_cells_keep_theirs():
     triangle = Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     scene = Scene(cloth=triangle, effects={"inertia": {}, "membrane": {}}, solver={"error": 1e-3}, run=RUN)
     found = resolvable(scene)
-    assert found.knobs == ("dt",)
+    assert found.parameters == ("dt",)
     assert set(found.fixed) == {"cells"}
 
 
@@ -128,8 +128,8 @@ def test_pilot_runs_end_at_rest_like_the_run(tmp_path):
 def test_the_cheapest_sufficient_resolution_is_chosen():
     ladder = resolvable(strip(error=1e-3))
     assert ladder.coarsest == Resolution(4, Fraction(1))
-    first = ladder.refined(ladder.coarsest, ladder.knobs)
-    errors = KnobErrors(ladder.sizes(first), {"dt": 2e-3, "cells": 1e-5})
+    first = ladder.refined(ladder.coarsest, ladder.parameters)
+    errors = ParameterErrors(ladder.sizes(first), {"dt": 2e-3, "cells": 1e-5})
     taken = chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 21, np.inf)
     assert taken.cells == 1
     assert errors.at(ladder.sizes(taken)).total <= 1e-3
@@ -182,8 +182,8 @@ def test_a_refinement_that_fails_does_not_replace_a_completed_run(tmp_path, monk
 def test_cells_that_are_no_whole_numbers_are_not_chosen():
     scene = replace(strip(error=1e-3), cloth={**STRIP, "cells": [5, 3]})
     ladder = resolvable(scene)
-    first = ladder.refined(ladder.coarsest, ladder.knobs)
-    errors = KnobErrors(ladder.sizes(first), {"dt": 1e-5, "cells": 2.05e-3})
+    first = ladder.refined(ladder.coarsest, ladder.parameters)
+    errors = ParameterErrors(ladder.sizes(first), {"dt": 1e-5, "cells": 2.05e-3})
     taken = chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 24, np.inf)
     assert taken.cells == 3
     assert not ladder.whole(Fraction(5, 2))

@@ -7,30 +7,30 @@ from clothsim.study.error_control.three_runs import FALL, FALL_IN_CONTACT, ORDER
 SMOOTH, CONTACT = ("dt", "cells"), ("dt", "cells", "d_hat")
 
 
-@pytest.mark.parametrize(("knobs", "order"), [(SMOOTH, ORDER), (CONTACT, ORDER_IN_CONTACT)])
-def test_an_error_of_the_assumed_order_is_found(knobs, order):
+@pytest.mark.parametrize(("parameters", "order"), [(SMOOTH, ORDER), (CONTACT, ORDER_IN_CONTACT)])
+def test_an_error_of_the_assumed_order_is_found(parameters, order):
     errors = [2e-3 * factor**order for factor in (1, 2, 4)]
-    found = from_three(errors[1] - errors[0], errors[2] - errors[1], knobs)
+    found = from_three(errors[1] - errors[0], errors[2] - errors[1], parameters)
     assert found.error == pytest.approx(2e-3)
     assert found.reason == ""
 
 
-@pytest.mark.parametrize("knobs", [SMOOTH, CONTACT])
-def test_an_error_of_any_order_is_found_to_a_factor_of_two_or_not_known(knobs):
+@pytest.mark.parametrize("parameters", [SMOOTH, CONTACT])
+def test_an_error_of_any_order_is_found_to_a_factor_of_two_or_not_known(parameters):
     known = 0
     for order in (0.3, 0.5, 0.73, 0.8, 1.0, 1.01, 1.2, 1.4, 1.8, 1.84, 2.0, 2.19, 2.5, 3.0):
         errors = [2e-3 * factor**order for factor in (1, 2, 4)]
-        found = from_three(errors[1] - errors[0], errors[2] - errors[1], knobs)
+        found = from_three(errors[1] - errors[0], errors[2] - errors[1], parameters)
         known += found.reason == ""
         assert found.reason or 0.5 <= found.error / 2e-3 <= 2
     assert known >= 6
 
 
-@pytest.mark.parametrize(("knobs", "bounds"), [(SMOOTH, FALL), (CONTACT, FALL_IN_CONTACT)])
-def test_differences_that_do_not_fall_as_they_should_tell_nothing(knobs, bounds):
+@pytest.mark.parametrize(("parameters", "bounds"), [(SMOOTH, FALL), (CONTACT, FALL_IN_CONTACT)])
+def test_differences_that_do_not_fall_as_they_should_tell_nothing(parameters, bounds):
     for ratio, known in ((0.99 * bounds[0], False), (1.01 * bounds[0], True), (0.99 * bounds[1], True)):
-        assert (from_three(1e-3, ratio * 1e-3, knobs).reason == "") is known
-    assert from_three(1e-3, 1.01 * bounds[1] * 1e-3, knobs).reason
+        assert (from_three(1e-3, ratio * 1e-3, parameters).reason == "") is known
+    assert from_three(1e-3, 1.01 * bounds[1] * 1e-3, parameters).reason
 
 
 def test_a_run_that_nothing_moves_has_no_error():
@@ -39,7 +39,7 @@ def test_a_run_that_nothing_moves_has_no_error():
 
 
 @pytest.mark.parametrize(
-    ("name", "moved", "further", "knobs", "truth", "known"),
+    ("name", "moved", "further", "parameters", "truth", "known"),
     [
         # mm, 2026-11-23, against dt / 16, cells x 4, d_hat / 8 (docs/howto/accuracy.md)
         ("wind, standard", 7.67, 13.54, SMOOTH, 8.67, False),
@@ -54,8 +54,8 @@ def test_a_run_that_nothing_moves_has_no_error():
         ("capsule, fine", 11.8, 27.3, CONTACT, 10.0, True),
     ],
 )
-def test_measured_runs_are_within_two_or_not_known(name, moved, further, knobs, truth, known):
-    found = from_three(1e-3 * moved, 1e-3 * further, knobs)
+def test_measured_runs_are_within_two_or_not_known(name, moved, further, parameters, truth, known):
+    found = from_three(1e-3 * moved, 1e-3 * further, parameters)
     assert (found.reason == "") is known
     if known:
         assert 0.5 < 1e3 * found.error / truth < 2

@@ -155,10 +155,7 @@ def _document(path: Path) -> Any:
         from ezdxf import DXFError, recover
     except ImportError as error:
         raise MissingPackageError("A DXF pattern needs the package ezdxf.", "pip install 'clothsim[dxf]'") from error
-    try:
-        data = read_regular_file(path, LARGEST)
-    except FileNotFoundError as error:
-        raise InputError(f"There is no {path}.", "Name a DXF file.") from error
+    data = read_regular_file(path, LARGEST, "Name a DXF file.")
     try:
         return recover.read(BytesIO(data))[0]
     except (DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:

@@ -190,7 +190,7 @@ def read_dxf_pattern(path: str | Path, seams: str | Path | None = None, sewn: bo
     given = seams is not None or sewing_path.is_file()
     sewing = read_sewing_file(sewing_path) if given else SewingFile()
     drawing = read_drawing(file, sewing.units, sewing.layer)
-    of_size, size_notes = _of_size(file.name, drawing, sewing.size)
+    of_size, size_notes = _choose_size(file.name, drawing, sewing.size)
     notes = (*drawing.notes, *size_notes)
     used = {keys.piece for keys in sewing.panels.values()}
     others = [name for name in of_size if name not in used]
@@ -208,7 +208,7 @@ def read_dxf_pattern(path: str | Path, seams: str | Path | None = None, sewn: bo
         raise InputError(f"{sewing_path.name}: {error.sentence}", error.remedy) from error
 
 
-def _of_size(file: str, drawing: Drawing, given: str) -> tuple[dict[str, Piece], tuple[str, ...]]:
+def _choose_size(file: str, drawing: Drawing, given: str) -> tuple[dict[str, Piece], tuple[str, ...]]:
     """Pieces of one size by name, and a note with the sizes that are left out.
 
     The size is the one that is given, else the sample size; of a drawing that names none, that of the inserted blocks.

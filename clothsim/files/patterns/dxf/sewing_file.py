@@ -84,9 +84,8 @@ class SewingFile:
 def read_sewing_file(path: Path) -> SewingFile:
     """Entries of a sewing file. InputError for a file that is none, naming the key."""
     try:
-        data = tomllib.loads(read_regular_file(path, MOST_BYTES).decode("utf-8-sig"))
-    except FileNotFoundError as error:
-        raise InputError(f"There is no {path}.", "Write the seams to it, or name another file with --seams.") from error
+        absent = "Write the seams to it, or name another file with --seams."
+        data = tomllib.loads(read_regular_file(path, MOST_BYTES, absent).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is not a TOML file: {error}.", "Write key = value, as in toml.io.") from error
     try:
@@ -98,19 +97,19 @@ def read_sewing_file(path: Path) -> SewingFile:
 def sewing_of(data: Mapping[str, Any]) -> SewingFile:
     """Entries of a sewing file as tables. InputError as `read_sewing_file`."""
     _refuse_unknown("The file", data, TOP)
-    units = _of_type(data, "units", str, "")
+    units = _take_value(data, "units", str, "")
     if units and units not in UNITS:
         raise InputError(f"units is {units!r}.", f"Known: {', '.join(UNITS)}.")
     corner = _number("corner_degrees", data.get("corner_degrees", CORNER_DEGREES))
     if not 0 < corner < 180:
         raise InputError(f"corner_degrees is {corner:g}.", "Give an angle between 0 and 180 degrees.")
-    notches = _of_type(data, "notches", bool, True)
-    panels = _of_type(data, "panels", dict, {})
-    seams = _of_type(data, "seam", list, [])
+    notches = _take_value(data, "notches", bool, True)
+    panels = _take_value(data, "panels", dict, {})
+    seams = _take_value(data, "seam", list, [])
     return SewingFile(
         units,
-        _of_type(data, "size", str, ""),
-        str(_of_type(data, "layer", str | int, "")),
+        _take_value(data, "size", str, ""),
+        str(_take_value(data, "layer", str | int, "")),
         float(np.radians(corner)),
         notches,
         {name: _panel(name, keys, notches) for name, keys in panels.items()},
@@ -125,13 +124,13 @@ def _panel(name: str, keys: Any, notches: bool) -> PanelKeys:
     _refuse_unknown(where, keys, OF_PANEL)
     position = keys.get("position")
     return PanelKeys(
-        _of_type(keys, "piece", str, name, where),
-        _of_type(keys, "mirrored", bool, False, where),
+        _take_value(keys, "piece", str, name, where),
+        _take_value(keys, "mirrored", bool, False, where),
         float(np.radians(_number(f"{where}.turn_degrees", keys.get("turn_degrees", 0)))),
-        _of_type(keys, "notches", bool, notches, where),
+        _take_value(keys, "notches", bool, notches, where),
         None if position is None else _three(f"{where}.position", position),
         np.radians(_three(f"{where}.rotation_degrees", keys.get("rotation_degrees", [0, 0, 0]))),
-        _of_type(keys, "label", str, "", where),
+        _take_value(keys, "label", str, "", where),
     )
 
 
@@ -147,7 +146,7 @@ def _seam(number: int, keys: Any) -> Stitch:
             raise InputError(f"{where} has no panel and edge under {end}.", f'{end} = {{ panel = "front", edge = 2 }}')
         _refuse_unknown(f"{where}.{end}", side, ("panel", "edge"))
         sides.append(Side(side["panel"], side["edge"]))
-    return Stitch(sides[0], sides[1], _of_type(keys, "right_wrong", bool, False, where))
+    return Stitch(sides[0], sides[1], _take_value(keys, "right_wrong", bool, False, where))
 
 
 def _refuse_unknown(where: str, keys: Mapping[str, Any], known: tuple[str, ...]) -> None:
@@ -158,7 +157,7 @@ def _refuse_unknown(where: str, keys: Mapping[str, Any], known: tuple[str, ...])
             raise InputError(f"{where} has no key {key!r}.", hint)
 
 
-def _of_type(keys: Mapping[str, Any], key: str, kind: Any, default: Any, where: str = "") -> Any:
+def _take_value(keys: Mapping[str, Any], key: str, kind: Any, default: Any, where: str = "") -> Any:
     value = keys.get(key, default)
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         name = f"{where}.{key}" if where else key

@@ -24,7 +24,7 @@ class BodyLimb:
     joints: tuple[str, ...]
 
 
-def _at(name: str) -> Floats:
+def _joint_position(name: str) -> Floats:
     return JOINT_POSITIONS[joint(name)]
 
 
@@ -45,13 +45,15 @@ def _trunk() -> list[BodyLimb]:
     pair = [
         BodyLimb(_ball(seat, (0.074, 0.066, 0.080)), ("pelvis",)),
         BodyLimb(_ball(bust, (0.062, 0.044, 0.060)), ("chest",)),
-        BodyLimb(limb((0.03, 0.022, 1.408), _at("left_shoulder") - 0.01 * X, Y, girdle, (0.04, 0.04)), ("chest",)),
+        BodyLimb(
+            limb((0.03, 0.022, 1.408), _joint_position("left_shoulder") - 0.01 * X, Y, girdle, (0.04, 0.04)), ("chest",)
+        ),
     ]
     return made + pair + [_mirror(part) for part in pair]
 
 
 def _left() -> list[BodyLimb]:
-    shoulder, wrist, hip, ankle = (_at(f"left_{name}") for name in ("shoulder", "wrist", "hip", "ankle"))
+    shoulder, wrist, hip, ankle = (_joint_position(f"left_{name}") for name in ("shoulder", "wrist", "hip", "ankle"))
     along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
     arm = [
         (0.0, 0.052, 0.050), (0.25, 0.045, 0.045), (0.53, 0.036, 0.035), (0.66, 0.038, 0.036), (1.0, 0.025, 0.020),

@@ -93,14 +93,14 @@ def relaxed(
     cut: level-set function whose zero is the border; None: the whole mesh is closed.
     """
     for _ in range(2):
-        positions, triangles = _moved(positions, triangles, field, level, cut, passes // 3)
+        positions, triangles = _smooth(positions, triangles, field, level, cut, passes // 3)
         positions, triangles = collapsed(positions, triangles, _on_border(positions, triangles))
-    positions, triangles = _moved(positions, triangles, field, level, cut, passes // 3)
+    positions, triangles = _smooth(positions, triangles, field, level, cut, passes // 3)
     held = _on_border(positions, triangles)
     return _put(positions, held, field, level, cut, 2), flipped(positions, triangles, positions[:, 0] == 0, held)
 
 
-def _moved(
+def _smooth(
     positions: Floats, triangles: Ints, field: Field, level: float, cut: Field | None, passes: int
 ) -> tuple[Floats, Ints]:
     middle, held = positions[:, 0] == 0, _on_border(positions, triangles)

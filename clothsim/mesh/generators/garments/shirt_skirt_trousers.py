@@ -122,7 +122,10 @@ def garment_mesh(pattern: Pattern, proportions: Proportions, ease: float, edge: 
     """
     _refuse(ease, edge)
     limbs = [one.limb for one in body_limbs() if set(one.joints) & set(pattern.joints)] + list(pattern.limbs)
-    nodes = _lattice(pattern, ease, edge)
+    cell, room = 1.12 * edge, ease + 4 * edge
+    x = np.arange(-0.5 * cell, pattern.high[0] + room, cell)
+    y, z = (np.arange(pattern.low[k] - room, pattern.high[k] + room, cell) for k in (1, 2))
+    nodes = x, y, z
     values = lattice_union(limbs, nodes, SMOOTHING, ease + 3 * COARSEST) - ease
     for axis in range(3):  # closes the surface at the box; that part is cut away
         for side in (0, -1) if axis else (-1,):
@@ -135,13 +138,6 @@ def garment_mesh(pattern: Pattern, proportions: Proportions, ease: float, edge: 
 
     positions, triangles = both_halves(*relaxed(positions, triangles, field, ease, cut=border))
     return warped(positions, skinning_weights(positions), proportions), triangles
-
-
-def _lattice(pattern: Pattern, ease: float, edge: float) -> tuple[Floats, Floats, Floats]:
-    cell, room = 1.12 * edge, ease + 4 * edge
-    x = np.arange(-0.5 * cell, pattern.high[0] + room, cell)
-    y, z = (np.arange(pattern.low[k] - room, pattern.high[k] + room, cell) for k in (1, 2))
-    return x, y, z
 
 
 def _refuse(ease: float, edge: float) -> None:

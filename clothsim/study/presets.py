@@ -7,13 +7,13 @@ alone leaves the error of the others. The error of a run with a preset is estima
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from clothsim import Scene, engine
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest
-from clothsim.scene import paths
-from clothsim.scene.assembly.explicit_lengths import d_hats
-from clothsim.scene.assembly.refinement import with_cells
-from clothsim.scene.scene import Scene
-from clothsim.solve.stepping.integrators import BDF2
+from clothsim.engine import with_cells
+from clothsim.study.parameters import d_hats
+
+BDF2 = "bdf2"
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,9 @@ def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, st
     solver = {key: value for key, value in scene.solver.items() if key not in replaced}
     scene = replace(scene, solver={**solver, "dt": preset.dt, "integrator": BDF2})
     for contact, d_hat in d_hats(scene).items():
-        scene = paths.replace(scene, f"effects.{contact}.d_hat", d_hat * float(preset.d_hat))
+        scene = engine.replace(scene, f"effects.{contact}.d_hat", d_hat * float(preset.d_hat))
         settings.append(f"{contact} d_hat x {preset.d_hat}")
     if models and "bending" in scene.effects:
-        scene = paths.replace(scene, "effects.bending.model", BENDING)
+        scene = engine.replace(scene, "effects.bending.model", BENDING)
         settings.append(f"bending {BENDING}")
     return scene, ", ".join(settings)

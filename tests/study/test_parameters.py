@@ -1,4 +1,4 @@
-"""Knobs: scene of each level, and reasons for missing knobs."""
+"""Parameters: scene of each level, and reasons for missing parameters."""
 
 from fractions import Fraction
 
@@ -7,39 +7,38 @@ import pytest
 from small_scenes import SOLVER, small_scene, without
 
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.explicit_lengths import fixed
-from clothsim.scene.assembly.presets import PRESETS, with_preset
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.assembly.scene_world import build
-from clothsim.study.knobs import KNOBS, newton_knob, usable
+from clothsim.study.parameters import PARAMETERS, newton_parameter, usable, with_explicit_lengths
+from clothsim.study.presets import PRESETS, with_preset
 
 FRICTION = {"friction": {"coefficient": 0.2}}
 
 
 def base_of(**sections):
     scene = small_scene(**sections)
-    return fixed(scene, build(scene))
+    return with_explicit_lengths(scene, build(scene).energies)
 
 
 def test_what_the_mesh_chose_is_written_out():
     base = base_of(effects={**without(), **FRICTION})
     assert base.effects["body_contact"]["d_hat"] == pytest.approx(0.1 * 0.25, rel=0.5)
-    finer = KNOBS["cells"].put(base, base, 1)
+    finer = PARAMETERS["cells"].put(base, base, 1)
     assert finer.cloth["cells"] == (8, 8)
     assert finer.effects["body_contact"]["d_hat"] == base.effects["body_contact"]["d_hat"]
 
 
 @pytest.mark.parametrize(
-    ("knob", "path", "values"),
+    ("parameter", "path", "values"),
     [
         ("dt", ("solver", "dt"), {-1: 0.04, 0: 0.02, 1: 0.01}),
         ("tolerance", ("solver", "tolerance"), {-1: 4e-3, 1: 2.5e-4}),
     ],
 )
-def test_levels_are_powers_of_two(knob, path, values):
+def test_levels_are_powers_of_two(parameter, path, values):
     base = base_of(solver={**SOLVER, "tolerance": 1e-3})
     for level, value in values.items():
-        scene = KNOBS[knob].put(base, base, level)
+        scene = PARAMETERS[parameter].put(base, base, level)
         assert getattr(scene, path[0]).get(path[1], 1e-3) == pytest.approx(value)
 
 
@@ -47,12 +46,12 @@ def test_each_frame_ends_a_step():
     base = base_of(solver={"dt": 0.03}, run={"duration": 0.2, "frames_per_second": 25})
     assert base.solver["dt"] == pytest.approx(0.02)
     with pytest.raises(InputError, match="each frame ends a step"):
-        KNOBS["dt"].value(base, -2)
+        PARAMETERS["dt"].value(base, -2)
 
 
-def test_a_scene_without_contact_and_friction_has_no_such_knobs():
+def test_a_scene_without_contact_and_friction_has_no_such_parameters():
     found, missing = usable(base_of(effects=without("body_contact")), None)
-    assert set(found) == {"dt", "cells", newton_knob(base_of())}
+    assert set(found) == {"dt", "cells", newton_parameter(base_of())}
     assert missing["d_hat"] == "the scene has no contact"
     assert missing["iterations"] == "the scene has no friction"
 

@@ -1,4 +1,4 @@
-"""Errors of a run by knob (time step, cells, d_hat), from differences of runs at two resolutions.
+"""Errors of a run by parameter (time step, cells, d_hat), from differences of runs at two resolutions.
 
 With an error A s^p a refinement by f moves the result by D = A s^p (1 - f^-p) and leaves D / (f^p - 1) of it
 (Richardson 1911). Orders are assumed, not observed: with contact, buckling or flutter the differences of three runs
@@ -11,14 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.study.error_control.resolution import CELLS, COARSEST_STEP, D_HAT, TIME
+from clothsim.study.error_control.resolution import COARSEST_STEP
+from clothsim.study.parameters import D_HAT, PARAMETERS
 
-SMOOTH = {TIME: 1.8, CELLS: 2.0}
+SMOOTH = {name: each.assumed.smooth for name, each in PARAMETERS.items() if each.assumed and name != D_HAT}
 """Assumed orders without contact, where BDF2 and the cells have 2 in the limit."""
-IN_CONTACT = {TIME: 1.5, CELLS: 2.0, D_HAT: 1.2}
+IN_CONTACT = {name: each.assumed.in_contact for name, each in PARAMETERS.items() if each.assumed}
 """Assumed orders with contact: BDF2 has 2 between impacts and 1 at them."""
-JOINT_SMOOTH, JOINT_SMOOTH_LONG_STEPS, JOINT_IN_CONTACT = 1.7, 1.45, 1.2
-"""Orders of a joint refinement of which the parts are not known; the second where steps are above COARSEST_STEP."""
+ALL_SMOOTH, ALL_SMOOTH_LONG_STEPS, ALL_IN_CONTACT = 1.7, 1.45, 1.2
+"""Orders of a refinement of all of which the parts are not known; the second where steps are above COARSEST_STEP."""
 SURPRISE = 2.5
 """A refinement that moves the result by so many times what was expected: the error is not understood."""
 LEAST_CALIBRATION = 0.1
@@ -26,15 +27,15 @@ LEAST_CALIBRATION = 0.1
 
 
 @dataclass(frozen=True)
-class KnobErrors:
-    """Error of each knob at a resolution.
+class ParameterErrors:
+    """Error of each parameter at a resolution.
 
     Parameters
     ----------
     sizes : mapping
-        Size of each knob relative to the coarsest run.
+        Size of each parameter relative to the coarsest run.
     errors : mapping
-        RMS error that each knob adds [m].
+        RMS error that each parameter adds [m].
     calibration : float
         Factor by which the last difference of two runs exceeded the expected one.
     """
@@ -45,7 +46,7 @@ class KnobErrors:
 
     @property
     def total(self) -> float:
-        """RMS error [m]; the fields of different knobs are taken as uncorrelated."""
+        """RMS error [m]; the fields of different parameters are taken as uncorrelated."""
         return root_sum(self.errors.values())
 
     @property
@@ -53,14 +54,14 @@ class KnobErrors:
         """True where the last refinement moved the result about as expected."""
         return self.calibration <= SURPRISE
 
-    def at(self, sizes: Mapping[str, float]) -> "KnobErrors":
+    def at(self, sizes: Mapping[str, float]) -> "ParameterErrors":
         """Errors expected at other sizes."""
         order = orders(self.sizes)
         factors = {name: (sizes[name] / size) ** order[name] for name, size in self.sizes.items()}
         return replace(self, sizes=dict(sizes), errors={k: self.errors[k] * factors[k] for k in factors})
 
-    def not_below(self, total: float) -> "KnobErrors":
-        """The errors raised in proportion where their total is below one known of a joint refinement [m]."""
+    def not_below(self, total: float) -> "ParameterErrors":
+        """The errors raised in proportion where their total is below one known of a refinement of all [m]."""
         factor = max(1.0, total / self.total) if self.total > 0 else 1.0
         return replace(self, errors={name: factor * error for name, error in self.errors.items()})
 
@@ -69,11 +70,11 @@ class KnobErrors:
         new = self.at(sizes).errors
         return root_sum(abs(self.errors[name] - new[name]) for name in new)
 
-    def after(self, sizes: Mapping[str, float], difference: float) -> "KnobErrors":
+    def after(self, sizes: Mapping[str, float], difference: float) -> "ParameterErrors":
         """Errors of a run at `sizes` whose RMS distance from the one before is `difference` [m].
 
         A larger difference than expected raises the errors of all that was refined; a smaller one lowers that of the
-        knob from which most was expected, and then the others, but none by more than the two differ.
+        parameter from which most was expected, and then the others, but none by more than the two differ.
         """
         expected = self.expected_difference(sizes)
         new = self.at(sizes).errors
@@ -84,7 +85,7 @@ class KnobErrors:
         else:
             least = max(LEAST_CALIBRATION, factor)
             scales = _lowered({name: self.errors[name] - new[name] for name in refined}, difference, least)
-        return KnobErrors(dict(sizes), {name: new[name] * scales.get(name, 1.0) for name in new}, factor)
+        return ParameterErrors(dict(sizes), {name: new[name] * scales.get(name, 1.0) for name in new}, factor)
 
 
 def _lowered(expected: Mapping[str, float], difference: float, least: float) -> dict[str, float]:
@@ -99,15 +100,15 @@ def _lowered(expected: Mapping[str, float], difference: float, least: float) -> 
 
 def from_path(
     sizes: Mapping[str, float], differences: Mapping[str, float], refinements: Mapping[str, float]
-) -> KnobErrors:
-    """Errors at the end of a path of runs that refines one knob after the other.
+) -> ParameterErrors:
+    """Errors at the end of a path of runs that refines one parameter after the other.
 
     Parameters
     ----------
     sizes : mapping
         Sizes at its end.
     differences : mapping
-        RMS distance between the runs before and after each knob was refined [m].
+        RMS distance between the runs before and after each parameter was refined [m].
     refinements : mapping
         Factor by which each was refined.
 
@@ -118,16 +119,16 @@ def from_path(
     """
     order = orders(sizes)
     left = {name: moved / (refinements[name] ** order[name] - 1) for name, moved in differences.items()}
-    return KnobErrors(dict(sizes), left)
+    return ParameterErrors(dict(sizes), left)
 
 
-def orders(knobs: Collection[str]) -> Mapping[str, float]:
-    """Assumed order of each knob of a scene; one with a d_hat has contact."""
-    return IN_CONTACT if D_HAT in knobs else SMOOTH
+def orders(parameters: Collection[str]) -> Mapping[str, float]:
+    """Assumed order of each parameter of a scene; one with a d_hat has contact."""
+    return IN_CONTACT if D_HAT in parameters else SMOOTH
 
 
-def from_joint(difference: float, refinement: float, knobs: Collection[str], step: float) -> float:
-    """RMS error left by a refinement of all knobs.
+def from_all(difference: float, refinement: float, parameters: Collection[str], step: float) -> float:
+    """RMS error left by a refinement of all parameters.
 
     Parameters
     ----------
@@ -135,18 +136,18 @@ def from_joint(difference: float, refinement: float, knobs: Collection[str], ste
         RMS distance by which it moved the result [m].
     refinement : float
         Its factor.
-    knobs : collection of str
-        The knobs; with a d_hat the scene has contact.
+    parameters : collection of str
+        The parameters; with a d_hat the scene has contact.
     step : float
         Time step of the coarser run [s]: with long ones the order of BDF2 is not reached.
 
     Examples
     --------
-    >>> round(1e3 * from_joint(1e-3, 2.0, ("dt", "d_hat"), 0.01), 2)
+    >>> round(1e3 * from_all(1e-3, 2.0, ("dt", "d_hat"), 0.01), 2)
     0.77
     """
-    smooth = JOINT_SMOOTH if step <= COARSEST_STEP * (1 + 1e-9) else JOINT_SMOOTH_LONG_STEPS
-    return difference / (refinement ** (JOINT_IN_CONTACT if D_HAT in knobs else smooth) - 1)
+    smooth = ALL_SMOOTH if step <= COARSEST_STEP * (1 + 1e-9) else ALL_SMOOTH_LONG_STEPS
+    return difference / (refinement ** (ALL_IN_CONTACT if D_HAT in parameters else smooth) - 1)
 
 
 def root_sum(values: Iterable[float]) -> float:
