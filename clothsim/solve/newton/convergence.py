@@ -25,6 +25,8 @@ FIRST_FORCE = 0.1
 .1. A card that is about to slip is held, 2 to 8 % out of balance, by a first step of which the next is a hundredfold.
 """
 
+CONVERGED_PART = 0.1
+"""Largest fraction that counts in FIRST_FORCE: a card that slides was held at a residual of 2 %."""
 FEWEST = 2
 """Fewest iterations of a step that a time error ends: the first one has the projected Hessian, whose step says nothing
 of a buckle or of friction that is about to slip.
@@ -53,13 +55,13 @@ class LastStep:
     """What a stop may know of the last Newton step, beside its displacement.
 
     iteration: its number in the solve, from 1; negative_curvature: it followed such; rms, before: root mean squares of
-    it and of the one before over the cloths [m], inf for a step of the projected Hessian, which predicts nothing.
+    it and of the one before (k,), as the stop measures them [m]; before is inf where it predicts nothing.
     """
 
     iteration: int
     negative_curvature: bool
-    rms: float
-    before: float
+    rms: Floats
+    before: Floats
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class ErrorBalance:
         if not self.fraction or largest > self.most(dt):
             return False
         allowed_rms, allowed_largest = self.allowed(x + dx)
-        return remaining_change(last.rms, last.before) < allowed_rms and largest < allowed_largest
+        return bool(remaining_change(last.rms, last.before)[0] < allowed_rms) and largest < allowed_largest
 
     def force_fraction(self, first: bool, without: float) -> float:
         """Residual over the force scale to which forces must balance.
@@ -116,22 +118,22 @@ class ErrorBalance:
         """Return the longest displacement of a vertex that may end a solve [m]."""
         return MOST_SPEED * self.fraction * dt
 
-    def rms(self, dx: Floats) -> float:
-        """Return the root mean square of a step over the cloth vertices [m].
+    def rms(self, dx: Floats, exact: bool) -> Floats:
+        """Return the root mean square of a step over the cloth vertices, (1,) [m]; inf for one that is not exact.
 
         Plain, not weighted by mass: the local error of a step is (`StepError`), and like is compared with like.
         """
-        return float(np.sqrt((dx[: self.count] ** 2).sum() / max(self.count, 1)))
+        return rms_by_body(dx, (slice(self.count),)) if exact else np.array([np.inf])
 
 
 @dataclass(frozen=True)
 class MotionStop:
     """Newton's error as a fraction of what the time step is wrong by, body by body.
 
-    The last step must be unclipped and complete. Its root mean square over each cloth and each rigid body is then more
-    than what is left, since steps of the exact Hessian contract; it is compared with the time error of the same body,
-    so that a large sheet does not hide a small one. Forces are not asked to balance, nor the fastest vertex to be slow:
-    both measure the stiffest mode, which moves nothing.
+    The last step must be unclipped and complete, and shorter than the one before. Its root mean square over each cloth
+    and each rigid body, or the geometric series that its ratio begins where that is longer, is compared with the time
+    error of the same body, so that a large sheet does not hide a small one. Forces are not asked to balance, nor the
+    fastest vertex to be slow: both measure the stiffest mode, which moves nothing.
 
     Parameters
     ----------
@@ -153,9 +155,9 @@ class MotionStop:
     cell: float
     least: float
 
-    def rms(self, dx: Floats) -> float:
-        """Return the largest root mean square of a step (N, 3) over the rows of a body [m]."""
-        return float(rms_by_body(dx, self.bodies).max(initial=0.0))
+    def rms(self, dx: Floats, exact: bool) -> Floats:
+        """Return the root mean square of a step (N, 3) over the rows of each body, (k,) [m]."""
+        return rms_by_body(dx, self.bodies)
 
     def allowed(self, x: Floats) -> Floats:
         """Return the longest last step to x (N, 3), root mean square by body (k,) [m]."""
@@ -165,11 +167,11 @@ class MotionStop:
         """True where the unclipped step dx from x may end the solve; parameters as of `ErrorBalance.reached`."""
         if last.iteration < (FEWEST_UNSTABLE if last.negative_curvature else FEWEST):
             return False
-        return bool((rms_by_body(dx, self.bodies) <= self.allowed(x + dx)).all())
+        return bool((remaining_change(last.rms, last.before) <= self.allowed(x + dx)).all())
 
     def force_fraction(self, first: bool, without: float) -> float:
-        """Return `without`: forces balance where the tolerance ends a solve, and not where the motion does."""
-        return without
+        """Return the residual over the force scale to which forces balance where the tolerance ends a solve."""
+        return FIRST_FORCE * min(self.fraction, CONVERGED_PART) if first else without
 
 
 def rms_by_body(vectors: Floats, bodies: tuple[slice, ...]) -> Floats:
@@ -177,8 +179,8 @@ def rms_by_body(vectors: Floats, bodies: tuple[slice, ...]) -> Floats:
     return np.array([np.sqrt((vectors[rows] ** 2).sum() / max(len(vectors[rows]), 1)) for rows in bodies])
 
 
-def remaining_change(step: float, before: float) -> float:
-    """Predict the distance to the minimiser from the lengths of the last two Newton steps.
+def remaining_change(step: Floats, before: Floats) -> Floats:
+    """Predict the distance to the minimiser from the lengths (k,) of the last two Newton steps.
 
     The last step itself, or the sum of the geometric series that its ratio to the one before begins, where that is
     longer. Steps that grow predict nothing (inf), and so does one alone: where friction sticks the first step is a
@@ -186,13 +188,12 @@ def remaining_change(step: float, before: float) -> float:
 
     Examples
     --------
-    >>> remaining_change(1.0, 10.0), remaining_change(3.0, 4.0), remaining_change(2.0, 1.0)
-    (1.0, 9.0, inf)
+    >>> remaining_change(np.array([1.0, 3.0, 2.0, 0.0]), np.array([10.0, 4.0, 1.0, 0.0]))
+    array([ 1.,  9., inf,  0.])
     """
-    if step >= before or not np.isfinite(before):
-        return np.inf
-    rate = step / before
-    return step * max(1.0, rate / (1.0 - rate))
+    contracts = (step < before) & np.isfinite(before)
+    rate = np.divide(step, before, out=np.zeros_like(step), where=contracts)
+    return np.where(contracts | (step == 0.0), step * np.maximum(1.0, rate / (1.0 - rate)), np.inf)
 
 
 def largest_step(dx: Floats) -> float:

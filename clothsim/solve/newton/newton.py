@@ -251,8 +251,8 @@ class Newton:
         """Newton with the prescribed vertices fixed, until forces balance after an unclipped step that may be last."""
         settings = self.settings
         still = previous = np.zeros_like(x)
-        speed = length = residual = np.inf
-        cached, elimination_iterations, unbalanced = NO_FACTOR, 0, 0
+        lengths = self.balance.rms(still, exact=False) + np.inf
+        speed, residual, cached, elimination_iterations, unbalanced = np.inf, np.inf, NO_FACTOR, 0, 0
 
         def ended(how: Outcome, count: int, remaining: float = np.inf, relative: float = np.inf) -> NewtonResult:
             return NewtonResult(x, how, count, speed, residual, remaining, elimination_iterations, relative)
@@ -264,7 +264,7 @@ class Newton:
             if direction.end is not None:
                 return ended(direction.end, count)
             before, speed = speed, self._speed(dx)
-            length_before, length = length, self.balance.rms(dx) if trust.exact else np.inf
+            lengths_before, lengths = lengths, self.balance.rms(dx, trust.exact)
             if speed == 0.0:
                 forces = self._force_balance(x, model)
                 return ended(_balanced_or_not(forces, x), count, 0.0, forces.relative)
@@ -276,7 +276,7 @@ class Newton:
                 fraction = (
                     armijo(self.potential, x, dx, slope, limit) if slope < 0.0 and limit >= SMALLEST_FRACTION else 0.0
                 )
-                last = LastStep(count - iterations + 1, direction.negative_curvature, length, length_before)
+                last = LastStep(count - iterations + 1, direction.negative_curvature, lengths, lengths_before)
                 done = limit == 1.0 and self._may_be_last(x, direction, speed, last, fraction)
             by_motion = done and isinstance(self.balance, MotionStop) and speed >= settings.tolerance
             if cached.age and (done or fraction == 0.0) and not by_motion:  # the cached factor is of an earlier x
@@ -296,7 +296,7 @@ class Newton:
                 demanded = self.balance.force_fraction(count == iterations, BALANCED)
                 if by_motion or forces.within(demanded) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
                     how = outcome(Ending.CONVERGED) if by_motion else _balanced_or_not(forces, x)
-                    left = self.balance.rms(dx) if by_motion else speed * self.dt
+                    left = float(lengths.max()) if by_motion else speed * self.dt
                     return ended(how, count + 1, contraction(speed, before) * left, forces.relative)
             if fraction == 0.0 and not trust.exact:
                 return ended(self._named(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), x, speed, model), count)
