@@ -9,11 +9,11 @@ import pytest
 from clothsim import engine, files, gradients, patterns, render
 
 LIMITS = {
-    "arrows between rooms": 97,
-    "engine names at the door": 127,
-    "names at the other doors": 68,
-    "modules with one importer, in their folder": 105,
-    "imports inside functions": 217,
+    "arrows between rooms": 96,
+    "engine names at the door": 60,
+    "names at the other doors": 40,
+    "modules with one importer, in their folder": 68,
+    "imports inside functions": 129,
 }
 
 

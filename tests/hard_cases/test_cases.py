@@ -30,7 +30,7 @@ def test_newton_gets_through_a_curved_valley():
     case = next(case for case in CASES if case.name == "B17b")
     usual = case.scene(True)
     effects = usual.effects | {"membrane": {"material": "neo_hookean"}}
-    solver = usual.solver | {"integrator": "backward_euler", "tolerance": 1e-3}
+    solver = {**usual.solver, "integrator": "backward_euler", "tolerance": 1e-3}
     result = run_case(replace(case, scene=lambda small: replace(usual, effects=effects, solver=solver)), 12)
     assert result.wrong == ""
     assert result.newton_iterations < 400

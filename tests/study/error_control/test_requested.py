@@ -37,7 +37,7 @@ def test_a_requested_error_is_met_and_what_was_taken_is_reported(tmp_path):
     assert run.status == "completed"
     assert estimate["known"]
     assert estimate["met"]
-    assert estimate["total"] <= 1.05 * estimate["asked"] == pytest.approx(1.05 * 5e-4)
+    assert estimate["total"] <= estimate["asked"] == pytest.approx(5e-4)
     assert len(estimate["runs"]) == len(lines) >= 2
     assert estimate["chosen"]["dt"] == sessions[-1].scene.solver["dt"]
     assert estimate["chosen"]["integrator"] == "bdf2"
@@ -154,9 +154,13 @@ def test_a_resolution_that_is_expected_to_miss_is_a_pilot_run(tmp_path, monkeypa
     run = simulate(strip(error=1e-4), tmp_path, message=lines.append)
     estimate = run.summary["certificate"]["error_estimate"]
     assert len(lines) > 4
-    assert [line.startswith("run:") for line in lines] == [k in (1, len(lines) - 1) for k in range(len(lines))]
+    runs = [k for k, line in enumerate(lines) if line.startswith("run:")]
+    pilots = [k for k, line in enumerate(lines) if line.startswith("pilot run:")]
+    assert runs[0] == 1
+    assert set(range(2, runs[1])) <= set(pilots)
+    assert lines[-1].startswith("twin run:")
     assert estimate["chosen"]["dt"] == pytest.approx(estimate["runs"][-1]["dt"])
-    assert estimate["total"] < 1.05e-4
+    assert estimate["total"] <= 1e-4
 
 
 def test_a_refinement_that_fails_does_not_replace_a_completed_run(tmp_path, monkeypatch):
