@@ -29,7 +29,8 @@ from clothsim.solve.stepping.rigid_prediction import predicted_start
 from clothsim.solve.stepping.state import Previous, State, Switch
 from clothsim.solve.stepping.step_size import ErrorControl
 
-GROWTH = 1.05
+GROWTH = 1.25
+"""Growth of dt over the step before, after one that needed no second try: ten halvings are made good in 31 steps."""
 MAX_HALVINGS = 10
 MOST_TRIES = 100
 STATIC_ITERATIONS = 10
@@ -365,7 +366,7 @@ def _next_dt(
     integrator: Integrator, after: State, formula: Formula, h: float, dt: float, error: StepError | None, tried: bool
 ) -> float:
     """dt of the next step; tried: True where this one needed more than one try."""
-    grown = min(integrator.dt, dt * GROWTH)
+    grown = min(integrator.dt, dt if tried else dt * GROWTH)
     if integrator.control is None or error is None:
         return grown
     if formula.order == 1 and integrator.formula == BDF2:
