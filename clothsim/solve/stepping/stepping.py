@@ -269,7 +269,9 @@ def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -
     rows = target.vertices
     left = np.abs(target.positions - result.x[rows]).max() / np.abs(target.positions - state.positions[rows]).max()
     at = state.time + (1 - left) * h
-    again = abs(at - state.blocked_at) <= SAME_POSITION * h
+    if at < state.blocked_at - SAME_POSITION * h:
+        return state  # cloth in between was not yet pushed out: says nothing of the obstacle further on
+    again = at <= state.blocked_at + SAME_POSITION * h
     return replace(state, blocked_at=float(at), blocked=state.blocked + 1 if again else 1)
 
 

@@ -57,3 +57,19 @@ def test_the_accumulated_error_stays_well_below_that_of_dt(tmp_path, sections, s
     assert iterations < 0.9 * most
     assert distance(half, tight) > 1e-5
     assert distance(balanced, tight) < most_of_dt * distance(half, tight)
+
+
+def test_a_scene_of_ten_times_the_size_takes_the_same_iterations(tmp_path):
+    """Lengths by 10, times and speeds by 10^1/2, stiffness as weight over length asks: no constant has a unit."""
+    sections, factor = drape(), 10.0
+    duration = factor**0.5
+    cloth, body = dict(sections["cloth"]), dict(sections["body"])
+    cloth |= {"size": [2.4, 2.4], "thickness": 2e-3, "bending_stiffness": 0.2}
+    body |= {"radius": 0.8, "position": [0.1, 0.2, -0.825]}
+    effects = sections["effects"] | {"damping": {"rate": 4.0 / duration}, "body_contact": {"d_hat": 2e-2}}
+    run = {"duration": 0.12 * duration, "frames_per_second": 25 / duration}
+    large = {"cloth": cloth, "body": body, "effects": effects, "run": run}
+    one, few = end_of(sections, tmp_path / "small")
+    other, many = end_of(large, tmp_path / "large", dt=0.01 * duration)
+    assert few == many
+    assert np.abs(other / factor - one).max() < 1e-6
