@@ -11,9 +11,8 @@ So the projection has at most three rank-one factors; that of mollified pairs, a
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, part
-from clothsim.base.vectors import dot
+from clothsim.base.vectors import dot, four_points
 from clothsim.physics.contact.barrier_kernels import (
     CROSS_RATIO,
     DIFFERENCE,

@@ -17,9 +17,8 @@ Terms with one closest point are merged; most cancel, so that a point over a fla
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, natural, part
-from clothsim.base.vectors import minus
+from clothsim.base.vectors import four_points, minus
 from clothsim.physics.contact.closest_points import point_triangle_closest, point_triangle_region, segment_closest
 from clothsim.physics.contact.pair_list import Pairs
 

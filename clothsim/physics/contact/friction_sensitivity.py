@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, natural, part
-from clothsim.base.vectors import dot
+from clothsim.base.vectors import dot, four_points
 from clothsim.physics.contact.barrier_kernels import barrier as barrier_function
 from clothsim.physics.contact.barrier_kernels import cross_squared, cross_squared_gradient, edges, mollifier
 from clothsim.physics.contact.distance import closest_points, tangent_directions
