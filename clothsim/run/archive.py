@@ -17,7 +17,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.physics.energies.varying_values import FUNCTION, lost_function
-from clothsim.run.archive_files import FOLDER, refuse_outside, relocated
+from clothsim.scene.named_files import FOLDER, refuse_outside, relocated
 from clothsim.scene.scene import scene_from_text
 
 README_NAME, SCENE_NAME, VERSIONS_NAME = "README.txt", "scene.json", "versions.json"

@@ -9,13 +9,13 @@ from pathlib import Path
 from clothsim.base.errors import InputError
 from clothsim.files.runs.checkpoint import Checkpoint
 from clothsim.run.archive import refuse_functions
-from clothsim.run.archive_files import named_files, refuse_outside, relocated
 from clothsim.run.certificate.certificate import Certificate, certificate_from
 from clothsim.run.certificate.intersection_history import IntersectionHistory
 from clothsim.run.hand_motions import HandMotions, hand_motions_from
 from clothsim.run.session import Session, prepare
 from clothsim.run.summary import checkpoint_of, state_of
 from clothsim.scene.assembly.scene_world import build
+from clothsim.scene.named_files import named_files, refuse_outside, relocated
 from clothsim.scene.scene import scene_from_text
 from clothsim.solve.stepping.state import State
 
