@@ -21,16 +21,15 @@ if TYPE_CHECKING:
     from clothsim.physics.energies.base import Energy, Off
     from clothsim.physics.energies.constraint import Constraint, Prescribed
     from clothsim.physics.energies.hessians import ElementHessian
-    from clothsim.run.archive import unpack_bundle, write_bundle
     from clothsim.run.check import Examination, examined
-    from clothsim.run.colouring import Colouring
-    from clothsim.run.output_directory import refuse_earlier_run
+    from clothsim.run.export import unpack_bundle, write_bundle
+    from clothsim.run.frames import Colouring
     from clothsim.run.pictures import draw_pictures, draw_run
-    from clothsim.run.pilot_run import last_positions
     from clothsim.run.precompile import kernels_are_compiled, start_precompiling
     from clothsim.run.receipt import Receipt, explain
     from clothsim.run.remaining_kernels import compile_remaining_kernels
-    from clothsim.run.session import Session
+    from clothsim.run.resume import refuse_earlier_run
+    from clothsim.run.session import Session, last_positions
     from clothsim.run.swatches import draw_swatches
     from clothsim.scene.assembly.drape_model import DrapeModel, Prediction, Predictor
     from clothsim.scene.assembly.initial_positions import cloths_at_start

@@ -3,7 +3,7 @@
 A load on a cloth without support has no quasi-static equilibrium, and is refused; warnings are printed before a run.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.geometry.held_inside import held_inside
+from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
 from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.topology import components
@@ -241,8 +241,12 @@ def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
     """Pieces of cloth that start inside a body without intersecting it: contact keeps them there."""
     if "body_contact" not in energies:
         return []
-    found = held_inside(world, world.start())
-    return [f"{each.cloth} starts inside {each.body}, {each.where}: contact keeps it in." for each in found]
+    return held_sentences(held_inside(world, world.start()), "starts")
+
+
+def held_sentences(found: Sequence[HeldInside], verb: str) -> list[str]:
+    """A sentence on each piece of cloth that contact keeps inside a body, where it `verb` ("is", "starts")."""
+    return [f"{each.cloth} {verb} inside {each.body}, {each.where}: contact keeps it in." for each in found]
 
 
 def _nested_bodies(world: World, energies: dict[str, Energy]) -> list[str]:

@@ -11,7 +11,7 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.world import make_world
-from clothsim.run.certificate.certificate import world_stretches
+from clothsim.run.fields import world_stretches
 from clothsim.scene.assembly.initial_positions import untangled
 from clothsim.scene.assembly.scene_world import build
 
