@@ -6,7 +6,7 @@ from typing import Any
 
 from clothsim.base.errors import IntersectionWarning
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import world_surfaces
 from clothsim.run.certificate.intersection_check import intersection_check_of
 from clothsim.run.certificate.intersection_history import IntersectionHistory, intersection_warnings
 from clothsim.run.session import Session

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.motion import LaterMotion, RigidMotion
+from clothsim.mesh.body import LaterMotion, RigidMotion
 from clothsim.physics.energies.pins import PinnedGroup, PinsConstraint
 from clothsim.scene.assembly.scene_world import Built
 

@@ -7,7 +7,7 @@ import numpy as np
 from clothsim.base.errors import InputError
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import CONVERGED, Solver
-from clothsim.mesh.motion import RigidMotion
+from clothsim.mesh.body import RigidMotion
 from clothsim.physics.energies.hessians import ByElement
 from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
 from clothsim.scene.assembly.scene_world import Built

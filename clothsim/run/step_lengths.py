@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.mesh.motion import LaterMotion, RigidMotion
+from clothsim.mesh.body import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
 from clothsim.physics.energies.constraint import Constraint
 from clothsim.scene.assembly.scene_world import Built

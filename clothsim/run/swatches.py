@@ -15,7 +15,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.keys.fabric_table import FABRICS
-from clothsim.mesh.generators.sheets import disk, tube
+from clothsim.mesh.generators.shapes import disk, tube
 from clothsim.render.surface_look import Surface
 from clothsim.run.simulate import simulate
 from clothsim.scene.scene import Scene

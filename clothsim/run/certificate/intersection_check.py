@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.mesh.world_surfaces import Surface
+from clothsim.mesh.world import Surface
 
 if TYPE_CHECKING:
     from clothsim.geometry.intersection.crossings import Crossing

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.crossings import Crossing, crossings
-from clothsim.mesh.generators.mannequin.generator import template
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS
+from clothsim.mesh.generators.mannequin.generator import JOINTS, template
 from clothsim.scene import paths
 from clothsim.scene.assembly.drape_model import DrapeModel, predicted, read_model
 from clothsim.scene.assembly.meshes import body_of, mesh_shape

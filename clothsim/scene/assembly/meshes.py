@@ -26,11 +26,10 @@ from clothsim.keys.mesh_keys import (
     check_cloth,
 )
 from clothsim.keys.schema import keys_of
-from clothsim.mesh.body import Body, make_body
+from clothsim.mesh.body import Body, frame_motion, make_body, rigid_motion
 from clothsim.mesh.cloth import Cloth, make_cloth
-from clothsim.mesh.degenerate import flat_triangles
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.mesh.motion import frame_motion, rigid_motion
+from clothsim.mesh.topology import flat_triangles
 from clothsim.scene import cloth_arrays
 from clothsim.scene.assembly.placement import PART, Shape, examined, existing_file, name_of, placed
 from clothsim.scene.assembly.welding import sewn
@@ -42,8 +41,8 @@ from clothsim.scene.scene import Scene
 
 def body_of_files(keys: Any, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table whose `frames` name a sequence of files, and notes for the user."""
-    from clothsim.files.meshes.mesh_part import Part
-    from clothsim.files.meshes.mesh_sequence import frame_files, read_frames
+    from clothsim.files.meshes.mesh_file import frame_files, read_frames
+    from clothsim.files.meshes.polygons import Part
 
     if not keys.frames:
         raise InputError(f"{where}.frames must name files, not ''.", 'Write it as frames = "kick/shell*.obj".')

@@ -10,9 +10,9 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.keys.mesh_keys import FilePart, PlacedKeys
 from clothsim.keys.schema import keys_of
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.checks import Role, examine, refuse
-from clothsim.mesh.motion import rotation_matrix
-from clothsim.mesh.pattern_lines import PatternLines
+from clothsim.mesh.cloth import PatternLines
 
 PART = ("scale", *keys_of(FilePart))
 """The keys that name a part of a file and its unit."""

@@ -11,9 +11,8 @@ from scipy.sparse.csgraph import connected_components
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.keys.mesh_keys import RigidTable
-from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.rigid_body import RigidBody
-from clothsim.mesh.world import World, make_world
+from clothsim.mesh.world import World, make_world, with_local_origin
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.constraint import Constraint
 from clothsim.physics.energies.protocols import Anchored, report_of

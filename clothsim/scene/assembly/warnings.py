@@ -7,7 +7,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.geometry.held_inside import held_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
-from clothsim.mesh.motion import FrameMotion
+from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World

@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.checks import examine, refuse
-from clothsim.mesh.degenerate import duplicates
+from clothsim.mesh.topology import duplicates
 from clothsim.scene.assembly.placement import Shape
 from clothsim.scene.assembly.welding import sewn
 from clothsim.scene.assembly.winding import wound_alike

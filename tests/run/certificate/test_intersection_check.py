@@ -6,8 +6,7 @@ from meshes import cloth, grid
 
 from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.mesh.body import make_body
-from clothsim.mesh.world import make_world
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import make_world, world_surfaces
 from clothsim.run.certificate.intersection_check import intersection_check_of
 
 ACROSS = np.array([[0.1, 0.3, -1], [0.9, 0.3, -1], [0.5, 0.3, 1]])

@@ -3,9 +3,9 @@
 import numpy as np
 
 from clothsim import Scene
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.mesh.cloth import triangle_planes
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.scene.assembly.placement import Shape
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.assembly.winding import wound_alike
