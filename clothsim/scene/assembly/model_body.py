@@ -10,15 +10,18 @@ import numpy as np
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import table
-from clothsim.files.characters.character import Character
+from clothsim.files.characters.character import Character, mannequin_character, smpl_character
 from clothsim.files.characters.clip import Motion, Timeline, timeline
 from clothsim.files.characters.gait import CLIPS, shipped_clip
+from clothsim.files.characters.gltf_character import read_character
+from clothsim.files.characters.keep_apart import kept_apart
 from clothsim.files.characters.motion_files import read_amass, read_animation, read_bvh
 from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
 from clothsim.keys.mesh_keys import ClipKeys, ModelTable, PlacedKeys
 from clothsim.mesh.body import Body, PosedMotion, make_body
-from clothsim.scene.assembly.placement import Shape, examined, existing_file, name_of, placed
+from clothsim.mesh.generators.mannequin.generator import turns_of
+from clothsim.scene.assembly.shapes import Shape, examined, existing_file, name_of, placed
 from clothsim.scene.scene import Scene
 
 # Motion of a body model: its clip, retargeted where it is of another skeleton, on a timeline.
@@ -43,8 +46,6 @@ def motion_of_model(
     span = (min(clip.start, end), end)
     apart = ""
     if clip.keep_apart:
-        from clothsim.files.characters.keep_apart import kept_apart
-
         motion = kept_apart(character, motion, first, span, clip.loop)
         apart = f", limbs turned by up to {np.degrees(motion.largest.max(initial=0.0)):.3g} degrees to keep apart"
     from_rest = (clip.place or ("clip" if clip.clip == OWN else "start")) == "start"
@@ -194,17 +195,11 @@ def character_of(keys: ModelTable, where: str, directory: Path) -> Character:
     name, shape = keys.model, keys.shape
     ending = Path(name).suffix.lower()
     if name == MANNEQUIN:
-        from clothsim.files.characters.character import mannequin_character
-
         return mannequin_character(**_by_name(f"{where}.shape", shape))
     if ending in RIGS:
-        from clothsim.files.characters.gltf_character import read_character
-
         path = existing_file(f"{where}.model", directory, name)
         return read_character(path, _by_name(f"{where}.shape", shape), keys.group)
     if ending in MODELS:
-        from clothsim.files.characters.character import smpl_character
-
         if isinstance(shape, Mapping):
             raise InputError(f"{where}.shape is a table.", "Give the shape parameters (betas) as a list of numbers.")
         return smpl_character(existing_file(f"{where}.model", directory, name), [] if shape is None else shape)
@@ -224,8 +219,6 @@ def first_pose(keys: ModelTable, where: str, character: Character) -> Pose:
     if isinstance(pose, str):
         if keys.model != MANNEQUIN:
             raise InputError(f"{where}.pose is {pose!r}.", "Give a table of joints with rotation vectors [degrees].")
-        from clothsim.mesh.generators.mannequin.generator import turns_of
-
         return skeleton.turned(dict(turns_of(pose, None)))
     turns = {
         name: np.radians(as_vector(f"{where}.pose.{name}", turn)) for name, turn in table(f"{where}.pose", pose).items()
