@@ -17,8 +17,7 @@ from clothsim.base.process_memory import peak_memory
 from clothsim.base.record import GIF_NAME, MOVIE_NAME, SUMMARY_NAME, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
-from clothsim.mesh.world import World
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import World, world_surfaces
 from clothsim.render.colour_scale import Quantity, per_vertex
 from clothsim.render.surface_look import Surface, crosses, evenly_spaced, spacing_of
 from clothsim.run.fields import FIELDS, known_field, world_stretches

@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
-from clothsim.mesh.motion import FrameMotion, PosedMotion
+from clothsim.mesh.body import FrameMotion, PosedMotion
 from clothsim.mesh.topology import interior_edges, unique_edges
 from clothsim.mesh.world import World
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from clothsim.base.arrays import Ints
-from clothsim.mesh.world import World
-from clothsim.mesh.world_surfaces import Surface
+from clothsim.mesh.world import Surface, World
 from clothsim.solve.pinch.carried import carried_in
 from clothsim.solve.stepping.state import State
 

@@ -7,7 +7,7 @@ with a block that turns by 9 degrees a step that takes 13 iterations, from its p
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.rigid_body import CORNERS, RigidBody
 from clothsim.mesh.world import World
 from clothsim.solve.linear.dependent_rows import DependentRows

@@ -4,8 +4,7 @@ import numpy as np
 from effect_builders import pins
 from meshes import cloth, grid
 
-from clothsim.mesh.body import make_body
-from clothsim.mesh.motion import rigid_motion
+from clothsim.mesh.body import make_body, rigid_motion
 from clothsim.mesh.world import make_world
 from clothsim.solve.stepping.prescribed import prescribed
 
