@@ -12,7 +12,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
 from clothsim.base.vectors import cross, dot, minus
 from clothsim.physics.contact.bvh import hilbert_order
-from clothsim.physics.contact.closest_points import point_triangle_closest
+from clothsim.physics.contact.distance import point_triangle_closest
 from clothsim.physics.contact.surface import ContactSurface
 
 OUTSIDE, NONE, INSIDE = -1, 0, 1

@@ -2,8 +2,8 @@
 
 After Baraff, Witkin & Kass 2003, "Untangling cloth", section on pinches (flypapering). Before each step the vertices
 about which a gap between opposing body surfaces will close are found (`pinch_gaps`); each is fixed to a triangle of the
-part that it is closer to (`pinch_parts`), as a Dirichlet condition of the step, and its contact with the other part is
-suspended (`contact.suspended`). Where the pinch has opened they are raised until nothing intersects, then released
+part that it is closer to (`pinch_parts`), as a Dirichlet condition of the step, and its contact with the other part
+is suspended (`candidate_subsets`). Where the pinch has opened they are raised until nothing intersects, then released
 (`pinch_release`).
 """
 
@@ -17,8 +17,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
+from clothsim.physics.contact.candidate_subsets import SuspendedCandidates, Suspension
 from clothsim.physics.contact.opposing import faces_of
-from clothsim.physics.contact.suspended import SuspendedCandidates, Suspension, with_suspension
 from clothsim.solve.pinch.carried import (
     MEMORY,
     NONE_CARRIED,
@@ -261,7 +261,10 @@ def _carrying(integrator: Integrator, state: State, carried: Carried, own: bool)
     patch = own_rows(world, x, carried) if own else NONE
     suspension = Suspension(carried.mask(len(x)), patch, layers=not own)
     energies = dict(integrator.potential.energies)
-    energies |= {name: with_suspension(each, suspension) for name, each in _barriers(integrator).items()}
+    energies |= {
+        name: replace(each, candidates=SuspendedCandidates(each.candidates, suspension))
+        for name, each in _barriers(integrator).items()
+    }
     constraints = {**integrator.constraints, "contact.pinch": CarriedVertices(world, carried)}
     return replace(integrator, potential=replace(integrator.potential, energies=energies), constraints=constraints)
 

@@ -9,8 +9,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
+from clothsim.physics.contact.candidate_subsets import Suspension
 from clothsim.physics.contact.opposing import Faces, first_hits
-from clothsim.physics.contact.suspended import Suspension
 from clothsim.solve.pinch.carried import Carried
 
 OPEN = 1.5
