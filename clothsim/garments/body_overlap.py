@@ -1,7 +1,7 @@
 """Overlap of a body with itself, as of thighs, in which a garment has no room: opened for it, and closed on it.
 
 The body is pressed in by a few millimetres about the points at which it intersects itself. The garment grows onto that
-shape under contact; in its drape the body closes again, and one part carries the vertices between (`sim.pinch`).
+shape under contact; in its drape the body closes again, and one part carries the vertices between (`solve.pinch`).
 """
 
 from collections.abc import Iterator

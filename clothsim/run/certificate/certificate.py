@@ -19,12 +19,12 @@ from clothsim.solve.stepping.state import State
 from clothsim.solve.stepping.stepping import StepReport
 
 if TYPE_CHECKING:
-    from clothsim.solve.pinch.pinch_record import PinchRecord
+    from clothsim.solve.pinch.carried import PinchRecord
 from collections.abc import Iterable
 
 from clothsim.base.arrays import Ints
 from clothsim.physics.energies.base import Energy
-from clothsim.solve.stepping.closest_contact import HasContactPairs
+from clothsim.solve.stepping.failure import HasContactPairs
 
 # Cloth that bodies press from opposite sides.
 
@@ -127,7 +127,7 @@ class Certificate:
 
     E(x) falls in every step. In backward Euler that is |v(n+1) - v(n)|^2_M/2 + Psi(n+1) <= |v(n)|^2_M/2 + Psi(n), and
     the energy itself falls where Psi is convex: a sheet that buckles within a large step may gain some. BDF2 has no
-    such law: its energy may rise within its order, by a hundredth of the kinetic energy (`sim.mechanical_energy`).
+    such law: its energy may rise within its order, by a hundredth of the kinetic energy (`mechanical_energy`).
 
     Parameters
     ----------
@@ -156,9 +156,9 @@ class Certificate:
     fastest_speed : float
         Largest speed of a cloth vertex in the last step [m/s]; nan without inertia.
     at_rest : bool
-        True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
+        True where the cloth was at rest at the last frame (see `time_loop`), and slow since then.
     unstable : UnstableEquilibria
-        Those that were found (see `sim.branch_switching`).
+        Those that were found (see `time_loop`).
     carried : PinchRecord or None
         Vertices that were carried through a pinch; None without that policy.
     pinched : Pinches
@@ -280,7 +280,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
 def _carried_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
     if fields is None:
         return None
-    from clothsim.solve.pinch.pinch_record import record_from  # runs without the policy do not import it
+    from clothsim.solve.pinch.carried import record_from  # runs without the policy do not import it
 
     return record_from(fields)
 

@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.physics.energies.protocols import ContactGap
-from clothsim.solve.stepping.step_size import LEAST_FRACTION
+from clothsim.solve.stepping.local_error import LEAST_FRACTION
 from clothsim.solve.stepping.stepping import StepReport
 
 
