@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from clothsim.geometry.untangling.untangle import untangle
     from clothsim.keys.fabric import Fabric
     from clothsim.keys.fabric_table import TABLE as FABRICS
-    from clothsim.keys.fabrics import fabric_named, fabrics_of
+    from clothsim.keys.fabric_table import fabric_named, fabrics_of
     from clothsim.mesh.cloth import triangle_planes
     from clothsim.mesh.topology import border_edges, components
     from clothsim.mesh.weld import mean_of_parts

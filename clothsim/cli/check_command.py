@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
-from clothsim.base.quantity_text import length
+from clothsim.base.text import length
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_count, as_positive_number, as_range
 from clothsim.cli.report import Report

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import InputError
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import Parser, Renamed, as_count, as_positive_number, as_seconds
 from clothsim.cli.report import Report

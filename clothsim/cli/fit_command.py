@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import ClothsimError
-from clothsim.base.quantity_text import length
+from clothsim.base.text import length
 from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import Renamed, as_positive_number, as_range
 from clothsim.cli.report import Report, messages

@@ -5,7 +5,7 @@ from typing import Any
 
 from clothsim import engine
 from clothsim.base.errors import InputError
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from clothsim.cli.report import Report
 
 _DESCRIPTION = """\

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from numpy import savez
     from numpy.linalg import norm
 
-    from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
+    from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
     from clothsim.garments.dress.pictures import draw_dress, draw_sewing
     from clothsim.garments.fit.before_after import draw_fit
     from clothsim.garments.penetration_report import draw_penetrations, entries, read_penetration_report

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar, cast
 
-from clothsim.base.quantity_text import length
+from clothsim.base.text import length
 from clothsim.cli.events import stream
 
 if TYPE_CHECKING:
@@ -29,9 +29,9 @@ def listener_for(
     """The callback of a command: none where `quiet`, events with --json, a bar on a terminal, else lines."""
     own = stream()
     if quiet:
-        yield cast(Listener, lambda progress: None)
+        yield cast("Listener", lambda progress: None)
     elif own is not None and isinstance(lines, Lines):
-        yield cast(Listener, lambda progress: own.event("progress", **asdict(progress)))
+        yield cast("Listener", lambda progress: own.event("progress", **asdict(progress)))
     elif sys.stderr.isatty():
         with bar() as listener:
             yield listener

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clothsim import files
-from clothsim.base.quantity_text import length, many
+from clothsim.base.text import length, many
 from clothsim.cli import on_demand
 from clothsim.cli.progress import clock
 

@@ -9,7 +9,7 @@ import numpy as np
 from clothsim import Finding
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.quantity_text import length
+from clothsim.base.text import length
 from clothsim.engine import intersection_points
 from clothsim.garments.inputs import BodyMesh, read_body_mesh, read_garment
 from clothsim.garments.penetration import Counts, penetrations

@@ -12,8 +12,8 @@ from scipy.sparse import csr_array
 from clothsim import Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.base.safe_files.npz_archive import read_arrays
+from clothsim.base.file_reading import read_arrays
+from clothsim.base.file_writing import write_atomically
 from clothsim.engine import PlacedCharacter, character_of_scene
 from transfer.canonical import PosedBody, unposed_in_field
 from transfer.diffuse import kernel_average

@@ -51,7 +51,7 @@ class Trace:
         contacts = {
             name: each for name, each in self.session.built.energies.items() if isinstance(each, AdaptiveStiffness)
         }
-        return {name: float(cast(Any, each).stiffness) for name, each in contacts.items()}
+        return {name: float(cast("Any", each).stiffness) for name, each in contacts.items()}
 
     @cached_property
     def frame_states(self) -> tuple[int, ...]:

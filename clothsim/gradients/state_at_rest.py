@@ -156,5 +156,5 @@ def _divided(energy: Any, x: Floats) -> tuple[Ints, Floats] | None:
     if elements.ndim == 1:  # vertices
         return None
     apart = np.arange(elements.size).reshape(elements.shape)  # each with vertices of its own
-    gradient = replace(cast(Any, energy), **{energy.per_element[0]: apart}).gradient(x[elements].reshape(-1, 3))
+    gradient = replace(cast("Any", energy), **{energy.per_element[0]: apart}).gradient(x[elements].reshape(-1, 3))
     return elements, gradient.reshape(*elements.shape, 3)

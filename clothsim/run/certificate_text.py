@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from clothsim.base.quantity_text import length, many
+from clothsim.base.text import length, many
 
 _PAIRS = {
     "cloth_body": "cloth and body",

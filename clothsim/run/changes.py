@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.keys.keys import refuse_absent, refuse_unknown
+from clothsim.keys.value_checks import refuse_absent, refuse_unknown
 from clothsim.mesh.motion import LaterMotion, motion_of
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.protocols import BarrierGap

@@ -14,7 +14,7 @@ from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES
 from clothsim.mesh.cloth import Cloth
-from clothsim.render.colormap import colour_range, log_stretch, per_vertex, stretch_colours
+from clothsim.render.colour_scale import colour_range, log_stretch, per_vertex, stretch_colours
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import scene_from_text
 

@@ -43,7 +43,7 @@ def field_settings(run: "Run", name: str) -> dict[str, Any]:
 
 def _with_values(run: "Run", name: str) -> Drawing:
     """Surfaces with the scalar of a field at the vertices; that of a triangle goes to its corners, by area."""
-    from clothsim.render.colormap import per_vertex
+    from clothsim.render.colour_scale import per_vertex
     from clothsim.render.run_frames import frame_surfaces
 
     @cache  # a movie asks for each frame several times
@@ -71,7 +71,7 @@ def _with_values(run: "Run", name: str) -> Drawing:
 def _with_strokes(run: "Run") -> Drawing:
     """Surfaces with the principal directions of evenly spaced triangles, the same ones in all frames."""
     from clothsim.render.run_frames import frame_surfaces
-    from clothsim.render.strokes import crosses, evenly_spaced, spacing_of
+    from clothsim.render.surface_look import crosses, evenly_spaced, spacing_of
 
     start = run.positions(0)
     spacing = spacing_of(start, run.triangles)

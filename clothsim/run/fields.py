@@ -159,7 +159,7 @@ def field(name: str, configuration: Configuration) -> NDArray[np.floating]:
 
 def known_field(name: str) -> Field:
     """The entry `name` of the table; InputError names the nearest known one."""
-    from clothsim.keys.keys import refuse_unknown
+    from clothsim.keys.value_checks import refuse_unknown
 
     refuse_unknown("The table of fields", [name], FIELDS)
     return FIELDS[name]

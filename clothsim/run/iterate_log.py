@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.solve.newton.observer import Iterate, Observer, unobserved
 from clothsim.solve.newton.potential import Potential
 

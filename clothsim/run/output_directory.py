@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.directory import make_directory
-from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
+from clothsim.base.file_writing import make_directory
+from clothsim.base.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME
 from clothsim.files.runs.run_lock import locked
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME

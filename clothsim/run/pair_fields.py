@@ -48,7 +48,7 @@ def pair_energy_density(membrane: PairMembrane, world: World, x: Floats) -> Floa
     separate, y, first, second = _separate_pairs(membrane, world, x)
     arrays = {name: getattr(separate, name) for name in membrane.per_element}
     parts = ({name: array[k : k + 1] for name, array in arrays.items()} for k in range(len(first)))
-    energies = np.array([replace(cast(Any, separate), **part).value(y) for part in parts])
+    energies = np.array([replace(cast("Any", separate), **part).value(y) for part in parts])
     pairs = np.flatnonzero(second >= 0)
     areas = world.rest_areas[first].copy()
     areas[pairs] += world.rest_areas[second[pairs]]
@@ -70,7 +70,7 @@ def _separate_pairs(membrane: PairMembrane, world: World, x: Floats) -> tuple[En
         for corners in ([0, 1, 2], [0, 1, 3])
     )
     second[elements[:, 2] == elements[:, 3]] = -1
-    separate = replace(cast(Any, membrane), elements=np.arange(elements.size).reshape(-1, 4))
+    separate = replace(cast("Any", membrane), elements=np.arange(elements.size).reshape(-1, 4))
     return separate, np.ascontiguousarray(x[elements.ravel()]), first, second
 
 

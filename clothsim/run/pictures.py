@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.process_memory import peak_memory
-from clothsim.base.safe_files.record import GIF_NAME, MOVIE_NAME, SUMMARY_NAME, write_summary
+from clothsim.base.record import GIF_NAME, MOVIE_NAME, SUMMARY_NAME, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
@@ -132,7 +132,7 @@ def draw_movie(
 
 def draw_failure(directory: Path, failure: dict[str, Any], world: World, target: Path, up: Any) -> str:
     """Write a PNG of the place where a run failed, in its last good state; returns the line that names the renderer."""
-    from clothsim.render.closeup import draw_closeup
+    from clothsim.render.marks import draw_closeup
     from clothsim.render.run_frames import state_surfaces
     from clothsim.run.certificate.certificate import world_stretches
 

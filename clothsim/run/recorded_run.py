@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.errors import InputError
 from clothsim.base.interruption import InterruptFlag, interruption
-from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
+from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray

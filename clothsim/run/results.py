@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
+from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
-from clothsim.keys.keys import refuse_unknown
+from clothsim.keys.value_checks import refuse_unknown
 from clothsim.run.certificate_text import certificate_rows
 from clothsim.run.field_pictures import field_settings
 from clothsim.run.fields import Configuration

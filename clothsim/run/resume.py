@@ -5,7 +5,7 @@ from time import perf_counter
 
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import refuse_uncallable
-from clothsim.base.safe_files.record import FITTED_NAME, SUMMARY_NAME
+from clothsim.base.record import FITTED_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.run.certificate.certificate import certificate_from
 from clothsim.run.checked_step import warn_of

@@ -13,7 +13,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
-from clothsim.keys.keys import refuse_absent
+from clothsim.keys.value_checks import refuse_absent
 from clothsim.run.certificate.intersection_history import IntersectionHistory
 from clothsim.run.changes import (
     body_at,

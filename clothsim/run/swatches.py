@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.mesh.generators.sheets import disk, tube
 from clothsim.render.surface_look import Surface
 from clothsim.run.simulate import simulate

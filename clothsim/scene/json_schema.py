@@ -5,9 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, get_args, get_origin
 
 from clothsim.keys.generator_keys import GENERATOR_KEYS
-from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
-from clothsim.keys.model_keys import ModelTable
-from clothsim.keys.rigid_keys import RigidTable
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, ModelTable, PatternFile, RigidTable
 from clothsim.keys.schema import Key, SceneKey, choices, keys_of, members
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.scene.effects import EFFECTS

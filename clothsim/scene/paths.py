@@ -15,10 +15,9 @@ from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import refuse_unknown
-from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth
-from clothsim.keys.rigid_keys import check_rigid
+from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth, check_rigid
 from clothsim.keys.schema import keys_of
+from clothsim.keys.value_checks import refuse_unknown
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import SECTIONS, Scene
 

@@ -6,9 +6,18 @@ from dataclasses import dataclass
 
 from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
 from clothsim.keys.generator_keys import GENERATOR_KEYS
-from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
-from clothsim.keys.model_keys import ClipKeys, ModelTable
-from clothsim.keys.rigid_keys import JointKeys, RigidTable, TieKeys
+from clothsim.keys.mesh_keys import (
+    BodyTable,
+    ClipKeys,
+    ClothTable,
+    FilePart,
+    FramesTable,
+    JointKeys,
+    ModelTable,
+    PatternFile,
+    RigidTable,
+    TieKeys,
+)
 from clothsim.keys.schema import SceneKey, keys_of, type_in_words
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.keys.typed_effects import TYPED_EFFECTS

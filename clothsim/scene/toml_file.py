@@ -4,8 +4,8 @@ import tomllib
 from pathlib import Path
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
 from clothsim.base.inputs import nearest
-from clothsim.base.safe_files.regular_file import read_regular_file
 from clothsim.scene.example_files import scene_file
 from clothsim.scene.scene import Scene, make_scene
 

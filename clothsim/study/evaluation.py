@@ -11,8 +11,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.base.safe_files.record import read_summary, to_json
+from clothsim.base.file_writing import write_atomically
+from clothsim.base.record import read_summary, to_json
 from clothsim.study.cost_model import predicted_seconds
 from clothsim.study.points import BASE, Bench, Outcome, Point
 from clothsim.study.pool import Answer, Job, Runner

@@ -17,9 +17,9 @@ import clothsim
 from clothsim import Scene, engine, simulate
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import make_directory
+from clothsim.base.inputs import renamed
 from clothsim.base.parallel import available_cores
-from clothsim.base.renamed import renamed
-from clothsim.base.safe_files.directory import make_directory
 from clothsim.engine import World, build
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from clothsim import Scene, simulate
-from clothsim.base.safe_files.record import to_json
+from clothsim.base.record import to_json
 from clothsim.engine import cloths_at_start
 from clothsim.files import write_obj
 

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array, kron
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.garments.penetration import counted
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.study.farm.identity import processor

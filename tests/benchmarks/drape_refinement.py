@@ -20,7 +20,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments.fit.pipeline import Task, seed_fit
 from clothsim.garments.inputs import BodyMesh

@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw
 
 import clothsim
 from clothsim.base.errors import ClothsimError
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.cli.dress_command import as_length
 from clothsim.garments.dress.dressed import Dress
 from clothsim.garments.dress.pictures import WORN, draw_dress

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from clothsim.files.meshes.obj_writer import write_obj
 from clothsim.mesh.world import World
 from clothsim.scene.assembly.drape_model import DrapeModel, predicted

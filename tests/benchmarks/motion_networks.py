@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.garments.unpose import character_of_scene, skinning
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.study.farm.identity import processor

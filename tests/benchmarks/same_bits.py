@@ -19,7 +19,7 @@ from itertools import islice
 from pathlib import Path
 from time import process_time
 
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from tests.benchmarks.stored_tables import markdown_table, write_between
 
 ROOT = Path(__file__).resolve().parents[2]

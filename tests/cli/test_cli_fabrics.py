@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from clothsim.cli import main
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.run import swatches
 
 

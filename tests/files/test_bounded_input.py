@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from clothsim import InputError, check, load_scene
-from clothsim.base.safe_files.numpy_file import read_numbers
-from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.base.file_reading import read_numbers, read_regular_file
 from clothsim.files.meshes import mesh_file, mesh_sequence
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.files.meshes.mesh_part import Part

@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from clothsim.base.errors import LONGEST, InputError
-from clothsim.base.safe_files.record import read_record, read_summary
+from clothsim.base.record import read_record, read_summary
 from clothsim.files.meshes.mesh_file import ENDINGS, read_mesh
 from clothsim.files.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TrajectoryWriter, read_trajectory

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.base.safe_files.record import RECORD_NAME, read_record
+from clothsim.base.record import RECORD_NAME, read_record
 from clothsim.files.meshes.obj_writer import obj_text
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.run.certificate.intersection_history import intersection_warnings

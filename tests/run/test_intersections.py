@@ -9,7 +9,7 @@ import pytest
 from small_scenes import SOLVER, small_scene
 
 from clothsim import IntersectionWarning, Scene, Simulation, open_run, resume, simulate
-from clothsim.base.safe_files.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.cli import main
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs

@@ -5,7 +5,7 @@ import pytest
 from meshes import cloth, grid
 
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import RecordWriter, write_summary
+from clothsim.base.record import RecordWriter, write_summary
 from clothsim.files.runs.trajectory import TrajectoryWriter
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world

@@ -1,7 +1,7 @@
 import pytest
 
 from clothsim.base.errors import InputError
-from clothsim.keys.frozen import frozen
+from clothsim.keys.key_table import frozen
 from clothsim.scene.overrides import override
 from clothsim.scene.scene import Scene
 

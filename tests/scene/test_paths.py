@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.base.errors import InputError
-from clothsim.keys.frozen import frozen
+from clothsim.keys.key_table import frozen
 from clothsim.scene.overrides import override
 from clothsim.scene.paths import get, located, parts_of, replace
 from clothsim.scene.scene import Scene

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.npz_archive import read_arrays
+from clothsim.base.file_reading import read_arrays
 from clothsim.files.characters.clip import Clip, uniform_clip
 from clothsim.files.characters.known_bodies import SMPL_JOINTS, parents_of_smpl
 from clothsim.files.characters.quaternions import from_rotation_vectors, product, to_matrices

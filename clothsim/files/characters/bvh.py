@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.base.file_reading import read_regular_file
 from clothsim.files.characters.clip import Clip, uniform_clip
 from clothsim.files.characters.quaternions import from_rotation_vectors, product
 from clothsim.files.characters.skeleton import skeleton_at

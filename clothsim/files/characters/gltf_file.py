@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.base.file_reading import read_regular_file
 
 DTYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

@@ -46,7 +46,7 @@ class Format:
     @property
     def writer(self) -> Writer:
         """The module, imported."""
-        return cast(Writer, importlib.import_module(f"clothsim.files.exchange.{self.module}"))
+        return cast("Writer", importlib.import_module(f"clothsim.files.exchange.{self.module}"))
 
 
 FORMATS: dict[str, Format] = {
@@ -68,4 +68,4 @@ def format_of(target: Path) -> Format:
     found: Any = FORMATS.get(target.suffix.lower())
     if found is None:
         raise InputError(f"{target.name} has an ending of no known format.", f"Known are {', '.join(FORMATS)}.")
-    return cast(Format, found)
+    return cast("Format", found)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.files.exchange.animation import Animation, Part, PartFrame, different, flat_texture, group_runs, one_word
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.files.exchange.animation import Animation, Part, PartFrame, split_vertices, vertex_means
 from clothsim.files.exchange.obj_sequence import files
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.base.safe_files.atomic import replacing, write_atomically
+from clothsim.base.file_writing import replacing, write_atomically
 from clothsim.files.exchange.animation import Animation, different, plain_word
 from clothsim.files.exchange.obj_sequence import still_mesh
 

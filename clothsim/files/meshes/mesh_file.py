@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.decompression import bounded_decompression
-from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.base.file_reading import bounded_decompression, read_regular_file
 from clothsim.files.meshes.gmsh import read_msh
 from clothsim.files.meshes.mesh_part import MeshFile, Part, choose
 from clothsim.files.meshes.obj import read_obj

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.files.meshes.obj import joined_lines
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.disk_space import require_space, writing
+from clothsim.base.file_writing import require_space, writing
 from clothsim.files.runs.vtkhdf import (
     STRETCHES,
     FrameArray,

@@ -11,8 +11,8 @@ import numpy as np
 
 from clothsim import Cloth, Pattern, Run
 from clothsim.base.errors import InputError
-from clothsim.base.renamed import renamed
-from clothsim.base.safe_files.directory import make_directory
+from clothsim.base.file_writing import make_directory
+from clothsim.base.inputs import renamed
 from clothsim.engine import refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import close, mean_edge, welded_where_closed, worst_gap

@@ -9,8 +9,8 @@ import numpy as np
 
 from clothsim import Pattern, Run
 from clothsim.base.arrays import Floats
-from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.base.safe_files.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.base.file_writing import write_atomically
+from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import Fabric
 from clothsim.garments.dress.closing import stretch_range
 from clothsim.garments.dress.grading import Grading

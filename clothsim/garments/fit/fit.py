@@ -13,9 +13,9 @@ import numpy as np
 from clothsim import Body, Cloth, Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import write_atomically
 from clothsim.base.inputs import refuse_uncallable
-from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.base.safe_files.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
+from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import fabric_named, refuse_earlier_run
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.base.file_reading import read_regular_file
 from clothsim.garments.fit.guaranteed_path import smoothed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Garment

@@ -6,7 +6,7 @@ from typing import Self, cast
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import equal
+from clothsim.base.vectors import equal
 from clothsim.physics.contact import barrier_kernels as kernels
 from clothsim.physics.contact.candidate_subsets import CandidateSubset
 from clothsim.physics.contact.candidates import Candidates
@@ -137,7 +137,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The barrier of the pairs that are incident to a moving vertex."""
-        return replace(self, candidates=cast(Candidates, CandidateSubset.restrict(self.candidates, moving, x)))
+        return replace(self, candidates=cast("Candidates", CandidateSubset.restrict(self.candidates, moving, x)))
 
     def couplings(self, x: Floats, dx: Floats) -> Ints:
         """Rows (p, 4) of cloth-cloth pairs predicted to be active on the path x -> x + dx, or on its beginning."""

@@ -10,9 +10,8 @@ the mollifier of nearly parallel edges u, v (IPC, eq. 24), c = |u x v|^2.
 
 import numpy as np
 
-from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, natural, part
-from clothsim.base.vectors import cross, dot, minus
+from clothsim.base.vectors import cross, dot, four_points, minus
 from clothsim.physics.contact.distance import closest_points, distance_squared, tangent_directions
 from clothsim.physics.contact.psd_projection import absolute_block, relative
 

@@ -7,9 +7,8 @@ from typing import Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import four_points
 from clothsim.base.jit import inlined, kernel, natural, part
-from clothsim.base.vectors import dot
+from clothsim.base.vectors import dot, four_points
 from clothsim.physics.contact.anchors import (
     NO_ANCHORS,
     Anchors,

@@ -5,9 +5,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, natural, part
-from clothsim.base.vectors import minus
+from clothsim.base.vectors import four_points, minus
 from clothsim.physics.contact.distance import point_triangle_closest, point_triangle_region, segment_closest
 
 

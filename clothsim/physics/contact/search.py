@@ -326,7 +326,7 @@ class Search:
         swapped = triangle_point[1], triangle_point[0], triangle_point[2]
         if surface.is_self_contact:
             both = tuple(np.concatenate(two) for two in zip(point_triangle, swapped, strict=True))
-            return self._assembled(cast(FoundPairs, both), NO_PAIRS_FOUND, edge_edge)
+            return self._assembled(cast("FoundPairs", both), NO_PAIRS_FOUND, edge_edge)
         return self._assembled(point_triangle, swapped, edge_edge)
 
     def of_keys(self, keys: Ints) -> Pairs:

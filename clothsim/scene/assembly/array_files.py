@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.numpy_file import read_numbers
+from clothsim.base.file_reading import read_numbers
 from clothsim.keys.key_table import KeyTable
 
 ENDING = ".npy"

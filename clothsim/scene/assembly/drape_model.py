@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import replacing
+from clothsim.base.file_writing import replacing
 from clothsim.scene import paths
 from clothsim.scene.content import by_content
 from clothsim.scene.scene import Scene

@@ -11,13 +11,20 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.keys.effect_tables import Motion
 from clothsim.keys.fabric import BENDINGS, Fabric
-from clothsim.keys.fabrics import fabric_named, fabrics_of
+from clothsim.keys.fabric_table import fabric_named, fabrics_of
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.mesh_arrays import MeshArrays
-from clothsim.keys.mesh_keys import BodyTable, ClothTable, FramesTable, PatternFile, check_body, check_cloth
-from clothsim.keys.model_keys import ModelTable
-from clothsim.keys.placed_keys import PlacedKeys
-from clothsim.keys.rigid_keys import RigidTable
+from clothsim.keys.mesh_keys import (
+    BodyTable,
+    ClothTable,
+    FramesTable,
+    ModelTable,
+    PatternFile,
+    PlacedKeys,
+    RigidTable,
+    check_body,
+    check_cloth,
+)
 from clothsim.keys.schema import keys_of
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.cloth import Cloth, make_cloth

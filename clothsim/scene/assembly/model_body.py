@@ -16,8 +16,7 @@ from clothsim.files.characters.gait import CLIPS, shipped_clip
 from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
 from clothsim.files.characters.timeline import Timeline, timeline
-from clothsim.keys.model_keys import ClipKeys, ModelTable
-from clothsim.keys.placed_keys import PlacedKeys
+from clothsim.keys.mesh_keys import ClipKeys, ModelTable, PlacedKeys
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.motion import PosedMotion
 from clothsim.scene.assembly.placement import Shape, examined, existing_file, name_of, placed

@@ -8,8 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.keys.mesh_keys import FilePart
-from clothsim.keys.placed_keys import PlacedKeys
+from clothsim.keys.mesh_keys import FilePart, PlacedKeys
 from clothsim.keys.schema import keys_of
 from clothsim.mesh.checks import Role, examine, refuse
 from clothsim.mesh.motion import rotation_matrix

@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.keys.rigid_keys import RigidTable
+from clothsim.keys.mesh_keys import RigidTable
 from clothsim.mesh.rigid_body import Joint, RigidBody, rigid_body
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy

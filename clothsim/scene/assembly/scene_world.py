@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.keys.rigid_keys import RigidTable
+from clothsim.keys.mesh_keys import RigidTable
 from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.rigid_body import RigidBody
 from clothsim.mesh.world import World, make_world

@@ -8,7 +8,7 @@ from time import process_time
 from typing import Any
 
 from clothsim import Run, Scene, open_run
-from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
+from clothsim.base.record import SUMMARY_NAME, write_summary
 from clothsim.engine import Session
 from clothsim.study.error_control.parameter_errors import root_sum
 from clothsim.study.error_control.resolution import Resolution, Resolvable, has_cells_for, resolvable

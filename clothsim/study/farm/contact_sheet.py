@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.render import Surface, draw
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.publication import CLOTH

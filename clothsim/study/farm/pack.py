@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import replacing, write_atomically
-from clothsim.base.text_table import text_table
+from clothsim.base.file_writing import replacing, write_atomically
+from clothsim.base.text import text_table
 from clothsim.study.farm.identity import array_hash
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.publication import CLOTH, PARAMETERS, SUMMARY

@@ -9,7 +9,7 @@ from typing import Any
 
 from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.engine import build
 from clothsim.study.farm.identity import content_id
 from clothsim.study.farm.recipe import Recipe, changed

@@ -5,7 +5,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.study.farm.claims import Worker, is_stale
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.publication import read_drape

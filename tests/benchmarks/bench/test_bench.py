@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.physics.contact import candidates
 from clothsim.scene.scene import Scene

@@ -19,7 +19,7 @@ from clothsim.garments.dress.placement import placed_on, turned_to_arms
 from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
-from clothsim.keys.fabrics import fabric_named
+from clothsim.keys.fabric_table import fabric_named
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world
 from clothsim.patterns.pattern_mesh import mesh_pattern

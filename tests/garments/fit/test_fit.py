@@ -9,7 +9,7 @@ from fitting_cases import capsule_figure, in_file, tube_garment, wider
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import read_summary
+from clothsim.base.record import read_summary
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments import stage_scenes
 from clothsim.garments.fit import pipeline as module

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from contact_configurations import adversarial, at_random
 
-from clothsim.base.indexing import four_points
+from clothsim.base.vectors import four_points
 from clothsim.physics.contact.barrier import exact, projected
 from clothsim.physics.contact.barrier_kernels import RECORD_SIZE, cross_squared, evaluate
 from clothsim.physics.contact.psd_projection import BATCH, absolute, positive_factors, relative

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.base.indexing import as_rows, equal, taken
+from clothsim.base.vectors import as_rows, equal, taken
 
 
 @pytest.mark.parametrize("rows", [[], [3], [0, 1, 2], [2, 3, 4, 5], [0, 2], [0, 1, 3], [1, 2, 3, 5, 6]])

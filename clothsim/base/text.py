@@ -1,4 +1,4 @@
-"""Text table with aligned columns."""
+"""Text of reports: tables with aligned columns, lengths in a fitting unit, counts with their noun."""
 
 from collections.abc import Sequence
 
@@ -29,3 +29,17 @@ def _number(cell: str) -> bool:
     """True for a number, with thousands separated or with a percent sign, and for an empty cell."""
     text = cell.replace(",", "").rstrip("% ").strip()
     return not text or text == "-" or text.replace(".", "", 1).replace("e-", "", 1).replace("-", "", 1).isdigit()
+
+
+def length(metres: float) -> str:
+    """A length in m, mm or um."""
+    if metres >= 1:
+        return f"{metres:.3g} m"
+    if metres >= 1e-3:
+        return f"{1e3 * metres:.3g} mm"
+    return f"{1e6 * metres:.3g} um"
+
+
+def many(count: int, what: str) -> str:
+    """A number of things, in the plural where it is not one."""
+    return f"{count:,} {what}{'' if count == 1 else 's'}"

@@ -6,8 +6,7 @@ from effect_builders import membrane
 from meshes import cloth, grid
 
 from clothsim.base.errors import InputError
-from clothsim.keys.fabric_table import GRAM_FORCE_CM, KNITS, PENAVA, SHEAR_UNIT, TABLE, WANG
-from clothsim.keys.fabrics import FABRICS, fabric_named
+from clothsim.keys.fabric_table import FABRICS, GRAM_FORCE_CM, KNITS, PENAVA, SHEAR_UNIT, TABLE, WANG, fabric_named
 from clothsim.mesh.world import make_world
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene

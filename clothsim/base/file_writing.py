@@ -1,4 +1,4 @@
-"""Disk space reserved before a write, and errors of a full disk as sentences."""
+"""Writing of files: directories made, space reserved, a file replaced as a whole, errors as sentences."""
 
 import errno
 import os
@@ -65,3 +65,44 @@ def full_or_forbidden(path: Path, error: Exception) -> InputError:
     if full:
         remedy = f"Free space, or lift the limit, and continue: clothsim resume {path.parent}"
     return InputError(f"{path} cannot be written ({text}).", remedy)
+
+
+def make_directory(directory: Path) -> None:
+    """Make a directory where there is none. InputError where it cannot be made or written."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"{directory} cannot be made a directory: {reason}.", "Choose another with -o.") from error
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise InputError(f"{directory} cannot be written.", "Choose another with -o.")
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write `content` to `path` so that a reader sees the old file or the new one, whenever the process is killed.
+
+    InputError where the file cannot be written.
+    """
+    with replacing(path) as beside, beside.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A file beside `path` that takes its place at the end of the block.
+
+    InputError where a file cannot be written; then what was written is removed.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        try:
+            yield beside
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise full_or_forbidden(path, error) from error

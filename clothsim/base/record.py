@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.base.safe_files.disk_space import writing
-from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.base.file_reading import read_regular_file
+from clothsim.base.file_writing import write_atomically, writing
 
 RECORD_NAME = "record.jsonl"
 MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"

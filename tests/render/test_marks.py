@@ -1,12 +1,10 @@
-"""Close-up of a point: unobstructed view, and position of the ring."""
-
 import numpy as np
 import pytest
 from PIL import Image
 
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.render.closeup import INK, draw_closeup
-from clothsim.render.legend import margins
+from clothsim.render.marks import INK, draw_closeup
+from clothsim.render.styles import margins
 from clothsim.render.surface_look import Surface
 
 SIZE = (192, 144)

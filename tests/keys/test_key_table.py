@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from clothsim import Cloth, Gravity, Inertia, Pins, Scene, Solver
-from clothsim.keys.frozen import FrozenTable, frozen
+from clothsim.keys.key_table import FrozenTable, frozen
 
 POINTS = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
 

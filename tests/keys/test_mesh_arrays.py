@@ -5,7 +5,7 @@ import pytest
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import RecordWriter, read_record, read_summary, to_json, write_summary
+from clothsim.base.record import RecordWriter, read_record, read_summary, to_json, write_summary
 
 ENTRIES = [{"step": 0, "residual": 0.1 + 0.2}, {"step": 1, "note": "Überschuss\n"}, {"step": 2, "pairs": [1, 2]}]
 

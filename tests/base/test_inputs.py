@@ -5,7 +5,7 @@ import inspect
 import pytest
 
 import clothsim
-from clothsim.base.renamed import renamed
+from clothsim.base.inputs import renamed
 
 
 @renamed(cut_for="made_for")
