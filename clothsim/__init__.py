@@ -48,8 +48,7 @@ if TYPE_CHECKING:
     from clothsim.run.resume import resume
     from clothsim.run.simulate import simulate
     from clothsim.run.simulation import Simulation
-    from clothsim.run.simulation_state import SimulationError, SimulationState
-    from clothsim.run.summary import Progress
+    from clothsim.run.step_reports import Progress, SimulationError, SimulationState
     from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
     from clothsim.scene.effects import register_effect
     from clothsim.scene.scene import Scene

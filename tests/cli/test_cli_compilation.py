@@ -8,7 +8,7 @@ import pytest
 from clothsim.cli import compilation
 from clothsim.cli.compilation import CompilationClock, installed_clock
 from clothsim.cli.progress import Lines, shown
-from clothsim.run.summary import Progress
+from clothsim.run.step_reports import Progress
 
 
 @pytest.fixture

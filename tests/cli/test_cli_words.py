@@ -10,7 +10,7 @@ from clothsim import InputError
 from clothsim.cli import COMMANDS, GROUPS, _short, main, parser_of_all, without_group
 from clothsim.cli.completion_command import script
 from clothsim.cli.progress import Lines, clock
-from clothsim.run.summary import Progress
+from clothsim.run.step_reports import Progress
 
 
 def test_debug_shows_the_traceback():

@@ -19,7 +19,7 @@ from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.files.meshes.mesh_part import Part
 from clothsim.files.meshes.mesh_sequence import frame_files, read_frames
 from clothsim.files.runs.checkpoint import read_checkpoint
-from clothsim.run.archive import unpack_bundle
+from clothsim.run.export import unpack_bundle
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 MB = 1 << 20

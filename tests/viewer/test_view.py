@@ -12,7 +12,7 @@ import trimesh
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.run.colouring import PLAIN, STRETCH, Colouring
+from clothsim.run.frames import PLAIN, STRETCH, Colouring
 from clothsim.run.results import open_run
 from clothsim.viewer import view as view_module
 from clothsim.viewer.page import as_glb, picked_vertex

@@ -17,7 +17,7 @@ from clothsim.garments import stage_scenes
 from clothsim.garments.fit import pipeline
 from clothsim.garments.fit import pipeline as module
 from clothsim.mesh.generators.sheets import rectangle
-from clothsim.run.summary import Progress
+from clothsim.run.step_reports import Progress
 
 BODY = capsule_figure(segments=10)
 TUBE = tube_garment(0.125, height=0.12, cells=(10, 3))

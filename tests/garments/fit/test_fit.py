@@ -16,7 +16,7 @@ from clothsim.garments.fit import pipeline as module
 from clothsim.garments.fit.before_after import draw_fit
 from clothsim.geometry.untangling import untangle as search
 from clothsim.mesh.generators.sheets import rectangle
-from clothsim.run.archive import unpack_bundle, write_bundle
+from clothsim.run.export import unpack_bundle, write_bundle
 
 BODY = capsule_figure(segments=10)
 SMALL = tube_garment(0.125, height=0.12, cells=(10, 3))

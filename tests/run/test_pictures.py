@@ -1,4 +1,4 @@
-"""Pictures of the fields of a run."""
+"""Pictures of fields."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ from small_scenes import RUN, small_scene
 
 from clothsim import InputError, simulate
 from clothsim.cli import main
-from clothsim.run.field_pictures import field_settings
 from clothsim.run.fields import FIELDS
+from clothsim.run.pictures import field_settings
 
 CONTACT = [name for name in FIELDS if FIELDS[name].in_step]
 SMALL = {"size": (200, 150), "renderer": "ray"}

@@ -1,4 +1,4 @@
-"""Cloth held inside a body, overstretched or pinched: in the certificate, and printed under --quiet."""
+"""Warnings of a completed run."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from small_scenes import BALL, EFFECTS, RUN, SHEET, small_scene, without
 
 from clothsim import resume, simulate
 from clothsim.cli import main
-from clothsim.run.certificate.certificate import Pinches, pinched_vertices
-from clothsim.run.certificate.condition_warnings import LARGEST_STRETCH
+from clothsim.run.certificate import Pinches, pinched_vertices
+from clothsim.run.summary import LARGEST_STRETCH
 
 SHORT = RUN | {"duration": 0.04}
 SMALL = SHEET | {"size": [0.2, 0.2], "position": [0, 0, 0]}

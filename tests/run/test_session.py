@@ -1,4 +1,4 @@
-"""Rotation and displacement of pins in a step, and a step whose error no dt meets."""
+"""Bounds on motion in a step."""
 
 from types import SimpleNamespace
 

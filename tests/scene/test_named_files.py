@@ -1,4 +1,4 @@
-"""Numbers in NumPy files that a scene names."""
+"""Files that a scene names."""
 
 import json
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim import InputError, Scene
-from clothsim.run.archive_files import refuse_outside, relocated
-from clothsim.scene.assembly.array_files import with_arrays
+from clothsim.scene.named_files import refuse_outside, relocated, with_arrays
 
 SHEET = {"mesh": "rectangle", "cells": [2, 2]}
 

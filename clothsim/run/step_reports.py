@@ -1,11 +1,14 @@
-"""Positions, velocities and energies at the end of a step."""
+"""What users see of a step: the state at its end, the progress of the run, a line of the record."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.mesh.world import World
+from clothsim.run.certificate import Certificate
+from clothsim.run.session import Session
 from clothsim.solve.stepping.failure import Failure
 from clothsim.solve.stepping.mechanical_energy import mechanical_energy
 from clothsim.solve.stepping.state import State, Switch
@@ -113,3 +116,84 @@ def _by_name(world: World, rows: Floats, role: str) -> dict[str, Floats]:
     for part in parts.values():
         part.flags.writeable = False
     return parts
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress after a step.
+
+    Attributes
+    ----------
+    time, duration : float
+        Simulated time and its end [s].
+    step, newton_iterations : int
+        Number of the step, and its iterations.
+    minimum_gap : float
+        Smallest distance in contact [m], inf where nothing is closer than d_hat.
+    fastest : float
+        Largest speed of a cloth vertex [m/s].
+    verdict : {"moving", "settled", "stalled", "unstable"}
+        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth; unstable: the step
+        ended in an unstable equilibrium.
+    seconds : float
+        Wall time since the start [s].
+    stage : str
+        Of a fit the stage that the run is.
+    """
+
+    time: float
+    duration: float
+    step: int
+    newton_iterations: int
+    minimum_gap: float
+    fastest: float
+    verdict: str
+    seconds: float
+    stage: str = ""
+
+
+def progress_of(report: StepReport, session: Session, seconds: float) -> Progress:
+    """The progress after a step; seconds: wall time since the run began [s]."""
+    run, integrator = session.scene.run_settings, session.integrator
+    verdict = "moving"
+    if integrator.control is None and report.dt < integrator.dt / 8:
+        verdict = "stalled"
+    elif report.fastest < 10 * integrator.settings.tolerance:
+        verdict = "settled"
+    if report.switches:
+        verdict = "unstable"
+    return Progress(
+        report.state.time,
+        run.duration,
+        report.state.step,
+        report.result.iterations,
+        report.minimum_gap,
+        report.fastest,
+        verdict,
+        seconds,
+    )
+
+
+def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
+    """A line of the record."""
+    return {
+        "step": report.state.step,
+        "time": report.state.time,
+        "dt": report.dt,
+        "newton_iterations": report.result.iterations,
+        "regional_iterations": report.result.elimination_iterations,
+        "speed": report.result.speed,
+        "residual": report.result.residual,
+        "relative_residual": report.result.relative_residual,
+        "energy": certificate.energy,
+        "stiffness_energy": certificate.stiffness.last,
+        "minimum_gap": report.minimum_gap,
+        "fastest": report.fastest,
+        "failures": list(report.failures),
+        "error": None if report.error is None else report.error.rms,
+        "largest_error": None if report.error is None else report.error.largest,
+        "rejected": report.rejected,
+        "restarted": report.restarted,
+        "unstable": [asdict(switch) for switch in report.switches],
+        **({} if certificate.carried is None else {"carried": certificate.carried.now}),
+    }

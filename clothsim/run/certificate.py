@@ -1,30 +1,133 @@
-"""Certificate of a run: intersections, gap, stretches, residual and energy, accumulated step by step."""
+"""Certificate of a run, accumulated step by step: intersections, gap, stretches, residual, energy, estimated error."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, Ints
 from clothsim.geometry.intersection.proved_separations import Effort
-from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
-from clothsim.geometry.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
-from clothsim.run.certificate.error_estimate import ErrorEstimate
-from clothsim.run.certificate.intersection_history import IntersectionHistory, history_from
-from clothsim.run.certificate.stiffness_changes import StiffnessChanges
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap
+from clothsim.run.fields import world_stretches
+from clothsim.run.intersections import IntersectionHistory, history_from
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.stepping.failure import HasContactPairs
+from clothsim.solve.stepping.local_error import LEAST_FRACTION
 from clothsim.solve.stepping.mechanical_energy import mechanical_energy
 from clothsim.solve.stepping.state import State
 from clothsim.solve.stepping.stepping import StepReport
 
 if TYPE_CHECKING:
     from clothsim.solve.pinch.carried import PinchRecord
-from collections.abc import Iterable
 
-from clothsim.base.arrays import Ints
-from clothsim.physics.energies.base import Energy
-from clothsim.solve.stepping.failure import HasContactPairs
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Sums over all steps so far [m]; estimates of size, not bounds.
+
+    Parameters
+    ----------
+    temporal : float
+        Sum of the local errors of the difference formula (`step_error`), RMS over the vertices: the error at the end
+        where perturbations neither grow nor decay, more than it where errors oscillate or are damped, less where a
+        motion is unstable; nan without inertia.
+    temporal_largest : float
+        The same with the largest local error of a vertex in each step.
+    newton : float
+        Sum of `NewtonResult.remaining`; of the last solve alone without inertia.
+    contact_gap : float
+        Smallest gap at the last step as a fraction of d_hat: how far contact stands off; inf without contact.
+    at_floor : int
+        Steps of the shortest length whose local error was still too large.
+    steps : int
+        Number of steps; without any nothing is estimated.
+    """
+
+    temporal: float = 0.0
+    temporal_largest: float = 0.0
+    newton: float = 0.0
+    contact_gap: float = np.inf
+    at_floor: int = 0
+    steps: int = 0
+
+    def after(self, report: StepReport) -> Self:
+        """Return the estimate after one more step."""
+        energies = report.potential.energies.values()
+        x, error = report.state.positions, report.error
+        fractions = [np.inf]
+        if report.minimum_gap < np.inf:
+            fractions += [energy.minimum_gap(x) / energy.d_hat for energy in energies if isinstance(energy, ContactGap)]
+        return replace(
+            self,
+            temporal=np.nan if error is None else report.state.temporal_error,
+            temporal_largest=np.nan if error is None else self.temporal_largest + error.largest,
+            newton=report.result.remaining + (0.0 if error is None else self.newton),
+            contact_gap=float(min(fractions)),
+            at_floor=self.at_floor + report.at_floor,
+            steps=self.steps + 1,
+        )
+
+    def as_dict(self, asked: float = 0.0, completed: bool = True) -> dict[str, Any]:
+        """Return the entry of the certificate; asked: the requested error [m], 0 where none was.
+
+        A run that was not completed does not meet its request, whatever the error of its steps.
+        """
+        if not self.steps:
+            parts = dict.fromkeys(("temporal", "temporal_largest", "newton", "contact_gap"), "not estimated (no step)")
+            return {**parts, **({"asked": asked, "met": False} if asked else {})}
+        static = bool(np.isnan(self.temporal))
+        return {
+            "temporal": "not estimated (quasi-static)" if static else self.temporal,
+            "temporal_largest": "not estimated (quasi-static)" if static else self.temporal_largest,
+            "newton": self.newton,
+            "contact_gap": self.contact_gap if self.contact_gap < np.inf else "not estimated (no contact)",
+            **({"asked": asked, "met": completed and not self.unmet(asked)} if asked else {}),
+        }
+
+    def unmet(self, error: float) -> str:
+        """Return a message where the requested `error` [m] is exceeded, else an empty string; 0: none was requested."""
+        if not error or not self.temporal > (1 + LEAST_FRACTION) * error:
+            return ""
+        why = f": {self.at_floor} steps had the shortest length allowed" if self.at_floor else ""
+        return (
+            f"The requested error of {error:g} m is exceeded{why}. "
+            f'The estimate is {self.temporal:.2g} m. Set a larger solver.error, or integrator = "bdf2".'
+        )
+
+
+@dataclass(frozen=True)
+class StiffnessChanges:
+    """Energy of the changes so far.
+
+    Parameters
+    ----------
+    added, removed : float
+        Sum of the changes that added energy, and of those that removed some [J], both 0 or more.
+    last : float
+        Energy that the last change added [J]; below 0 where it removed some.
+    """
+
+    added: float = 0.0
+    removed: float = 0.0
+    last: float = 0.0
+
+    def after(self, potential: Potential, before: State) -> Self:
+        """Return the record after a step from `before` to which `potential` is bound."""
+        change = stiffness_energy(potential, before)
+        return replace(self, added=self.added + max(change, 0.0), removed=self.removed + max(-change, 0.0), last=change)
+
+
+def stiffness_energy(potential: Potential, before: State) -> float:
+    """Return the energy at the start of a step with the stiffness of the step less that with the one before [J]."""
+    return sum(
+        energy.stiffness_energy(before.positions, float(before.memory[name]))
+        for name, energy in potential.acting.items()
+        if isinstance(energy, AdaptiveStiffness) and name in before.memory
+    )
+
 
 # Cloth that bodies press from opposite sides.
 
@@ -127,7 +230,7 @@ class Certificate:
 
     E(x) falls in every step. In backward Euler that is |v(n+1) - v(n)|^2_M/2 + Psi(n+1) <= |v(n)|^2_M/2 + Psi(n), and
     the energy itself falls where Psi is convex: a sheet that buckles within a large step may gain some. BDF2 has no
-    such law: its energy may rise within its order, by a hundredth of the kinetic energy (`mechanical_energy`).
+    such law: its energy may rise within its order, by a hundredth of the kinetic energy (`sim.mechanical_energy`).
 
     Parameters
     ----------
@@ -156,9 +259,9 @@ class Certificate:
     fastest_speed : float
         Largest speed of a cloth vertex in the last step [m/s]; nan without inertia.
     at_rest : bool
-        True where the cloth was at rest at the last frame (see `time_loop`), and slow since then.
+        True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     unstable : UnstableEquilibria
-        Those that were found (see `time_loop`).
+        Those that were found (see `sim.branch_switching`).
     carried : PinchRecord or None
         Vertices that were carried through a pinch; None without that policy.
     pinched : Pinches
@@ -283,9 +386,3 @@ def _carried_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
     from clothsim.solve.pinch.carried import record_from  # runs without the policy do not import it
 
     return record_from(fields)
-
-
-def world_stretches(world: World, x: Floats) -> Floats:
-    """Return the principal stretches of all cloth triangles, (m, 2), the larger first."""
-    F = deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses)
-    return np.asarray(principal_stretches(F), np.float64)

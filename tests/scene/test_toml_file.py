@@ -1,4 +1,4 @@
-"""Example scenes: their list, required files, and names in commands."""
+"""Example scenes: what is installed, by name."""
 
 from pathlib import Path
 
@@ -6,9 +6,8 @@ import pytest
 
 from clothsim import InputError, load_scene
 from clothsim.cli import main
-from clothsim.run.example_scenes import example_scenes, headline
-from clothsim.scene import example_files
-from clothsim.scene.example_files import scene_file
+from clothsim.scene import toml_file
+from clothsim.scene.toml_file import example_scenes, headline, scene_file
 
 ROOT = Path(__file__).parents[2]
 
@@ -24,7 +23,7 @@ def test_every_scene_of_the_repository_is_listed():
 def test_files_that_are_not_installed_are_named(tmp_path, monkeypatch):
     for name in ("sphere", "shoulders"):
         (tmp_path / f"{name}.toml").write_bytes((ROOT / "scenes" / f"{name}.toml").read_bytes())
-    monkeypatch.setattr(example_files, "folders", lambda: iter([tmp_path / "none", tmp_path]))
+    monkeypatch.setattr(toml_file, "folders", lambda: iter([tmp_path / "none", tmp_path]))
     missing = {each.name: each.missing for each in example_scenes()}
     assert missing["sphere"] == ()
     [name] = missing["shoulders"]
@@ -67,7 +66,7 @@ def test_a_file_of_an_installed_name_is_read(tmp_path, monkeypatch):
 
 
 def test_scenes_that_are_not_installed_are_reported(monkeypatch, tmp_path):
-    monkeypatch.setattr(example_files, "folders", lambda: iter([tmp_path]))
+    monkeypatch.setattr(toml_file, "folders", lambda: iter([tmp_path]))
     with pytest.raises(InputError):
         example_scenes()
 

@@ -1,4 +1,4 @@
-"""Freeing a start of intersections."""
+"""Initial positions, untangled."""
 
 import numpy as np
 import pytest
@@ -11,9 +11,9 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.world import make_world
-from clothsim.run.certificate.certificate import world_stretches
+from clothsim.run.fields import world_stretches
+from clothsim.scene.assembly.initial_positions import untangled
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.assembly.untangle import untangled
 
 
 def crossings(world):
