@@ -12,7 +12,7 @@ LIMITS = {
     "arrows between rooms": 96,
     "engine names at the door": 60,
     "names at the other doors": 40,
-    "modules with one importer, in their folder": 35,
+    "modules with one importer, in their folder": 26,
     "imports inside functions": 77,
 }
 

@@ -15,8 +15,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_arrays
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import PlacedCharacter, character_of_scene
-from transfer.canonical import PosedBody, unposed_in_field
-from transfer.diffuse import kernel_average
+from transfer.canonical import PosedBody, kernel_average, unposed_in_field
 from transfer.errors import TransferError
 
 if TYPE_CHECKING:

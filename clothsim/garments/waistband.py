@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import border_edges, components
 from clothsim.garments.inputs import BodyMesh
+from transfer.body_frame import girth, level_set, loops
 from transfer.body_parts import BodyParts
-from transfer.level_sets import girth, level_set, loops
 
 TIGHT = 0.95
 """Length of a band over the girth of the body below it."""

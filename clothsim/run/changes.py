@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
 from clothsim.keys.value_checks import refuse_absent, refuse_unknown
-from clothsim.mesh.motion import LaterMotion, RigidMotion, motion_of
+from clothsim.mesh.body import LaterMotion, RigidMotion, motion_of
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.pins import PinnedGroup, PinsConstraint
 from clothsim.physics.energies.protocols import BarrierGap

@@ -10,7 +10,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
-from clothsim.mesh.world_surfaces import Surface, world_surfaces
+from clothsim.mesh.world import Surface, world_surfaces
 from clothsim.solve.stepping.failure import Failure, crossing_failure
 from clothsim.solve.stepping.state import State
 

@@ -32,7 +32,7 @@ from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, write_ch
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray
 from clothsim.geometry.intersection.proved_separations import Effort, ProvedSeparations
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import world_surfaces
 from clothsim.physics.energies.protocols import is_driven
 from clothsim.run.certificate import Certificate
 from clothsim.run.checkpoints import checkpoint_of

@@ -9,7 +9,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import CONVERGED, Solver
-from clothsim.mesh.motion import LaterMotion, RigidMotion
+from clothsim.mesh.body import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
 from clothsim.physics.energies.constraint import Constraint
 from clothsim.physics.energies.hessians import ByElement

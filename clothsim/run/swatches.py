@@ -16,7 +16,7 @@ from PIL import Image
 
 from clothsim.base.arrays import Floats
 from clothsim.keys.fabric_table import FABRICS
-from clothsim.mesh.generators.sheets import disk, tube
+from clothsim.mesh.generators.shapes import disk, tube
 from clothsim.mesh.topology import border_edges
 from clothsim.render.picture import picture_setup, rendered
 from clothsim.render.surface_look import Surface

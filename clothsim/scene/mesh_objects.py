@@ -108,7 +108,7 @@ def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
 
 def _wound_alike(vertices: Floats, triangles: Ints) -> Ints:
     """All triangles with the same winding, a flat mesh facing +z: scikit-fem sorts the vertices of each cell."""
-    from clothsim.mesh.manifold import joined_half_edges, turned_triangles
+    from clothsim.mesh.winding import joined_half_edges, turned_triangles
 
     if vertices[:, 2].any():
         turned = turned_triangles(triangles, joined_half_edges(triangles))[0]

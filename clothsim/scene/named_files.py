@@ -162,7 +162,7 @@ def _named_clip(owner: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[s
 
 def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
     """The files of an animation by new names, numbered in their order."""
-    from clothsim.files.meshes.mesh_sequence import frame_files
+    from clothsim.files.meshes.mesh_file import frame_files
 
     files = frame_files(directory, pattern)
     return {f"{folder}/{k:06d}_{_plain(file.name)}": file for k, file in enumerate(files)}

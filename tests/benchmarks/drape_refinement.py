@@ -29,8 +29,8 @@ from clothsim.garments.stages import Garment
 from clothsim.garments.wear_check import Cost, cost_of
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.generators.shapes import capsule
-from clothsim.mesh.manifold import bow_tie_vertices, joined_half_edges
 from clothsim.mesh.topology import components
+from clothsim.mesh.winding import bow_tie_vertices, joined_half_edges
 from transfer.refine import refine
 from transfer.signed_distance import BodySurface, body_surface
 

@@ -24,7 +24,7 @@ from clothsim.base.file_writing import write_atomically
 from clothsim.cli.dress_command import as_length
 from clothsim.garments.dress.dressed import Dress
 from clothsim.garments.dress.pictures import WORN, draw_dress
-from clothsim.patterns.sewing import largest_gap
+from clothsim.patterns.pattern_mesh import largest_gap
 from tests.benchmarks.stored_tables import markdown_table, write_between
 from tests.support.real_data import DATA
 from tests.support.sewing_patterns import PATTERN_FILES, body_of

@@ -26,7 +26,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.text import text_table
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.mesh.world import World
 from clothsim.scene.assembly.drape_model import DrapeModel, predicted
 from clothsim.scene.assembly.scene_world import world_of

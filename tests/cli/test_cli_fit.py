@@ -11,7 +11,7 @@ from clothsim import InputError
 from clothsim.cli import main
 from clothsim.garments import stage_scenes
 from clothsim.garments.fit import pipeline
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 
 BODY = capsule_figure(segments=10)
 TUBE = tube_garment(0.096, height=0.12, cells=(10, 3))

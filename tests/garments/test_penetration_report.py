@@ -8,8 +8,7 @@ from clothsim.cli import main
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration_report import deepest_vertices, penetration_report, read_penetration_report
 from clothsim.garments.stages import Garment
-from clothsim.mesh.generators.shapes import slab
-from clothsim.mesh.generators.sheets import rectangle, tube
+from clothsim.mesh.generators.shapes import rectangle, slab, tube
 
 BODY = BodyMesh("box", *slab(size=(0.4, 0.4, 1.8), cells=(4, 4, 9)), 1.0, ())
 LOOSE, TRIANGLES = tube(radius=0.3, height=0.6, cells=(24, 8))

@@ -16,8 +16,7 @@ from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint, wri
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.mesh.body import make_body
-from clothsim.mesh.world import make_world
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import make_world, world_surfaces
 from clothsim.run.intersections import intersection_check_of
 
 ELASTIC = {"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}}

@@ -12,7 +12,7 @@ from clothsim import InputError, Scene, simulate
 from clothsim.cli import main
 from clothsim.gradients.losses import Height, border_sides, hem_of
 from clothsim.gradients.state_at_rest import StateAtRest
-from clothsim.mesh.generators.sheets import disk, rectangle, tube
+from clothsim.mesh.generators.shapes import disk, rectangle, tube
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.study import goal_report as goal_report_module
 from clothsim.study.goal_report import NamedGoal, goal_error, goal_lines, goal_report

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim import InputError
-from clothsim.mesh.generators.mannequin.generator import mannequin, template
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS
+from clothsim.mesh.generators.mannequin.generator import JOINTS, mannequin, template
 from clothsim.scene.assembly.drape_model import DrapeModel, Predictor, family
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene

@@ -16,10 +16,9 @@ from clothsim.garments.waistband import with_waistbands
 from transfer.body_parts import BodyParts
 from transfer.correspond import correspond
 from transfer.errors import TransferError
-from transfer.garment import transfer_garment
-from transfer.keep_lengths import with_lengths
+from transfer.garment import transfer_garment, with_lengths
+from transfer.part_warp import graded_metric, size_factors
 from transfer.signed_distance import BodySurface, barycentric
-from transfer.size_factors import graded_metric, size_factors
 
 NO_MARKERS = np.zeros((0, 6))
 """No markers: they are derived from the shapes of the bodies."""

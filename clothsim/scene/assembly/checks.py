@@ -13,7 +13,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
-from clothsim.mesh.motion import FrameMotion
+from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World

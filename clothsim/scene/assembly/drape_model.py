@@ -23,8 +23,7 @@ from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import replacing
 from clothsim.geometry.intersection.crossings import Crossing, crossings
-from clothsim.mesh.generators.mannequin.generator import template
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS
+from clothsim.mesh.generators.mannequin.generator import JOINTS, template
 from clothsim.scene import paths
 from clothsim.scene.assembly.meshes import body_of, mesh_shape
 from clothsim.scene.assembly.scene_world import world_of

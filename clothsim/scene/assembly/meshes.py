@@ -9,9 +9,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.files.meshes.mesh_part import Part
-from clothsim.files.meshes.mesh_sequence import frame_files, read_frames
+from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
+from clothsim.files.meshes.polygons import Part
 from clothsim.keys.effect_tables import Motion
 from clothsim.keys.fabric import BENDINGS, Fabric
 from clothsim.keys.fabric_table import fabric_named, fabrics_of
@@ -29,12 +28,11 @@ from clothsim.keys.mesh_keys import (
     check_cloth,
 )
 from clothsim.keys.schema import keys_of
-from clothsim.mesh.body import Body, make_body
+from clothsim.mesh.body import Body, frame_motion, make_body, rigid_motion
 from clothsim.mesh.cloth import Cloth, make_cloth
-from clothsim.mesh.degenerate import flat_triangles
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.mesh.motion import frame_motion, rigid_motion
 from clothsim.mesh.rigid_body import Joint, RigidBody, rigid_body
+from clothsim.mesh.topology import flat_triangles
 from clothsim.scene import cloth_arrays
 from clothsim.scene.assembly.shapes import PART, Shape, examined, existing_file, name_of, placed, sewn, wound_alike
 from clothsim.scene.scene import Scene

@@ -10,22 +10,17 @@ import numpy as np
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import table
-from clothsim.files.characters.amass import read_amass
-from clothsim.files.characters.bvh import read_bvh
-from clothsim.files.characters.character import Character
-from clothsim.files.characters.clip import Motion
+from clothsim.files.characters.character import Character, mannequin_character, smpl_character
+from clothsim.files.characters.clip import Motion, Timeline, timeline
 from clothsim.files.characters.gait import CLIPS, shipped_clip
-from clothsim.files.characters.gltf_animation import read_animation
 from clothsim.files.characters.gltf_character import read_character
 from clothsim.files.characters.keep_apart import kept_apart
-from clothsim.files.characters.known_bodies import mannequin_character, smpl_character
+from clothsim.files.characters.motion_files import read_amass, read_animation, read_bvh
 from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
-from clothsim.files.characters.timeline import Timeline, timeline
 from clothsim.keys.mesh_keys import ClipKeys, ModelTable, PlacedKeys
-from clothsim.mesh.body import Body, make_body
-from clothsim.mesh.generators.mannequin.pose import turns_of
-from clothsim.mesh.motion import PosedMotion
+from clothsim.mesh.body import Body, PosedMotion, make_body
+from clothsim.mesh.generators.mannequin.generator import turns_of
 from clothsim.scene.assembly.shapes import Shape, examined, existing_file, name_of, placed
 from clothsim.scene.scene import Scene
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.mesh.local_origin import with_local_origin
-from clothsim.mesh.world import World, make_world
+from clothsim.mesh.world import World, make_world, with_local_origin
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.constraint import Constraint
 from clothsim.physics.energies.protocols import report_of

@@ -10,11 +10,10 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.keys.mesh_keys import FilePart, PlacedKeys
 from clothsim.keys.schema import keys_of
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.checks import Role, examine, refuse
-from clothsim.mesh.degenerate import duplicates
-from clothsim.mesh.motion import rotation_matrix
-from clothsim.mesh.pattern_lines import PatternLines
-from clothsim.mesh.topology import renumbered_groups
+from clothsim.mesh.cloth import PatternLines
+from clothsim.mesh.topology import duplicates, renumbered_groups
 from clothsim.mesh.weld import flaps, mean_of_parts, weld
 from clothsim.mesh.winding import facing_away, wound
 

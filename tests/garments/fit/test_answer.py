@@ -16,7 +16,7 @@ from clothsim.files.meshes.mesh_file import read_mesh, read_polygons
 from clothsim.garments import stage_scenes
 from clothsim.garments.fit import pipeline
 from clothsim.garments.fit import pipeline as module
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.run.step_reports import Progress
 
 BODY = capsule_figure(segments=10)

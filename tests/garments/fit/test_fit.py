@@ -15,7 +15,7 @@ from clothsim.garments import stage_scenes
 from clothsim.garments.fit import pipeline as module
 from clothsim.garments.fit.before_after import draw_fit
 from clothsim.geometry.untangling import untangle as search
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.run.export import unpack_bundle, write_bundle
 
 BODY = capsule_figure(segments=10)

@@ -15,7 +15,7 @@ from clothsim.garments.fit.pipeline import seed_fit
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Garment
 from clothsim.geometry.untangling import untangle as search
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 
 FIGURE = capsule_figure()
 COARSE = capsule_figure(segments=8)

@@ -9,8 +9,8 @@ import clothsim
 from clothsim.garments import stage_scenes
 from clothsim.garments.fit import pipeline as module
 from clothsim.garments.inputs import BodyMesh
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.mesh.motion import rotation_matrix
 from transfer.body_frame import body_frame
 
 MANNEQUIN = BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())

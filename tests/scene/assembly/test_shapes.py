@@ -10,10 +10,10 @@ from meshes import grid
 from real_data import DATA, needs_data
 
 from clothsim import InputError, Scene
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.cloth import triangle_planes
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.mesh.topology import components
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.assembly.shapes import Shape, wound_alike

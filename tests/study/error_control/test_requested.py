@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from clothsim import Cloth, Scene, simulate
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.scene import paths
 from clothsim.study.error_control import search, trial
 from clothsim.study.error_control.parameter_errors import ParameterErrors
