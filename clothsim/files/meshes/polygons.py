@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.arrays import Floats, Ints, as_count, as_positive
 from clothsim.base.errors import InputError
-from clothsim.mesh.generators.shapes import as_count
 from clothsim.mesh.topology import components, renumbered_groups
 
 MOST_FANS = 32

@@ -1,11 +1,10 @@
 """Generated sheets and closed bodies, centred on the origin. See `table` for what all generators share."""
 
-import operator
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.arrays import Floats, Ints, as_count, as_positive
 from clothsim.base.errors import InputError
 from clothsim.mesh.topology import half_edges
 
@@ -19,17 +18,6 @@ def as_counts(name: str, values: Sequence[int], count: int, least: int = 1) -> t
     """Return `count` whole numbers from `least` to 4096; InputError names the key and the entry."""
     entries = _entries(name, values, count, "whole numbers")
     return tuple(as_count(f"{name}[{k}]", value, least) for k, value in enumerate(entries))
-
-
-def as_count(name: str, value: int, least: int = 1, most: int = 4096) -> int:
-    """Return one whole number from `least` to `most`; the bound keeps a typing error from filling the memory."""
-    try:
-        number = operator.index(value)
-    except TypeError as error:
-        raise InputError(f"{name} must be a whole number, not {value!r}.") from error
-    if isinstance(value, bool) or not least <= number <= most:
-        raise InputError(f"{name} must be a whole number from {least} to {most}, not {value!r}.")
-    return number
 
 
 def _entries(name: str, values: Sequence, count: int, what: str) -> list:

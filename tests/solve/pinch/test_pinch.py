@@ -8,7 +8,7 @@ from import_graph import FILES, reached, run_roots
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.cli import main
-from clothsim.cli.run_report import verdict
+from clothsim.cli.run_command import verdict
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
 from clothsim.physics.contact.candidate_subsets import Suspension

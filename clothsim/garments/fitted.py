@@ -19,13 +19,21 @@ from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_su
 from clothsim.engine import fabric_named, refuse_earlier_run
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
-from clothsim.garments.fit.original_file import fitted_text
 from clothsim.garments.fit.pipeline import FitState, Task, run_fit
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, read_markers
-from clothsim.garments.inputs import BodyMesh, as_body_mesh, garment_of, read_body_mesh, read_garment, worn_in_scene
+from clothsim.garments.fit.wear_check import Cost, WearCheck, check_wear, cost_of
+from clothsim.garments.inputs import (
+    BodyMesh,
+    Garment,
+    as_body_mesh,
+    fitted_text,
+    garment_of,
+    read_body_mesh,
+    read_garment,
+    worn_in_scene,
+)
 from clothsim.garments.penetration import NO_ROWS, Counts
-from clothsim.garments.stages import Announcement, Garment, Listener, Stage, StageCallback, best_stage
-from clothsim.garments.wear_check import Cost, WearCheck, check_wear, cost_of
+from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, best_stage
 from transfer.body_frame import legs_score
 from transfer.errors import TransferError
 
@@ -202,7 +210,7 @@ def fit(
     if not isinstance(garment, str | Path):
         if scale is not None or part is not None:
             raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
-        source = _figure(base, None, body_group)
+        source = _read_body(base, None, body_group)
         worn = garment_of(garment, weld)
     elif of_scene:
         if made_for is not None or scale is not None or part is not None or weld:
@@ -213,21 +221,21 @@ def fit(
         worn, source = worn_in_scene(garment)
         base = garment
     else:
-        source = _figure(base, scale, body_group)
+        source = _read_body(base, scale, body_group)
         file = base if isinstance(base, str | Path) else None
         worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
     target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
     if not of_scene:
         _refuse_a_body(worn, source, target)
-    for figure in (target,) if source is target else (target, source):
-        refuse_lying(figure)
+    for body in (target,) if source is target else (target, source):
+        refuse_lying(body)
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
     task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress, announce)
     return _finish_fit(task, run_fit(task), started)
 
 
-def _figure(body: Any, scale: float | None, group: str | None) -> BodyMesh:
+def _read_body(body: Any, scale: float | None, group: str | None) -> BodyMesh:
     """A body from a file or from memory."""
     return read_body_mesh(body, scale=scale, group=group) if isinstance(body, str | Path) else as_body_mesh(body)
 
@@ -315,11 +323,11 @@ def _same(one: Any, other: Any) -> bool:
     return one is other
 
 
-def _refuse_a_body(worn: Garment, *figures: BodyMesh) -> None:
-    for figure in figures:
-        if np.array_equal(worn.positions, figure.positions):
+def _refuse_a_body(worn: Garment, *bodies: BodyMesh) -> None:
+    for body in bodies:
+        if np.array_equal(worn.positions, body.positions):
             raise InputError(
-                f"{worn.name} and {figure.name} are the same mesh: a body does not wear itself.",
+                f"{worn.name} and {body.name} are the same mesh: a body does not wear itself.",
                 "Name the garment first, then --from and --to its bodies; --part takes some vertices of a file only.",
             )
 
@@ -346,20 +354,20 @@ OTHERS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 """Directions from legs to head in which no body stands."""
 
 
-def refuse_lying(figure: BodyMesh) -> None:
+def refuse_lying(body: BodyMesh) -> None:
     """InputError for a body whose legs and head are clearly along x, -y or -z, and not along y or z."""
 
     def score(axis: tuple[int, int, int]) -> float:
-        return legs_score(figure.positions, figure.triangles, np.array(axis, np.float64))
+        return legs_score(body.positions, body.triangles, np.array(axis, np.float64))
 
     with suppress(TransferError):
-        _ = figure.frame  # computed once for the whole fit
+        _ = body.frame  # computed once for the whole fit
         return
     if max(score((0, 1, 0)), score((0, 0, 1))) >= STANDS:  # no feet, say
         return
     lies = [name for name, axis in OTHERS.items() if score(axis) >= CLEARLY]
     if lies:
         raise InputError(
-            f"the body {figure.name} does not stand: from legs to head it is along {lies[0]}, gravity along -y or -z.",
+            f"the body {body.name} does not stand: from legs to head it is along {lies[0]}, gravity along -y or -z.",
             "Turn it so that its head is along y or z.",
         )

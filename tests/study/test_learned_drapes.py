@@ -14,7 +14,7 @@ from clothsim.study.farm.drape import drape
 from clothsim.study.farm.plan import plan
 from clothsim.study.farm.recipe import changed, make_recipe
 from clothsim.study.farm.work import work
-from clothsim.study.learned.learn import learn
+from clothsim.study.learned_drapes import learn
 
 
 @pytest.fixture(scope="module")

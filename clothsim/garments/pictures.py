@@ -1,7 +1,8 @@
-"""Pictures and movie of dressing: panels as placed, the garment worn and its stretch, and the seams as they close."""
+"""Pictures of a fit and of a dressed garment, and the movie of its sewing."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,14 +12,78 @@ from PIL import Image
 from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import Fabric
-from clothsim.garments.dress.dress import touching_seams
+from clothsim.garments.dress.corrections import touching_seams
 from clothsim.garments.dress.placement import front_of
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.render import WIDTHS, Surface, picture_setup, rendered, vertex_normals, write_movie
 
 if TYPE_CHECKING:
-    from clothsim.garments.dress.dressed import Dress
+    from clothsim.garments.dressed import Dress
+    from clothsim.garments.fitted import Fit
+
+FRONT = (0.35, 0.15, 1.0)
+"""View direction: to the right of a person that faces the camera, slightly above; along x, up, and the third axis."""
+
+
+def draw_fit(done: "Fit", file: Path) -> str:
+    """Write a PNG of the garment on its body, transferred, and fitted; returns the renderer's note.
+
+    All panels have one camera, moved with the body, so that bodies and garments are drawn in one size.
+    """
+    panels = _panels(done)
+    title, _, target, _ = panels[-1]
+    right, up, front = FRONT
+    surfaces = [_surfaces(done.garment, points, wearer, each) for _, points, wearer, each in panels]
+    setup = picture_setup(
+        [surfaces[-1]],
+        size=SIZE,
+        colour="stretch",
+        up=target.up,
+        view=(right, up, front) if target.up[1] else (right, -front, up),
+        title=title,
+        renderer="auto",
+        smooth=done.status in ("completed", "distorted"),  # in others triangles may cross, and are drawn as they are
+        focus=np.concatenate([points + _displacement_to(wearer, target) for _, points, wearer, _ in panels]
+                             + [wearer.positions + _displacement_to(wearer, target) for _, _, wearer, _ in panels]),
+    )  # fmt: skip
+    pictures = []
+    for (name, _, wearer, _), drawn in zip(panels[:-1], surfaces[:-1], strict=True):
+        camera = replace(setup.camera, position=setup.camera.position - _displacement_to(wearer, target))
+        pictures.append(rendered(replace(setup, camera=camera, scale=None, title=name, smooth=False), drawn))
+    Image.fromarray(np.hstack([*pictures, rendered(setup, surfaces[-1])])).save(file, format="PNG")
+    return setup.note
+
+
+def _displacement_to(wearer: BodyMesh, target: BodyMesh) -> Floats:
+    """Displacement from one body's middle to the other's, (3,) [m]; 0 where their upward axes differ."""
+    if not np.allclose(wearer.up, target.up):
+        return np.zeros(3)
+    own, other = (np.array([each.positions.min(axis=0), each.positions.max(axis=0)]) for each in (wearer, target))
+    return np.asarray(other.mean(axis=0) - own.mean(axis=0), np.float64)
+
+
+def _panels(done: "Fit") -> list[tuple[str, Floats, BodyMesh, Floats]]:
+    plain = np.zeros((0, 2))
+    first = done.stages[0]
+    panels = [(f"before, on {done.source.name}", first.positions, done.source, plain)]
+    seed = next((stage for stage in done.stages if stage.name == ("size" if done.size.factors else "transfer")), None)
+    if seed is not None:
+        panels.append((f"transferred to {done.target.name}", seed.positions, done.target, plain))
+    ending = {
+        "completed": "fitted and draped",
+        "distorted": "draped, distorted",
+        "refined": "refined, not simulated",
+        "failed": f"failed; the best: {done.answer.name}",
+    }
+    panels.append((ending[done.status], done.positions, done.target, done.cost.stretches))
+    return panels
+
+
+def _surfaces(garment: Garment, positions: Floats, wearer: BodyMesh, stretches: Floats) -> list[Surface]:
+    body = Surface(wearer.name, wearer.positions, wearer.triangles, "body", np.zeros((0, 2)))
+    return [Surface(garment.name, positions, garment.triangles, "cloth", stretches), body]
+
 
 LINE = 0.003
 """Width of the line of a seam [m]."""

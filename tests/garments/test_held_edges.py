@@ -5,9 +5,8 @@ import pytest
 from sewn_tubes import tube
 
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.held_edges import LEAST, edges_held, panels_at, rest_length, slid
 from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.waistband import TIGHT, bands, border_loops
+from clothsim.garments.waistband import LEAST_HELD, TIGHT, bands, border_loops, edges_held, panels_at, rest_length, slid
 from clothsim.mesh.generators.table import GENERATORS
 
 LOW, TOP = 0.6, 1.02
@@ -51,7 +50,7 @@ def test_a_wide_edge_is_taken_in_along_itself_alone(body):
 
 def test_a_tight_edge_and_one_far_too_wide_stay(body):
     girth = waist_of(body)
-    for factor, said in ((0.9 * TIGHT, 0), (1.2 * TIGHT / LEAST, 1)):
+    for factor, said in ((0.9 * TIGHT, 0), (1.2 * TIGHT / LEAST_HELD, 1)):
         state = tube(factor * girth / (2 * np.pi), LOW, TOP)
         held, notes = edges_held(state, body)
         assert held.mesh.material_coordinates is state.mesh.material_coordinates

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from clothsim.garments.fit.transfer_seed import sized
-from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.stages import Garment
-from clothsim.garments.wear_check import check_wear
+from clothsim.garments.fit.wear_check import check_wear
+from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.body_parts import body_parts
 from transfer.signed_distance import body_surface

@@ -6,12 +6,11 @@ import numpy as np
 from fitting_cases import capsule_figure, task, tube_garment
 from scipy.spatial import cKDTree
 
-from clothsim.garments.body_overlap import DEPTHS, NO_OVERLAP, carried_rows, overlaps_at
 from clothsim.garments.fit import pipeline
+from clothsim.garments.fit.guaranteed_path import NO_OVERLAP, OPENING_DEPTHS, carried_rows, overlaps_at
 from clothsim.garments.fit.pipeline import drape_fitted, seed_fit
-from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.garments.penetration import counted
-from clothsim.garments.stages import Garment
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from transfer.signed_distance import body_surface
 
@@ -40,7 +39,7 @@ def test_it_has_none_far_from_the_place():
 
 def test_the_body_is_pressed_in_there_and_nowhere_else():
     found = list(overlaps_at(BODY, np.zeros(3)))
-    assert [one.depth for one in found] == list(DEPTHS)
+    assert [one.depth for one in found] == list(OPENING_DEPTHS)
     for one in found:
         moved = np.linalg.norm(one.opened - LEGS.positions, axis=1)
         held = one.holds(LEGS.positions)

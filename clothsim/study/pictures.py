@@ -1,19 +1,25 @@
-"""Picture of a study: error against processor seconds, and contributions to the error."""
+"""Pictures of a study: error against processor seconds, contributions to it, and the error of a goal on the cloth."""
 
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from clothsim.base.arrays import Floats
+from clothsim.render import Quantity, Surface, draw
 from clothsim.study.analysis import RESOLVED, Findings
-from clothsim.study.headline import MM
 from clothsim.study.parameters import written
 from clothsim.study.points import BASE, Point
 from clothsim.study.presets import PRESETS
-from clothsim.study.report import StudyData
+from clothsim.study.result import MM, StudyData
+
+if TYPE_CHECKING:
+    from clothsim.study.goal_report import GoalError
 
 STYLES = (
     ("#1b4f72", "o", "-"),
@@ -32,11 +38,8 @@ Mark = tuple[float, float, str, str]
 """Seconds, error, text, colour."""
 
 
-def draw(study_data: StudyData, findings: Findings, target: Path) -> None:
+def draw_study(study_data: StudyData, findings: Findings, target: Path) -> None:
     """Write the picture of a study as PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(9.6, 4.8), dpi=160, layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=(2.1, 1))
@@ -53,10 +56,10 @@ def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> No
     _limits(axes, findings)
     axes.figure.canvas.draw()  # places the axes: the labels are laid out in pixels
     swept: set[Point] = {BASE}
-    marks: list[Mark] = [(*_at(findings, BASE), "as given", "black")]
-    lines = [axes.transData.transform([_at(findings, where) for where in findings.errors])]
+    marks: list[Mark] = [(*_seconds_and_error(findings, BASE), "as given", "black")]
+    lines = [axes.transData.transform([_seconds_and_error(findings, where) for where in findings.errors])]
     variants = [where for where in findings.errors if where.variant]
-    marks += [(*_at(findings, where), where.variant, "black") for where in variants]
+    marks += [(*_seconds_and_error(findings, where), where.variant, "black") for where in variants]
     for (name, parameter), (colour, marker, line) in zip(study_data.bench.parameters.items(), STYLES * 2, strict=False):
         curve = sorted(_curve(findings, name), key=lambda where: where.level(name))
         swept.update(curve)
@@ -69,7 +72,7 @@ def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> No
         texts = [written(name, parameter.value(study_data.bench.base, end.level(name))) for end in ends]
         if np.ptp(axes.transData.transform(np.column_stack([x, y])), axis=0).max() < SHORT:
             ends, texts = ends[-1:], [name]
-        marks += [(*_at(findings, end), text, colour) for end, text in zip(ends, texts, strict=True)]
+        marks += [(*_seconds_and_error(findings, end), text, colour) for end, text in zip(ends, texts, strict=True)]
     rest = [where for where in findings.errors if where not in swept and not where.variant]
     axes.plot(*_coordinates(findings, rest), ls="", marker=".", ms=6, color="0.45", zorder=2)
     axes.plot(*_coordinates(findings, list(findings.front)), color="0.84", lw=8, solid_capstyle="round", zorder=1)
@@ -78,7 +81,7 @@ def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> No
         axes.plot(*_coordinates(findings, [where]), ls="", mfc="0.1", mec="white", zorder=5, **star)
     axes.plot(*_coordinates(findings, [BASE]), ls="", marker="o", ms=9, mfc="none", mec="black", mew=1.4, zorder=6)
     corner = findings.front[len(findings.front) // 2]
-    marks.append((*_at(findings, corner), "front", "0.4"))
+    marks.append((*_seconds_and_error(findings, corner), "front", "0.4"))
     _labelled(axes, marks, np.concatenate(lines))
 
 
@@ -90,18 +93,16 @@ def _curve(findings: Findings, name: str) -> list[Point]:
     ]
 
 
-def _at(findings: Findings, where: Point) -> tuple[float, float]:
+def _seconds_and_error(findings: Findings, where: Point) -> tuple[float, float]:
     return findings.seconds[where], findings.errors[where] / MM
 
 
 def _coordinates(findings: Findings, points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    return [_at(findings, where)[0] for where in points], [_at(findings, where)[1] for where in points]
+    return [findings.seconds[where] for where in points], [findings.errors[where] / MM for where in points]
 
 
 def _limits(axes: Any, findings: Findings) -> None:
     """Room for the labels, plain numbers on the axes, and a shade over what the reference does not resolve."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     x, y = _coordinates(findings, list(findings.errors))
     low, high = min(each for each in y if each > 0), max(y)
     axes.set_xlim(min(x) / 1.7, max(x) * 1.7)
@@ -197,3 +198,15 @@ def _slopes(study_data: StudyData, findings: Findings, name: str) -> str:
         return name
     observed = f"{each.order:.2f}" if each.order == each.order else "not seen"
     return f"{name}\nslope {observed},\nexpected {expected:.2g}"
+
+
+def draw_goal(found: "GoalError", name: str, file: Path) -> None:
+    """Write a picture of the cloth, each vertex coloured by its part of the error for its area, the mean being 1."""
+    rows, n = found.triangles.ravel(), len(found.positions)
+    around = np.bincount(rows, np.repeat(found.areas, 3), n)
+    parts = np.bincount(rows, np.repeat(found.by_triangle, 3), n)
+    mean = found.by_triangle.sum() / found.areas.sum()
+    density = parts / np.where(around > 0.0, around, 1.0) / (mean or 1.0)
+    surface = Surface("cloth", found.positions, found.triangles, "cloth", np.zeros((0, 2)), density)
+    quantity = Quantity(f"error of {name} by area, its mean 1")
+    draw(file, [surface], colour=quantity, smooth=False, title=f"What makes the error of {name}")

@@ -6,9 +6,8 @@ from time import monotonic
 import numpy as np
 from small_scenes import small_scene, without
 
-from clothsim.study import pool
-from clothsim.study.pool import Job, _started, worker_processes
-from clothsim.study.worker import JITTER, answer
+from clothsim.study import workers
+from clothsim.study.workers import JITTER, Job, _started, answer, worker_processes
 
 SCENE = small_scene(effects=without("body_contact"), body=(), run={"duration": 0.04, "frames_per_second": 25})
 
@@ -17,7 +16,7 @@ def test_a_run_that_is_too_long_is_stopped_at_the_deadline(tmp_path, monkeypatch
     endless = replace(SCENE, run={"duration": 1000.0, "frames_per_second": 25}).to_text()
     jobs = [Job(endless, endless, tmp_path / f"{k}.npz") for k in range(3)]
     begun = []
-    monkeypatch.setattr(pool, "_started", lambda scratch: begun.append(_started(scratch)) or begun[-1])
+    monkeypatch.setattr(workers, "_started", lambda scratch: begun.append(_started(scratch)) or begun[-1])
     end = monotonic() + 1.0
     with worker_processes(2) as run:
         got = list(run(jobs, lambda job: True, lambda: end - monotonic()))

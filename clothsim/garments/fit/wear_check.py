@@ -7,8 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.engine import deformation_gradients, principal_stretches, triangle_planes
-from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.stages import Garment
+from clothsim.garments.inputs import BodyMesh, Garment
 from transfer.body_frame import BodyFrame
 from transfer.errors import TransferError
 from transfer.gradients import doubled_areas
@@ -113,8 +112,8 @@ def _rise(garment: Garment, positions: Floats, source: BodyMesh, target: BodyMes
     hem above the knees belongs there on longer legs too. Where a body has no such parts, by the whole height.
     """
     own, worn = (
-        float(np.sort(figure.frame.local(shape)[:, 1])[: max(1, round(LOWEST * len(shape)))].mean())
-        for figure, shape in ((source, garment.positions), (target, positions))
+        float(np.sort(body.frame.local(shape)[:, 1])[: max(1, round(LOWEST * len(shape)))].mean())
+        for body, shape in ((source, garment.positions), (target, positions))
     )
     try:
         there = float(heights_onto(source.parts, target.parts, np.array([own]))[0])

@@ -72,7 +72,7 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
     training = len(rows) - round(held_out * len(rows))
     if training < LEAST:
         raise InputError(f"{training} drapes are too few to learn from.", f"Make at least {LEAST} usable drapes.")
-    drapes = np.array([np.load(farm.directory / "drapes" / row["id"] / CLOTH) for row in rows], np.float64)
+    drapes = np.array([np.load(farm.folder(row["id"]) / CLOTH) for row in rows], np.float64)
     flat = drapes.reshape(len(rows), -1)
     values = np.array([[float(row["parameters"][key]) for key in inputs] for row in rows])
     space = metric_components(flat[:training], components, diags_array(np.repeat(areas, 3)))

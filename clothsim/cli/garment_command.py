@@ -1,4 +1,4 @@
-"""`clothsim dress`: a sewing pattern sewn on a body."""
+"""`clothsim fit` and `clothsim dress`: a garment fitted from one body to another, a sewing pattern sewn on a body."""
 
 import argparse
 from pathlib import Path
@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, render
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.text import length
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import Renamed, as_positive_number
+from clothsim.cli.arguments import Renamed, add_output_options, as_length, as_positive_number, as_range
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
-    from clothsim.garments.dress.dressed import Dress
+    from clothsim.garments.dressed import Dress
+    from clothsim.garments.fitted import Fit
     from clothsim.garments.stages import Stage
 
-_DESCRIPTION = """\
+_DRESS = """\
 Sew a pattern (specification.json of GarmentCode and others, or a DXF of AAMA) on a body under contact,
 weld its seams and drape it.
 Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
@@ -24,12 +26,39 @@ Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
   clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
   clothsim dress shirt_specification.json --on hers.obj --made-for his.obj     (graded by girths and lengths)
 """
-LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    dress = commands.add_parser("dress", description=_DESCRIPTION)
+    """Add the commands to the parser."""
+    usage = "clothsim fit GARMENT [--made-for BODY] --to BODY [-o DIR] [options]"
+    fit = commands.add_parser("fit", description=_FIT, usage=usage)
+    fit.add_argument(
+        "garment",
+        type=Path,
+        metavar="GARMENT",
+        help="a mesh, .mhclo, or a scene: a .toml or a name",
+    )
+    fit.add_argument("--made-for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
+    fit.add_argument("--from", dest="made_for", action=Renamed, now="--made-for", type=Path)
+    fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
+    fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
+    fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
+    fit.add_argument("--scale-to", metavar="S", help="metres per unit of the body of --to (default: by height)")
+    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
+    fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
+    fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
+    fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
+    fit.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
+    size = fit.add_mutually_exclusive_group()
+    size.add_argument("--own-size", action="store_true", help="keep the size that it was cut in")
+    size.add_argument("--resize", action="store_true", help="grade it along girths and lengths (the default)")
+    size.add_argument("--grade", dest="resize", action=Renamed, now="--resize", nargs=0, const=True)
+    fit.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
+    fit.add_argument("--no-picture", action="store_true", help="draw nothing")
+    add_output_options(
+        fit, json="print the summary as JSON, the rest on stderr", quiet="print the end only", handler=_fit
+    )
+    dress = commands.add_parser("dress", description=_DRESS)
     dress.add_argument(
         "pattern", type=Path, metavar="PATTERN", help="a specification.json, a .dxf, or the name of an installed one"
     )
@@ -69,16 +98,100 @@ def add_to(commands: Any) -> None:
     dress.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
     dress.add_argument("--movie", action="store_true", help="leave movie.mp4 of the sewing, movie.gif without ffmpeg")
-    dress.add_argument("--quiet", action="store_true", help="print the end only")
-    dress.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
-    dress.add_argument("--debug", action="store_true", help="show tracebacks")
-    dress.set_defaults(handler=_dress)
+    add_output_options(
+        dress, json="print the summary as JSON, the rest on stderr", quiet="print the end only", handler=_dress
+    )
 
 
-def as_length(option: str, text: str) -> float:
-    """A length in metres from "2cm", "15 mm", ".02". InputError for what is none."""
-    unit = next((unit for unit in LENGTHS if text.strip().lower().endswith(unit)), "")
-    return as_positive_number(option, text.strip()[: -len(unit)] if unit else text) * LENGTHS.get(unit, 1.0)
+PICTURE_NAME = "fit.png"
+
+_FIT = """\
+Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Leaves what a run
+leaves, fitted.obj, and before and after in fit.png.
+
+  clothsim fit suit.mhclo --made-for base.obj --to base.obj -o fitted
+"""
+
+
+def _fit(arguments: argparse.Namespace) -> Report:
+    def named(file: Path | None) -> Path | None:
+        """The file, or the installed scene of that name."""
+        return None if file is None else engine.example_file(file)
+
+    directory = arguments.output or Path(arguments.garment.stem)
+
+    message = messages(arguments, arguments.garment)
+    with progress.shown(arguments.quiet) as listener:
+        done = clothsim.fit(
+            named(arguments.garment),
+            named(arguments.to),
+            named(arguments.made_for),
+            directory,
+            scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
+            scale_to=None if arguments.scale_to is None else as_positive_number("--scale-to", arguments.scale_to),
+            body_group=arguments.body_group,
+            part=None if arguments.part is None else as_range("--part", arguments.part),
+            weld=0.0 if arguments.weld is None else as_positive_number("--weld", arguments.weld),
+            fabric=arguments.fabric,
+            resize=not arguments.own_size,
+            markers=arguments.markers,
+            on_stage=lambda stage: message(_stage(stage)),
+            progress=listener,
+            overwrite=arguments.overwrite,
+        )
+    trouble = [] if arguments.no_picture else _picture(done)
+    lines = [*_fit_verdict(done), *trouble]
+    if done.status == "distorted":
+        lines.append(f"  worst     at {', '.join(f'{value:.3f}' for value in done.look.place)} m")
+    summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
+    return Report(summary, "\n".join(lines), 0 if done.status == "completed" else 1, verdict=True)
+
+
+def _stage(stage: "Stage") -> str:
+    note = f"; {stage.description}" if stage.description else ""
+    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
+
+
+def _fit_verdict(done: "Fit") -> list[str]:
+    cost, look = done.cost, done.look
+    return [
+        f"{done.status}: {done.reason}",
+        *(f"  note      {note}" for note in done.notes),
+        f"  fitted    {_answer(done)}{done.counts}",
+        *_carried(done),
+        f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as given)",
+        *([f"  size      {done.size}"] if str(done.size) and done.source is not done.target else []),
+        f"  look      edges {look.edge_low:.2f} to {look.edge_high:.2f} with the scale {look.scale:.2f} taken out, "
+        f"{100 * look.distorted:.1f} % of the triangles doubled or halved, hem {100 * look.hem:+.1f} %",
+        f"  moved     at most {length(cost.displacement)} from where it was worn",
+        f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
+    ]
+
+
+def _carried(done: "Fit") -> list[str]:
+    """A line on the vertices that the body carries, where it overlaps itself."""
+    if not len(done.carried):
+        return []
+    at = ", ".join(f"{value:.3f}" for value in done.positions[done.carried].mean(axis=0))
+    return [
+        f"  carried   {len(done.carried)} vertices about ({at}) m, where {done.target.name} overlaps itself: one part "
+        "carries them, and what they intersect is not counted"
+    ]
+
+
+def _answer(done: "Fit") -> str:
+    """The stage that is the result, where it is not the last one."""
+    if done.status != "failed":
+        return ""
+    return f"stage {done.answer_number + 1} of {len(done.stages)}, {done.answer.name}: "
+
+
+def _picture(done: "Fit") -> list[str]:
+    try:
+        on_demand.draw_fit(done, done.directory / PICTURE_NAME)
+    except (ClothsimError, OSError, ImportError) as error:
+        return [f"No {PICTURE_NAME}: {error}"]
+    return []
 
 
 def as_fabrics(given: list[str]) -> dict[str, str]:
@@ -141,15 +254,10 @@ def _dress(arguments: argparse.Namespace) -> Report:
     trouble = _pictures(done, not arguments.no_picture, arguments.movie)
     summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
     code = 0 if done.status == "completed" else 1
-    return Report(summary, "\n".join([*_verdict(done), *trouble]), code, verdict=True)
+    return Report(summary, "\n".join([*_dress_verdict(done), *trouble]), code, verdict=True)
 
 
-def _stage(stage: "Stage") -> str:
-    note = f"; {stage.description}" if stage.description else ""
-    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
-
-
-def _verdict(done: "Dress") -> list[str]:
+def _dress_verdict(done: "Dress") -> list[str]:
     low, high = done.stretch
     welded, seams = len(done.state.welded), len(done.state.mesh.seams)
     return [
