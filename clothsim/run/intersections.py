@@ -71,8 +71,10 @@ class IntersectionCheck:
         found = self.crossings(state.positions, origin)
         if not found or "contact.pinch" not in state.memory:
             return found
-        from clothsim.solve.pinch.carried import carried_in  # runs without the policy do not import it
-        from clothsim.solve.pinch.pinch_record import exempted
+        from clothsim.solve.pinch.carried import (
+            carried_in,  # runs without the policy do not import it
+            exempted,
+        )
 
         return exempted(found, self.surfaces, carried_in(state.memory).vertices)
 
