@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from clothsim.garments.penetration_report import draw_penetrations, entries, read_penetration_report
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
     from clothsim.study.answer import answer, settings_text
+    from clothsim.study.fabric_test import draw_drape, fabric_tested
     from clothsim.study.farm.claims import worker_of
     from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
     from clothsim.study.farm.dask_work import work_with_dask
