@@ -12,8 +12,8 @@ LIMITS = {
     "arrows between rooms": 96,
     "engine names at the door": 60,
     "names at the other doors": 40,
-    "modules with one importer, in their folder": 68,
-    "imports inside functions": 129,
+    "modules with one importer, in their folder": 19,
+    "imports inside functions": 61,
 }
 
 

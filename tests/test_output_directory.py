@@ -4,7 +4,7 @@ import pytest
 from small_scenes import BALL, RUN, SHEET, small_scene, without
 
 from clothsim import InputError, IntersectionWarning, open_run, resume, simulate
-from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
+from clothsim.base.record import RECORD_NAME, SUMMARY_NAME
 
 SHORT = {**RUN, "duration": 0.04}
 

@@ -1,8 +1,10 @@
-"""Values that a user gave: their kind, and how a message shows them."""
+"""Values and keywords that a user gave: their kind, how a message shows them, earlier names."""
 
 import difflib
+import functools
+import warnings
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from clothsim.base.errors import InputError
 
@@ -61,3 +63,28 @@ def refuse_uncallable(**callbacks: Any) -> None:
     for name, value in callbacks.items():
         if value is not None and not callable(value):
             raise InputError(f"{name} is {value!r:.80}, which cannot be called.", f"Give a function: {name}=print.")
+
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+def renamed(**now: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+    """Decorator of a function whose keywords were renamed: `now` maps the earlier name to the present one.
+
+    The earlier one still works, with a DeprecationWarning; InputError where both are given.
+    """
+
+    def decorate(function: Callable[Given, Result]) -> Callable[Given, Result]:
+        @functools.wraps(function)
+        def called(*args: Any, **keywords: Any) -> Result:
+            for before in [name for name in now if name in keywords]:
+                if now[before] in keywords:
+                    raise InputError(f"{before} and {now[before]} are given.", f"{before} is now {now[before]}.")
+                warnings.warn(f"{before} is now {now[before]}.", DeprecationWarning, stacklevel=2)
+                keywords[now[before]] = keywords.pop(before)
+            return function(*args, **keywords)
+
+        return called
+
+    return decorate

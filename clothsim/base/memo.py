@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from clothsim.base.arrays import Floats
-from clothsim.base.indexing import equal
+from clothsim.base.vectors import equal
 
 CAPACITY = 2
 """The start and the end of a step."""

@@ -1,6 +1,52 @@
-"""Vectors of three numbers inside compiled kernels."""
+"""Rows of arrays, and points and vectors of three numbers inside compiled kernels."""
 
-from clothsim.base.jit import part
+from typing import TypeAlias
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.jit import kernel, natural, part
+
+Rows: TypeAlias = slice | Ints
+"""Index of rows: a slice where they are contiguous, so that nothing is copied."""
+
+
+def as_rows(rows: Ints) -> Rows:
+    """Return the same rows (k,), ascending, as a slice where they are contiguous."""
+    if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+    return rows
+
+
+def taken(x: Floats, rows: Rows) -> Floats:
+    """Return these rows of x: a view for a slice, else a copy. `take` costs a quarter of what indexing does."""
+    return x[rows] if isinstance(rows, slice) else x.take(rows, axis=0)
+
+
+@part
+def four_points(x, elements, e):
+    """Points of the four vertices of row e of `elements (m, 4)`, each a tuple of three floats."""
+    return (
+        _point(x, natural(elements[e, 0])),
+        _point(x, natural(elements[e, 1])),
+        _point(x, natural(elements[e, 2])),
+        _point(x, natural(elements[e, 3])),
+    )
+
+
+@part
+def _point(x, row):
+    return x[row, 0], x[row, 1], x[row, 2]
+
+
+@kernel
+def equal(x: Floats, y: Floats) -> bool:
+    """Return whether two arrays (n, 3) are equal, up to the first difference; NaN equals nothing."""
+    if len(x) != len(y):
+        return False
+    i = 0
+    while i < len(x) and x[i, 0] == y[i, 0] and x[i, 1] == y[i, 1] and x[i, 2] == y[i, 2]:
+        i += 1
+    return i == len(x)
+
 
 Vector = tuple[float, float, float]
 

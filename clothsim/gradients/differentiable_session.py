@@ -100,7 +100,7 @@ def with_stiffness(session: Session, stiffness: Mapping[str, float]) -> Session:
 def held_energies(energies: Mapping[str, Energy], stiffness: Mapping[str, float]) -> dict[str, Energy]:
     """Return energies with the stiffnesses of contacts [Pa] in place of adaptive ones."""
     return {
-        name: replace(cast(Any, energy), adaptive=False, stiffness=stiffness[name])
+        name: replace(cast("Any", energy), adaptive=False, stiffness=stiffness[name])
         if name in stiffness and isinstance(energy, AdaptiveStiffness)
         else energy
         for name, energy in energies.items()

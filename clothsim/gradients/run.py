@@ -19,10 +19,10 @@ from clothsim.gradients.losses import Function, Loss, as_loss
 from clothsim.gradients.polishing import MOST_STEPS
 from clothsim.gradients.recorded_step import RecordedStep, recorded
 from clothsim.physics.energies.protocols import AdaptiveStiffness
-from clothsim.run.certificate.certificate import Certificate
-from clothsim.run.output_directory import new_output
+from clothsim.run.certificate import Certificate
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run
 from clothsim.run.results import Run
+from clothsim.run.resume import new_output
 from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
@@ -51,7 +51,7 @@ class Trace:
         contacts = {
             name: each for name, each in self.session.built.energies.items() if isinstance(each, AdaptiveStiffness)
         }
-        return {name: float(cast(Any, each).stiffness) for name, each in contacts.items()}
+        return {name: float(cast("Any", each).stiffness) for name, each in contacts.items()}
 
     @cached_property
     def frame_states(self) -> tuple[int, ...]:

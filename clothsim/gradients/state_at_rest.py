@@ -18,8 +18,7 @@ from clothsim.scene.scene import Scene
 from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.integrators import BACKWARD_EULER, formula_of
-from clothsim.solve.stepping.prescribed import prescribed
+from clothsim.solve.stepping.integrators import BACKWARD_EULER, formula_of, prescribed
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.stepping import step_of
 
@@ -157,5 +156,5 @@ def _divided(energy: Any, x: Floats) -> tuple[Ints, Floats] | None:
     if elements.ndim == 1:  # vertices
         return None
     apart = np.arange(elements.size).reshape(elements.shape)  # each with vertices of its own
-    gradient = replace(cast(Any, energy), **{energy.per_element[0]: apart}).gradient(x[elements].reshape(-1, 3))
+    gradient = replace(cast("Any", energy), **{energy.per_element[0]: apart}).gradient(x[elements].reshape(-1, 3))
     return elements, gradient.reshape(*elements.shape, 3)

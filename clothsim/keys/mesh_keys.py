@@ -1,4 +1,4 @@
-"""The sections [cloth] and [body]: fabric, position and source of a mesh."""
+"""The sections [cloth], [body] and [rigid]: name and position, material, source of the mesh."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,14 +7,88 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest, table
-from clothsim.keys.effect_tables import Motion
+from clothsim.keys.effect_tables import SELECT, Motion
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable, composed
-from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.mesh_arrays import MeshArrays
-from clothsim.keys.model_keys import ModelTable
-from clothsim.keys.placed_keys import PlacedKeys
-from clothsim.keys.schema import Key, Vector, keys_of
+from clothsim.keys.schema import Key, Selection, Vector, keys_of
+from clothsim.keys.value_checks import refuse_unknown
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacedKeys(KeyTable):
+    """Name, position and unit of a mesh."""
+
+    name: Annotated[str | None, Key("Name in messages, tables and the trajectory", shown="the section's")] = None
+    position: Annotated[Vector, Key("Displacement from where the mesh is", "m", length=3)] = (0.0, 0.0, 0.0)
+    rotation_degrees: Annotated[
+        Vector, Key("Rotation about x, then y, then z, before the displacement", "degrees", length=3)
+    ] = (0.0, 0.0, 0.0)
+    scale: Annotated[float, Key("Metres per unit of the mesh", "m", above=0)] = 1.0
+    up: Annotated[Literal["z", "y"], Key("Axis of the mesh that points up; y is turned onto z before the rotation")] = (
+        "z"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipKeys(KeyTable):
+    """Skeletal motion of a body model: its clip, the part of it, and the way into it."""
+
+    section: ClassVar[str] = "body.motion"
+
+    clip: Annotated[
+        str,
+        Key('A clip: "walk" or "turn"; a .bvh file, an AMASS .npz file; or "own", the animation of the model\'s file'),
+    ]
+    animation: Annotated[str | None, Key("Name of the animation, with `own`", shown="the first")] = None
+    scale: Annotated[
+        float | None, Key("Metres for a unit of the clip", "m", above=0, shown="the ratio of the thighs")
+    ] = None
+    start: Annotated[float, Key("First time of the clip that is used", "s", least=0)] = 0.0
+    end: Annotated[float | None, Key("Last time of the clip that is used", "s", above=0, shown="its end")] = None
+    loop: Annotated[bool, Key("Repeat that part; the body goes on from where it is")] = False
+    lead_in: Annotated[float, Key("Time from the pose of the body to the start of the clip", "s", least=0)] = 0.7
+    keep_apart: Annotated[
+        bool, Key("Turn shoulders and hips by the least angles that leave 1.2 % of the height between limbs and trunk")
+    ] = False
+    place: Annotated[
+        Literal["start", "clip"] | None,
+        Key("Begin where the body stands and looks, or where the clip begins", shown='"clip" with `own`, else "start"'),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelTable(PlacedKeys):
+    """A posed or moving body model: `model` in place of a mesh."""
+
+    section: ClassVar[str] = "body"
+
+    model: Annotated[
+        str,
+        Key('A body model: "mannequin"; a rigged .glb or .gltf; or an .npz with the keys of SMPL, in place of mesh'),
+    ]
+    shape: Annotated[
+        Sequence[float] | Mapping[str, float] | None,
+        Key("Measures of the mannequin or weights of morph targets by name; shape parameters of an .npz", shown="none"),
+    ] = None
+    pose: Annotated[
+        str | Mapping[str, Any] | None,
+        Key(
+            "Pose at the start: of the mannequin a name; else rotation vectors by joint from rest",
+            "degrees",
+            shown="the rest pose",
+        ),
+    ] = None
+    motion: Annotated[
+        str | ClipKeys | Mapping[str, Any] | None,
+        Key("Skeletal motion: the clip's name or a table", tables=(ClipKeys,), shown="none"),
+    ] = None
+    group: Annotated[str | None, Key("A skinned node of a .glb alone", shown="all")] = None
+    up: Annotated[
+        Literal["z", "y"] | None,
+        Key("Axis of the model that points up; y is turned onto z", shown="z of the mannequin, else y"),
+    ] = None  # type: ignore[assignment]
+
 
 MESH = Key("A generator, one of the sections of these names; a mesh file; or in Python arrays or a mesh object")
 
@@ -201,3 +275,64 @@ def section_of(
     source = "model" if ModelTable in parts else parts[-1].section if len(parts) > 1 else "arrays"
     refuse_unknown(f"{where} ({source})", given, keys_of(kind))
     return kind.of_known_keys(where, given)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointKeys(KeyTable):
+    """A joint of a rigid body to the world: a ball joint, or with an axis a hinge."""
+
+    section: ClassVar[str] = "rigid.joint"
+
+    point: Annotated[Vector, Key("Point that the body turns about, at the start", "m", length=3)]
+    axis: Annotated[
+        Vector | None, Key("Direction of the hinge", "1", length=3, shown="none, a ball joint")
+    ] = None  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class TieKeys(KeyTable):
+    """Cloth tied to a rigid body, as a button or a hanger is."""
+
+    section: ClassVar[str] = "rigid.tie"
+
+    select: Annotated[Selection, SELECT]
+    stiffness: Annotated[
+        float | None, Key("Stiffness of the tie of each vertex", "N/m", above=0, shown="100 times the fabric's")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigidKeys(PlacedKeys):
+    """Mass, start, joint and ties of a rigid body."""
+
+    section: ClassVar[str] = "rigid"
+
+    density: Annotated[float, Key("Density of the solid inside the mesh", "kg/m3", above=0)] = 1000.0
+    velocity: Annotated[Vector, Key("Velocity of the centre of mass at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
+    spin_degrees_per_second: Annotated[
+        Vector, Key("Angular velocity at the start, along the axis of rotation", "degrees/s", length=3)
+    ] = (0.0, 0.0, 0.0)
+    joint: Annotated[
+        JointKeys | Mapping[str, Any] | None, Key("Joint to the world", tables=(JointKeys,), shown="none")
+    ] = None
+    tie: Annotated[
+        Sequence[TieKeys | Mapping[str, Any]], Key("Vertices of cloth that are tied to it", tables=(TieKeys,))
+    ] = ()
+    stiffness: Annotated[float, Key("Stiffness of the energy that keeps it rigid", "Pa", above=0)] = 1e8
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigidTable(RigidKeys):
+    """A rigid body that weight, contact and cloth move: a closed mesh, generated, of a file or in memory."""
+
+    mesh: Annotated[str | Any, MESH]
+
+
+def check_rigid(where: str, keys: Any) -> RigidTable:
+    """The section of a table of a rigid body. InputError names a bad key."""
+    return section_of(where, keys, rigid_sections)  # type: ignore[return-value]
+
+
+def rigid_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
+    """The sections whose keys a rigid body has: its own, and those of its generator or part of a file."""
+    return (RigidTable, *sources(where, keys))

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from clothsim.base.inputs import nearest
 from clothsim.keys.generator_keys import GENERATOR_KEYS
-from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart
-from clothsim.keys.rigid_keys import RigidTable
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, RigidTable
 from clothsim.keys.schema import keys_of
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.keys.typed_effects import TYPED_EFFECTS

@@ -1,48 +1,60 @@
-"""Checks of a scene's values against the schema: type, range, choices, and the keys of nested tables."""
+"""Checks of names and values against the schema: unknown and missing keys, types, ranges, choices, nested tables."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, get_args, get_origin
 
 import numpy as np
 
+from clothsim.base import inputs
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest, shown, table
-from clothsim.keys.keys import refuse_unknown
+from clothsim.base.inputs import nearest, shown
 from clothsim.keys.schema import FUNCTION, SceneKey, choices, keys_of, members, type_in_words
+
+DEEPEST = 12
+"""Largest depth of nested tables and lists."""
+
+
+def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """InputError for the first key of `given` that is not `known`, with the nearest known one."""
+    inputs.refuse_unknown(where, given, known, _hint)
+
+
+def refuse_absent(kind: str, name: Any, names: Iterable[str]) -> None:
+    """InputError where none of the objects of a `kind` ("cloth", "group of pins") has this name; lists those there."""
+    known = list(names)
+    if name not in known:
+        listed = f"There {'is' if len(known) == 1 else 'are'} {', '.join(map(repr, known))}." if known else ""
+        question = nearest(name, known)
+        raise InputError(f"There is no {kind} {name!r}.", f"{question} {listed}".strip() or f"The scene has no {kind}.")
+
+
+def _hint(where: str, key: str, names: list[str]) -> str:
+    """The remedy for an unknown key: one very near, the section that has it, one near, or all that are known."""
+    from clothsim.keys.section_hints import home_of
+
+    known = f"Known: {', '.join(names)}." if names else f"{where} takes no keys."
+    return nearest(key, names, 0.75) or home_of(key) or nearest(key, names) or known
+
+
+def refuse_deep(where: str, value: Any) -> None:
+    """InputError for tables and lists nested deeper than DEEPEST: no key of a scene is."""
+    level = [value]
+    for _ in range(DEEPEST):
+        level = [inner for outer in level for inner in _inner(outer)]
+        if not level:
+            return
+    raise InputError(f"{where} holds tables or lists nested deeper than {DEEPEST}.", "Write it flat.")
+
+
+def _inner(value: Any) -> Iterable[Any]:
+    if isinstance(value, Mapping):
+        return value.values()
+    return value if isinstance(value, list | tuple) else ()
+
 
 MOST = 10**6
 """The largest count that a setting may have."""
-
-
-def check_table(where: str, given: Any, section: type) -> Mapping[str, Any]:
-    """A table whose keys and values are those of a section.
-
-    Parameters
-    ----------
-    where : str
-        Dotted name of the table, for messages.
-    given : Any
-        Value in the scene.
-    section : type
-        A section of the schema.
-
-    Returns
-    -------
-    Mapping
-        `given`.
-
-    Raises
-    ------
-    InputError
-        For an unknown key, a missing one, or a value of another type or out of range.
-    """
-    keys = table(where, given)
-    known = keys_of(section)
-    refuse_unknown(where, keys, known)
-    for name, value in keys.items():
-        check_value(f"{where}.{name}", value, known[name])
-    return keys
 
 
 def refuse_missing(where: str, keys: Mapping[str, Any], section: type) -> None:

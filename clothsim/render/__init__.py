@@ -1,7 +1,7 @@
 """Pictures and movies; VTK, pyvista and embreex are imported only for drawing.
 
 `picture.draw` writes one PNG, `movie.movie` an MP4 or GIF. A surface goes through `surface_look` (normals, colours),
-is seen through a `camera`, drawn by `vtk_scene` or `ray_caster`, and gets the background of its style and its `legend`.
+is seen through a `camera`, drawn by `vtk_scene` or `ray_caster`, and gets the background and legend of its `styles`.
 """
 
 from typing import TYPE_CHECKING
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from clothsim.render.movie import movie_file
     from clothsim.render.pattern_drawing import draw_pattern, laid_out
     from clothsim.render.picture import draw, picture_setup, rendered
-    from clothsim.render.strokes import WIDTHS
-    from clothsim.render.surface_look import BODY_GREY, Surface, vertex_normals
+    from clothsim.render.surface_look import BODY_GREY, WIDTHS, Surface, vertex_normals
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

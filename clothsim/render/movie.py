@@ -9,8 +9,8 @@ from PIL import Image
 
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError, MissingPackageError
-from clothsim.base.safe_files.atomic import replacing
-from clothsim.base.safe_files.record import GIF_NAME, MOVIE_NAME
+from clothsim.base.file_writing import replacing
+from clothsim.base.record import GIF_NAME, MOVIE_NAME
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import PictureSetup, picture_setup, pixel_counts, rendered
 from clothsim.render.surface_look import Surface

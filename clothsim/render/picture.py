@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +12,18 @@ from PIL import Image
 
 from clothsim.base.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import replacing
+from clothsim.base.file_writing import replacing
 from clothsim.render.camera import VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
-from clothsim.render.colormap import log_stretch
-from clothsim.render.colour_scale import Quantity, Scale, limits_of, sequential_scale, stretch_scale
+from clothsim.render.colour_scale import Quantity, Scale, limits_of, log_stretch, sequential_scale, stretch_scale
 from clothsim.render.display import choose_renderer
-from clothsim.render.legend import add_legend, margins
-from clothsim.render.pixel_geometry import pixel_geometry
-from clothsim.render.styles import STYLES, Style, backdrop, outlined, woven
+from clothsim.render.ray_caster import pixel_geometry
+from clothsim.render.styles import STYLES, Style, add_legend, backdrop, margins, outlined, woven
 from clothsim.render.surface_look import Surface, looks, smoothed
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _SMALLEST = 64
+_RENDERERS = {"vtk": "clothsim.render.vtk_scene", "ray": "clothsim.render.ray_caster"}
+"""Modules of the renderers, as text: VTK is imported only where it draws."""
 _LONGEST_SIDE, _MOST_SAMPLES = 16_384, 80_000_000
 """Bounds on the samples of a picture, along a side (of a frame buffer) and in all (7 GB of memory)."""
 
@@ -265,10 +266,7 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
 
 def _shaded(setup: PictureSetup, camera: Camera, drawn: Sequence[Surface], surfaces: Sequence[Surface]) -> np.ndarray:
     """Surfaces under light before the background; `surfaces`: those that throw a soft shadow on the floor."""
-    if setup.renderer == "vtk":
-        from clothsim.render.vtk_scene import render
-    else:
-        from clothsim.render.ray_caster import render
+    render = import_module(_RENDERERS[setup.renderer]).render
     seen = render(looks(drawn, setup.scale), camera, setup.size, setup.up, setup.samples)
     behind: Floats | float = 1.0
     if not setup.style.paper:

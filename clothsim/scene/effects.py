@@ -13,9 +13,8 @@ from functools import cached_property
 from typing import Any
 
 from clothsim.base.errors import InputError
-from clothsim.keys.builder_keys import is_builder, keys_of_builder, takes_keys
 from clothsim.keys.schema import keys_of
-from clothsim.keys.typed_effects import EffectKeys
+from clothsim.keys.typed_effects import EffectKeys, is_builder, keys_of_builder, takes_keys
 
 
 @dataclass(frozen=True)

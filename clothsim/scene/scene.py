@@ -10,21 +10,26 @@ import numpy as np
 
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown, table
-from clothsim.keys.frozen import FrozenTable, frozen
-from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import refuse_deep, refuse_unknown
+from clothsim.keys.key_table import FrozenTable, KeyTable, frozen
 from clothsim.keys.mesh_arrays import TEXT, MeshArrays
-from clothsim.keys.mesh_keys import BodyTable, ClothTable, FramesTable, check_body, check_cloth
-from clothsim.keys.model_keys import ModelTable
-from clothsim.keys.rigid_keys import RigidTable, check_rigid
+from clothsim.keys.mesh_keys import (
+    BodyTable,
+    ClothTable,
+    FramesTable,
+    ModelTable,
+    RigidTable,
+    check_body,
+    check_cloth,
+    check_rigid,
+)
 from clothsim.keys.schema import FUNCTION
 from clothsim.keys.section_hints import effect_remedy, section_remedy
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.keys.typed_effects import EffectKeys, effects_by_name
+from clothsim.keys.value_checks import refuse_deep, refuse_unknown
 from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.given_meshes import mesh_arrays
-from clothsim.scene.mesh_objects import is_mesh
+from clothsim.scene.mesh_objects import is_mesh, mesh_arrays
 
 Table = Mapping[str, Any]
 BodyKind = BodyTable | FramesTable | ModelTable

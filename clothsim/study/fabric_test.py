@@ -9,7 +9,7 @@ import numpy as np
 
 from clothsim import render
 from clothsim.base.errors import InputError
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from clothsim.study.standard_tests import cusick, strips
 from clothsim.study.standard_tests.outline_shape import PLATE
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "sphere.toml"
 OURS = ("clothsim.", "transfer.")

@@ -15,8 +15,8 @@ from time import process_time
 from typing import TypeVar
 
 from clothsim.base.errors import ClothsimError
-from clothsim.base.safe_files.record import to_json
-from clothsim.base.text_table import text_table
+from clothsim.base.record import to_json
+from clothsim.base.text import text_table
 from clothsim.gradients.differentiable_session import differentiable_session, forward, with_stiffness
 from clothsim.gradients.losses import Height
 from clothsim.gradients.run import Trace, traced

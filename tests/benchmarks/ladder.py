@@ -16,7 +16,7 @@ from time import perf_counter
 from typing import Any
 
 from clothsim.base.errors import ClothsimError
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.effects import EFFECTS

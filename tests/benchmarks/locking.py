@@ -16,8 +16,8 @@ from pathlib import Path
 from time import process_time
 
 from clothsim.base.errors import ClothsimError
-from clothsim.base.safe_files.record import to_json
-from clothsim.base.text_table import text_table
+from clothsim.base.record import to_json
+from clothsim.base.text import text_table
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from tests.known_answers.a6_inflation import balloon, blown_up, mylar

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 
 Record = dict[str, dict[str, Any]]
 """{row: what was seen of it}."""

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from command_line import FREE, SHEET, refused, with_keywords
 
-from clothsim.base.safe_files.record import read_summary
+from clothsim.base.record import read_summary
 from clothsim.cli import main
 from clothsim.cli.progress import Lines
 from clothsim.files.runs.checkpoint import read_checkpoint

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from command_line import FREE, refused, with_keywords
 
-from clothsim.base.safe_files.record import read_summary
+from clothsim.base.record import read_summary
 from clothsim.cli import main
 
 PRESS = """
@@ -48,7 +48,7 @@ def _here(tmp_path, monkeypatch):
 
 
 def test_a_failed_run_leaves_its_place_its_iterates_and_what_to_do(capsys, tmp_path, monkeypatch):
-    from clothsim.render import closeup
+    from clothsim.render import marks as closeup
 
     monkeypatch.setattr(closeup, "draw_closeup", with_keywords(closeup.draw_closeup, {"size": (128, 96)}))
     (tmp_path / "press.toml").write_text(PRESS)

@@ -19,12 +19,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from clothsim.base.errors import LONGEST, InputError
-from clothsim.base.safe_files.record import read_record, read_summary
+from clothsim.base.record import read_record, read_summary
 from clothsim.files.meshes.mesh_file import ENDINGS, read_mesh
 from clothsim.files.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TrajectoryWriter, read_trajectory
 from clothsim.mesh.generators.shapes import sphere
-from clothsim.mesh.world_surfaces import Surface
+from clothsim.mesh.world import Surface
 
 FEW = settings(
     max_examples=50,

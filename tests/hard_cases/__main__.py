@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from tests.benchmarks.stored_tables import read_record, write_between
 from tests.hard_cases.case import Case, run_case
 from tests.hard_cases.cases import CASES

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.step import Step
 from clothsim.run.results import Run

@@ -4,7 +4,7 @@ import tempfile
 
 import numpy as np
 
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
 from clothsim.scene.scene import Scene

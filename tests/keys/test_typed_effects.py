@@ -9,10 +9,9 @@ import pytest
 
 import clothsim
 from clothsim import InputError, Scene
-from clothsim.keys.builder_keys import takes_keys
 from clothsim.keys.effect_tables import Gust
-from clothsim.keys.frozen import frozen
-from clothsim.keys.typed_effects import TYPED_EFFECTS
+from clothsim.keys.key_table import frozen
+from clothsim.keys.typed_effects import TYPED_EFFECTS, takes_keys
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from tests.benchmarks.stored_tables import Record, read_record, write_between, write_record
 from tests.known_answers.row import Row, seen
 from tests.known_answers.table import HEADER, ROWS, cells, chosen, entry, markdown

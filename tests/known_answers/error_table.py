@@ -16,7 +16,7 @@ from typing import Any
 
 from clothsim import Scene
 from clothsim.base.errors import ClothsimError
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from clothsim.scene import paths
 from clothsim.study.presets import PRESETS, with_preset
 from clothsim.study.study import searched_settings

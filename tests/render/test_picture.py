@@ -9,8 +9,7 @@ from render_scenes import NO_STRETCHES, ball, sheet
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.render import ray_caster
 from clothsim.render.camera import Camera
-from clothsim.render.colormap import stretch_colours
-from clothsim.render.colour_scale import stretch_scale
+from clothsim.render.colour_scale import stretch_colours, stretch_scale
 from clothsim.render.display import why_not_vtk
 from clothsim.render.picture import draw, picture_setup
 from clothsim.render.styles import backdrop

@@ -14,7 +14,7 @@ from clothsim.render import picture as picture_module
 from clothsim.render.camera import Camera
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import centre_of, draw, picture_setup, rendered, rendered_without_legend, scale_of
-from clothsim.render.pixel_geometry import pixel_geometry
+from clothsim.render.ray_caster import pixel_geometry
 from clothsim.render.styles import INK, STYLES, outlined, woven
 
 DOWN = Camera(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))

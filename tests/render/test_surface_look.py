@@ -1,9 +1,31 @@
+"""Looks of surfaces: normals, colours, smooth surfaces, strokes."""
+
 import numpy as np
+import pytest
+import trimesh
 from meshes import grid
 from render_scenes import NO_STRETCHES, ball, sheet
 
+from clothsim.mesh.topology import border_edges
 from clothsim.render.colour_scale import stretch_scale
-from clothsim.render.surface_look import BODY_GREY, FABRICS, Surface, creased_normals, looks, smoothed, vertex_normals
+from clothsim.render.surface_look import (
+    BODY_GREY,
+    FABRICS,
+    HALF_LENGTH,
+    LEVELS,
+    LIFT,
+    MOST_TRIANGLES,
+    WIDTHS,
+    Surface,
+    creased_normals,
+    crosses,
+    evenly_spaced,
+    looks,
+    ribbons,
+    smoothed,
+    spacing_of,
+    vertex_normals,
+)
 
 TENT = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0]], float)
 SIDES = np.array([[0, 1, 2], [0, 3, 1]])
@@ -70,3 +92,85 @@ def test_each_fabric_has_a_plain_colour_also_on_the_smooth_surface():
     for number in (0, 1):
         old, new = (area[each.fabrics == number].sum() for area, each in zip(areas, (surface, fine), strict=True))
         assert np.isclose(old, new)
+
+
+NONE = np.zeros((0, 2))
+
+
+def smooth_ball(role: str = "cloth", subdivisions: int = 2) -> Surface:
+    made = trimesh.creation.icosphere(subdivisions=subdivisions)
+    return Surface("ball", np.asarray(made.vertices), np.asarray(made.faces), role, NONE)
+
+
+def test_vertices_stay_and_each_triangle_becomes_sixteen():
+    before = smooth_ball()
+    after = smoothed(before)
+    assert np.array_equal(after.positions[: len(before.positions)], before.positions)
+    assert len(after.triangles) == 4**LEVELS * len(before.triangles)
+    assert len(border_edges(after.triangles)[0]) == 0
+
+
+def test_a_ball_is_rounder_and_nothing_sinks_into_it():
+    before, after = smooth_ball(), smoothed(smooth_ball())
+    flat = np.linalg.norm(before.positions[before.triangles].mean(axis=1), axis=1).min()
+    radii = np.linalg.norm(after.positions, axis=1)
+    centres = np.linalg.norm(after.positions[after.triangles].mean(axis=1), axis=1)
+    assert radii.min() > 1 - 0.25 * (1 - flat)
+    assert radii.max() < 1 + 0.1 * (1 - flat)
+    assert centres.min() > flat
+
+
+def test_a_plane_stays_one_and_its_values_are_interpolated():
+    x = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    after = smoothed(Surface("sheet", x, triangles, "cloth", NONE, values=x[:, 0]))
+    assert np.abs(after.positions[:, 2]).max() == 0
+    assert np.allclose(after.values, after.positions[:, 0])
+    assert len(border_edges(after.triangles)[0]) == 4 * 2**LEVELS
+
+
+def test_a_sharp_fold_is_not_rounded():
+    x = np.array([[0, 0, 0], [0, 1, 0], [1, 0.5, 0.05], [1, 0.5, -0.05]])
+    triangles = np.array([[0, 1, 2], [1, 0, 3]])
+    after = smoothed(Surface("fold", x, triangles, "cloth", NONE))
+    assert after.positions[:, 0].min() > -0.3
+
+
+@pytest.mark.parametrize("surface", [smooth_ball("body"), smooth_ball(subdivisions=6)])
+def test_bodies_and_fine_cloths_are_drawn_as_they_are(surface):
+    after = smoothed(surface)
+    assert np.array_equal(after.positions, surface.positions)
+    assert len(surface.triangles) * 4 > MOST_TRIANGLES or surface.role == "body"
+
+
+def test_strokes_lie_along_the_directions_and_are_as_long_as_the_stretches():
+    directions = np.array([[[0.6, -0.8], [0.8, 0.6], [0.0, 0.0]]])
+    strokes = crosses(np.array([[1.0, 2.0, 3.0]]), directions, np.array([[1.2, 0.7]]), 0.1)
+    along = strokes[0, :, 1] - strokes[0, :, 0]
+    assert along == pytest.approx(2 * HALF_LENGTH * 0.1 * np.array([[1.2], [0.7]]) * directions[0].T)
+    assert strokes.mean(axis=2)[0] == pytest.approx(np.tile([1.0, 2.0, 3.0], (2, 1)))
+
+
+def test_ribbons_lie_on_both_sides_of_the_cloth():
+    strokes = crosses(np.zeros((1, 3)), np.eye(3)[None, :, :2], np.ones((1, 2)), 1.0)
+    corners, normals = ribbons(strokes, 1.0)
+    assert corners.shape == normals.shape == (8, 3, 3)
+    assert corners[..., 2] == pytest.approx(LIFT * normals[..., 2])
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.linalg.norm(facing, axis=1).sum() / 2 == pytest.approx(2 * 2 * HALF_LENGTH * sum(WIDTHS))
+
+
+def test_chosen_triangles_are_about_as_far_apart_as_asked():
+    surface = sheet(n=60)
+    centres = surface.positions[surface.triangles].mean(axis=1)
+    spacing = spacing_of(surface.positions, surface.triangles)
+    chosen = evenly_spaced(centres, spacing)
+    assert 0.5 / spacing**2 < len(chosen) < 3 / spacing**2  # of a bent sheet of side 1
+    assert (np.diff(chosen) > 0).all()
+
+
+def test_crosses_are_no_closer_than_the_triangles_are_large():
+    surface = sheet(n=3)
+    assert spacing_of(surface.positions, surface.triangles) >= np.sqrt(0.5) / 3
+    centres = surface.positions[surface.triangles].mean(axis=1)
+    assert len(evenly_spaced(centres, 1e-3)) == len(surface.triangles)

@@ -12,8 +12,8 @@ import pytest
 from small_scenes import RUN, SHEET, small_scene
 
 from clothsim import InputError, open_run, resume, simulate
-from clothsim.base.safe_files import disk_space
-from clothsim.base.safe_files.record import RecordWriter
+from clothsim.base import file_writing as disk_space
+from clothsim.base.record import RecordWriter
 from clothsim.files.runs import trajectory
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME

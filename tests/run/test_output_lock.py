@@ -11,7 +11,7 @@ import pytest
 from small_scenes import RUN, small_scene
 
 from clothsim import InputError, open_run, resume, simulate
-from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
+from clothsim.base.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME
 from clothsim.files.runs.run_lock import LOCK_NAME, locked
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene, without
 
 from clothsim import InputError, IntersectionWarning, open_run, resume, simulate
-from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
+from clothsim.base.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 from clothsim.run import recorded_run

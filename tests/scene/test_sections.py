@@ -11,9 +11,18 @@ import clothsim
 from clothsim import Body, Cloth, Contact, Gravity, Motion, Pins, RunSettings, Scene, Seed, Solver
 from clothsim.keys.generator_keys import Rectangle, Ring
 from clothsim.keys.key_table import KeyTable, composed
-from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
-from clothsim.keys.model_keys import ClipKeys, ModelTable
-from clothsim.keys.rigid_keys import JointKeys, RigidTable, TieKeys
+from clothsim.keys.mesh_keys import (
+    BodyTable,
+    ClipKeys,
+    ClothTable,
+    FilePart,
+    FramesTable,
+    JointKeys,
+    ModelTable,
+    PatternFile,
+    RigidTable,
+    TieKeys,
+)
 
 SHEET = {"mesh": "rectangle", "size": [1, 2]}
 POINTS, FACES = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]

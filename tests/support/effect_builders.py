@@ -1,6 +1,6 @@
 """Effects built from keywords, as a scene's table gives them: `gravity(world, acceleration=(0, 0, -1))`."""
 
-from clothsim.keys.builder_keys import SUPPLIED
+from clothsim.keys.typed_effects import SUPPLIED
 from clothsim.scene.effects import EFFECTS
 
 

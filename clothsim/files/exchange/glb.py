@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.files.exchange.animation import Animation, Part, PartFrame, linear_rgb, split_vertices
 
 FLOAT, UNSIGNED_INT, UNSIGNED_BYTE = 5126, 5125, 5121

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError, MissingPackageError
-from clothsim.base.safe_files.atomic import replacing
+from clothsim.base.file_writing import replacing
 from clothsim.files.exchange.animation import (
     Animation,
     Part,

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.base.safe_files.atomic import replacing
+from clothsim.base.file_writing import replacing
 from clothsim.files.exchange.animation import Animation
 from clothsim.files.runs.trajectory import TrajectoryWriter
 from clothsim.files.runs.vtkhdf import FrameArray
-from clothsim.mesh.world_surfaces import Surface
+from clothsim.mesh.world import Surface
 
 STRETCH = FrameArray("stretch", "triangle")
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.base.file_reading import read_regular_file
 
 _SCALES = ("x_scale", "y_scale", "z_scale")
 

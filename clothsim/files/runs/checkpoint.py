@@ -13,7 +13,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 
 CHECKPOINT_NAME = "checkpoint.npz"
 _FORMAT, _EARLIER = "clothsim checkpoint 3", "clothsim checkpoint 2"

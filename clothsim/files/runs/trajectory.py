@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.disk_space import require_space, writing
+from clothsim.base.file_writing import require_space, writing
 from clothsim.files.runs.vtkhdf import (
     STRETCHES,
     FrameArray,
@@ -29,7 +29,7 @@ from clothsim.files.runs.vtkhdf import (
     set_frame_count,
     write_frame,
 )
-from clothsim.mesh.world_surfaces import Surface, check_surfaces, same_surfaces
+from clothsim.mesh.world import Surface, check_surfaces, same_surfaces
 
 TRAJECTORY_NAME = "trajectory.vtkhdf"
 

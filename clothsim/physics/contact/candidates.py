@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import equal
+from clothsim.base.vectors import equal
 from clothsim.physics.contact.barrier_kernels import pairs_within
 from clothsim.physics.contact.ccd import TOLERANCE, edge_edge_limit, point_triangle_limit
 from clothsim.physics.contact.filter import (

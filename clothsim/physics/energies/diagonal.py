@@ -3,8 +3,8 @@
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import as_rows, taken
 from clothsim.base.linalg import dot
+from clothsim.base.vectors import as_rows, taken
 from clothsim.physics.energies.hessians import ElementHessian
 
 

@@ -18,4 +18,4 @@ class Elementwise(Restrictable):
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The elements with a vertex that moves."""
         selected = np.flatnonzero(moving[getattr(self, self.per_element[0])].any(axis=1))
-        return replace(cast(Any, self), **{name: getattr(self, name)[selected] for name in self.per_element})
+        return replace(cast("Any", self), **{name: getattr(self, name)[selected] for name in self.per_element})

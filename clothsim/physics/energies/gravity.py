@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import as_rows, taken
+from clothsim.base.vectors import as_rows, taken
 from clothsim.keys.typed_effects import Gravity
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off

@@ -6,8 +6,8 @@ vertices (h, 4): a, b, c, d of `kinematics.hinge`; moments M (h,) [N m], 0 where
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import four_points
 from clothsim.base.jit import LANES, inlined, kernel, natural
+from clothsim.base.vectors import four_points
 from clothsim.geometry.kinematics.hinge_angle import hinge_angle_gradient, hinge_blocks, hinge_direction
 from clothsim.physics.energies.lanes import point, write
 

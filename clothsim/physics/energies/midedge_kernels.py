@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import four_points
 from clothsim.base.jit import kernel, natural
+from clothsim.base.vectors import four_points
 from clothsim.geometry.kinematics.hinge_angle import hinge_angle_gradient
 
 

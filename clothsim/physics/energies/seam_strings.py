@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.hinges import stiffness_in_series
+from clothsim.mesh.cloth import stiffness_in_series
 from clothsim.mesh.world import World
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.hinge_bending import HingeBending

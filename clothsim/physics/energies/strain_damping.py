@@ -19,7 +19,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel
 from clothsim.base.linalg import eigen_2x2
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
-from clothsim.mesh.hinges import dihedral_angles
+from clothsim.mesh.cloth import dihedral_angles
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import ElementHessian, LanesHessian

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.indexing import Rows
 from clothsim.base.parallel import together
+from clothsim.base.vectors import Rows
 from clothsim.physics.energies.hessians import ByElement, Hessian, explicit
 from clothsim.solve.linear.assembly import OUTSIDE
 from clothsim.solve.linear.dependent_rows import NO_DEPENDENT_ROWS, DependentRows

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.base.indexing import taken
 from clothsim.base.linalg import dot
 from clothsim.base.parallel import together
+from clothsim.base.vectors import taken
 from clothsim.physics.energies.hessians import Hessian, ImplicitHessian, explicit, split
 from clothsim.solve.linear.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System

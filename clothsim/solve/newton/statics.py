@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.base.indexing import taken
+from clothsim.base.vectors import taken
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.diagonal import diagonal_hessian, every_vertex
 from clothsim.physics.energies.hessians import Hessian, explicit, split

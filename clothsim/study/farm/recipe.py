@@ -12,8 +12,8 @@ import numpy as np
 
 from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
 from clothsim.base.inputs import refuse_unknown, shown, table
-from clothsim.base.safe_files.regular_file import read_regular_file
 
 # Random draws of scene keys: one stream for each seed, index and key.
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.base.safe_files.record import to_json
-from clothsim.base.text_table import text_table
+from clothsim.base.file_writing import write_atomically
+from clothsim.base.record import to_json
+from clothsim.base.text import text_table
 from tests.benchmarks.bench.alone import ALONE, COPY, without_others
 from tests.benchmarks.bench.bench_cases import ORACLE, QUICK, ROOT, Case, aims, benchmark, windows
 from tests.benchmarks.bench.measure import Measured, measured

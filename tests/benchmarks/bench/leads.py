@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from clothsim.base.errors import ClothsimError
-from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene

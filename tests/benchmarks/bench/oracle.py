@@ -66,7 +66,7 @@ def compared(case: Case, states: Path, repeats: int, announce: Callable[[str], N
     assert case.scene is not None
     session = prepare(case.scene, build(case.scene))
     newton_steps = recorded(session, settled(session, case, states))
-    bound = [cast(Barrier, session.built.energies[name]) for name in CONTACTS]
+    bound = [cast("Barrier", session.built.energies[name]) for name in CONTACTS]
     barriers = [replace(barrier, stiffness=1.0) for barrier in bound]
     active = [[barrier.candidates.active(x).elements for barrier in barriers] for x, _ in newton_steps]
     n_cloth = session.built.world.n_cloth
@@ -125,7 +125,7 @@ def recorded(session: Session, state: State) -> list[NewtonStep]:
     energy and its derivatives there would measure caches.
     """
     newton_steps: list[NewtonStep] = []
-    candidates = cast(Barrier, session.built.energies[CONTACTS[0]]).candidates
+    candidates = cast("Barrier", session.built.energies[CONTACTS[0]]).candidates
     limit = candidates.step_limit
 
     def recorded_limit(x: Floats, dx: Floats, most: float = 1.0) -> float:

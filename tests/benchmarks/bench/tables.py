@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from clothsim.base.text_table import text_table
+from clothsim.base.text import text_table
 from tests.benchmarks.bench.measure import PHASES, Measured, each, ratio
 
 Rows = Mapping[str, Measured]

@@ -23,7 +23,7 @@ from clothsim.garments.dress.measurements import (
 )
 from clothsim.garments.dress.sewing_state import as_placed
 from clothsim.garments.inputs import BodyMesh, read_body_mesh
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.mesh.weld import mean_of_parts
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of

@@ -4,7 +4,7 @@ import pytest
 from fitting_cases import capsule_figure, tube_garment
 
 from clothsim.garments.fit.moving_body import StageSettings, carrying_stiffness, moved_with_body
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 
 BODY = capsule_figure(segments=8)
 

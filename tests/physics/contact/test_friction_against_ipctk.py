@@ -20,7 +20,7 @@ from effect_builders import friction
 from ipctk_barrier import by_ipctk
 from solving import step_at
 
-from clothsim.base.indexing import four_points
+from clothsim.base.vectors import four_points
 from clothsim.physics.contact import barrier_kernels as kernels
 
 POSES = {**at_random(), **adversarial(), **close()}

@@ -8,7 +8,7 @@ from contacts import jittered
 from differences import dense_hessian
 from ipctk_barrier import by_ipctk
 
-from clothsim.base.indexing import four_points
+from clothsim.base.vectors import four_points
 from clothsim.physics.contact import barrier_kernels as kernels
 from clothsim.physics.contact.distance import closest_points
 

@@ -14,7 +14,7 @@ from solving import equilibrium, held
 from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
 from clothsim.keys.fabric import EXTENDED
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off

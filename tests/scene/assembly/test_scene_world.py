@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from small_scenes import BALL, SHEET, small_scene
 
 from clothsim import InputError, Scene, load_scene
-from clothsim.keys.fabrics import FABRICS
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import scene_from_text

@@ -11,7 +11,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError, MissingPackageError
-from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.base.file_reading import read_regular_file
 from clothsim.files.patterns.dxf.outline import Part, parts_of_bezier, straight_parts
 from clothsim.patterns.curves import Arc, Straight
 

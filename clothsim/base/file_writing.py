@@ -1,0 +1,108 @@
+"""Writing of files: directories made, space reserved, a file replaced as a whole, errors as sentences."""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from clothsim.base.errors import InputError
+
+_FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+_ZEROS = 1 << 20
+
+
+def require_space(path: Path, size: int) -> None:
+    """Make sure that an open file of another library can grow by `size` bytes; it is as long afterwards as before.
+
+    HDF5 leaves a file that cannot be opened again where a write fails half way, so it must not fail there.
+
+    Raises
+    ------
+    InputError
+        The disk, the quota or the limit on the size of files does not leave so much.
+    """
+    try:
+        handle = os.open(path, os.O_WRONLY)
+    except OSError as error:
+        raise full_or_forbidden(path, error) from error
+    length = os.fstat(handle).st_size
+    try:
+        _extend(handle, length, size)
+    except OSError as error:
+        if error.errno in _FULL:
+            raise full_or_forbidden(path, error) from error
+        # a file system that cannot reserve space
+    finally:
+        with suppress(OSError):
+            os.ftruncate(handle, length)
+        os.close(handle)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Errors of writing to a file, of the system or of h5py, as one InputError."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        raise full_or_forbidden(path, error) from error
+
+
+def _extend(handle: int, length: int, size: int) -> None:
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(handle, length, size)
+        return
+    os.lseek(handle, length, os.SEEK_SET)
+    while size > 0:
+        size -= os.write(handle, bytes(min(size, _ZEROS)))
+
+
+def full_or_forbidden(path: Path, error: Exception) -> InputError:
+    """The InputError of a file that cannot be written; of a full disk with what to do."""
+    text = getattr(error, "strerror", None) or str(error)
+    full = getattr(error, "errno", None) in (*_FULL, None)  # h5py's own errors have no number
+    remedy = "Choose another name or folder, or change its rights."
+    if full:
+        remedy = f"Free space, or lift the limit, and continue: clothsim resume {path.parent}"
+    return InputError(f"{path} cannot be written ({text}).", remedy)
+
+
+def make_directory(directory: Path) -> None:
+    """Make a directory where there is none. InputError where it cannot be made or written."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"{directory} cannot be made a directory: {reason}.", "Choose another with -o.") from error
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise InputError(f"{directory} cannot be written.", "Choose another with -o.")
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write `content` to `path` so that a reader sees the old file or the new one, whenever the process is killed.
+
+    InputError where the file cannot be written.
+    """
+    with replacing(path) as beside, beside.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A file beside `path` that takes its place at the end of the block.
+
+    InputError where a file cannot be written; then what was written is removed.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        try:
+            yield beside
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise full_or_forbidden(path, error) from error

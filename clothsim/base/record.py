@@ -1,0 +1,119 @@
+"""Record and summary of a run: `record.jsonl`, a line a step, and `summary.json`, written once at the end."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
+from clothsim.base.file_writing import write_atomically, writing
+
+RECORD_NAME = "record.jsonl"
+MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
+SUMMARY_NAME = "summary.json"
+FITTED_NAME = "fitted.obj"
+"""Garment that a fit leaves."""
+
+
+class RecordWriter:
+    """A writer of one JSON object a line; each line is in the file before `append` returns."""
+
+    def __init__(self, path: str | Path, resume_at: int | None = None) -> None:
+        """Create the file at `path`, or continue it after its first `resume_at` lines; later ones are dropped.
+
+        InputError where the file cannot be written or has fewer lines.
+        """
+        earlier = b"" if resume_at is None else _first_lines(Path(path), resume_at)
+        write_atomically(Path(path), earlier)
+        self._path = Path(path)
+        self._file = self._path.open("ab", buffering=0)  # closed by `close`
+
+    def __enter__(self) -> "RecordWriter":
+        """The writer itself, closed at the end of the `with` block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file; an exception is passed on."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        with writing(self._path):
+            self._file.close()
+
+    def append(self, entry: Mapping[str, Any]) -> None:
+        """Write `entry` as one line (numbers as in `to_json`). InputError where the disk is full."""
+        with writing(self._path):
+            line = to_json(entry).encode() + b"\n"
+            while line:  # the last write before a full disk takes a part
+                line = line[self._file.write(line) :]
+
+
+def read_record(path: str | Path) -> list[dict[str, Any]]:
+    """The entries of a record, without an incomplete last line. InputError names any other broken line."""
+    text, entries = read_regular_file(Path(path)), []
+    # A complete line ends with a line break: a run was killed while it wrote what follows the last one.
+    for number, line in enumerate(text.split(b"\n")[:-1], start=1):
+        entry = _parse(line)
+        if entry is None:
+            raise InputError(f"{path}, line {number}, is not a JSON object.")
+        entries.append(entry)
+    return entries
+
+
+def write_summary(path: str | Path, summary: Mapping[str, Any]) -> None:
+    """Write a summary as indented JSON with sorted keys, atomically."""
+    write_atomically(Path(path), (to_json(summary, indent=2) + "\n").encode())
+
+
+def read_summary(path: str | Path) -> dict[str, Any]:
+    """Read a summary. InputError where the file is missing or holds no JSON object."""
+    summary = _parse(read_regular_file(Path(path)))
+    if summary is None:
+        raise InputError(f"{path} is not a JSON object.")
+    return summary
+
+
+def to_json(value: Any, indent: int | None = None) -> str:
+    """`value` as JSON: NumPy numbers and arrays as numbers and lists, inf and nan as null.
+
+    Examples
+    --------
+    >>> to_json({"gap": float("inf"), "steps": 3})
+    '{"gap": null, "steps": 3}'
+    """
+    return json.dumps(_plain(value), indent=indent, sort_keys=indent is not None, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, Path):
+        return str(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _parse(text: bytes) -> dict[str, Any] | None:
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return value if isinstance(value, dict) else None
+
+
+def _first_lines(path: Path, count: int) -> bytes:
+    lines = read_regular_file(path).split(b"\n")[:-1]
+    if not 0 <= count <= len(lines):
+        raise InputError(f"{path} has {len(lines)} lines, so no run can go on from line {count}.")
+    return b"".join(line + b"\n" for line in lines[:count])
