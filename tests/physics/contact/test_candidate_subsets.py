@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from contacts import body_surface, self_surface, sheet_on_ball, two_sheets
 
-from clothsim.physics.contact.barrier import RADIUS_IN_SKINS, CandidateSubset
+from clothsim.physics.contact.candidate_subsets import RADIUS_IN_SKINS, CandidateSubset
 from clothsim.physics.contact.candidates import Candidates
 
 D_HAT = 0.05

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clothsim.physics.contact.broad_phase import candidate_pairs
 from clothsim.physics.contact.bvh import build_tree, refit
-from clothsim.physics.contact.search import lexicographic_order
+from clothsim.physics.contact.search import candidate_pairs, lexicographic_order
 
 ROW_OFFSET = 2000
 """More rows than any test has boxes."""

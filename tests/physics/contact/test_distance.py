@@ -4,7 +4,7 @@ import ipctk
 import numpy as np
 import pytest
 
-from clothsim.physics.contact.closest_points import (
+from clothsim.physics.contact.distance import (
     edge_edge_closest,
     edge_edge_region,
     point_triangle_closest,
