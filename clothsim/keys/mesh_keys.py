@@ -134,13 +134,13 @@ class ClothKeys(PlacedKeys):
             "N m2", shown="the fabric's"),
     ] = None  # fmt: skip
     bending_slope_warp: Annotated[
-        float | None, Key("The same along warp", "N m2", shown="bending_slope")
+        float | None, Key("Slope bending_slope along warp", "N m2", shown="bending_slope")
     ] = None  # fmt: skip
     bending_slope_weft: Annotated[
-        float | None, Key("The same along weft", "N m2", shown="bending_slope")
+        float | None, Key("Slope bending_slope along weft", "N m2", shown="bending_slope")
     ] = None  # fmt: skip
     bending_slope_bias: Annotated[
-        float | None, Key("The same at 45 degrees to warp and weft", "N m2", shown="by warp and weft")
+        float | None, Key("Slope bending_slope at 45 degrees to warp and weft", "N m2", shown="by warp and weft")
     ] = None  # fmt: skip
     rest_curvature_warp: Annotated[
         float | None, Key("Curvature at rest (curl) along warp, above 0 towards the front", "1/m",
