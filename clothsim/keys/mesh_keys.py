@@ -130,7 +130,7 @@ class ClothKeys(PlacedKeys):
     ] = None
     bending_slope: Annotated[
         float | None,
-        Key("s of the moment D k + s k^2 at curvature k, below 0 where bending softens, as far as a tangent of 0.2 D",
+        Key("Slope s of the moment D k + s k^2 at curvature k: below 0 bending softens, to 0.2 D at most",
             "N m2", shown="the fabric's"),
     ] = None  # fmt: skip
     bending_slope_warp: Annotated[
