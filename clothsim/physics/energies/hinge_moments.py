@@ -33,7 +33,7 @@ BendingModel: TypeAlias = HingeBending | MidedgeBending
 
 
 @dataclass(frozen=True)
-class HingeMoments(Elementwise, Energy, Idling):
+class HingeMoments(Elementwise, Energy):
     """E = offset - M'(theta - theta0); +inf where a triangle beside a hinge has no area.
 
     Such a hinge adds nothing to gradient and Hessian.
@@ -57,11 +57,6 @@ class HingeMoments(Elementwise, Energy, Idling):
 
     per_element: ClassVar[tuple[str, ...]] = ("vertices", "references", "moments")
 
-    @property
-    def idle(self) -> bool:
-        """True where there is no moment."""
-        return not self.moments.any()
-
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
         active = self._active()
@@ -84,7 +79,7 @@ class HingeMoments(Elementwise, Energy, Idling):
 
 
 @dataclass(frozen=True)
-class ShiftedAngles(HingeMoments):
+class ShiftedAngles(HingeMoments, Idling):
     """Hinges whose rest angles are shifted.
 
     Parameters
@@ -97,6 +92,11 @@ class ShiftedAngles(HingeMoments):
 
     numbers: Ints
     shifts: Floats
+
+    @property
+    def idle(self) -> bool:
+        """True where there is no moment."""
+        return not self.moments.any()
 
 
 def hinges_of_bending(name: str, bending: Energy) -> BendingModel:
