@@ -22,7 +22,7 @@ from clothsim.base.linalg import dot
 from clothsim.physics.energies import hinge_kernels as kernels
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.elementwise import Elementwise
-from clothsim.physics.energies.hessians import LanesHessian
+from clothsim.physics.energies.hessians import LanesHessian, SumHessian
 from clothsim.physics.energies.hinge_bending import HingeBending
 from clothsim.physics.energies.midedge_bending import MidedgeBending
 from clothsim.physics.energies.midedge_softening import SofteningBending
@@ -68,7 +68,7 @@ class HingeMoments(Elementwise, Energy):
         active = self._active()
         return kernels.gradient(self.vertices[active], -self.moments[active], x)
 
-    def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
+    def hessian(self, x: Floats, project: bool = True) -> LanesHessian | SumHessian:
         """Exact: 12 x 12 for each hinge with a moment [N/m]; projected: none."""
         active = self._active() if not project else np.zeros(0, np.int64)
         hinges = self.vertices[active], -self.moments[active], np.zeros(len(active))
