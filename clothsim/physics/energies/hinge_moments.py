@@ -25,6 +25,7 @@ from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import LanesHessian
 from clothsim.physics.energies.hinge_bending import HingeBending
 from clothsim.physics.energies.midedge_bending import MidedgeBending
+from clothsim.physics.energies.midedge_softening import SofteningBending
 from clothsim.physics.energies.protocols import Idling
 
 BendingModel: TypeAlias = HingeBending | MidedgeBending
@@ -104,11 +105,16 @@ def hinges_of_bending(name: str, bending: Energy) -> BendingModel:
     Raises
     ------
     InputError
-        For a bending model without rest angles that can change.
+        For a bending model without rest angles that can change, or whose energy is not quadratic in the angles.
     """
     if not isinstance(bending, HingeBending | MidedgeBending):
         raise InputError(
             f"effects.{name} changes rest angles, and {type(bending).__name__} has none that can change.",
             'Set effects.bending.model = "midedge" or "hinge".',
+        )
+    if isinstance(bending, SofteningBending):
+        raise InputError(
+            f"effects.{name} changes rest angles, which bending with a slope does not take.",
+            "Set cloth.bending_slope = 0.",
         )
     return bending
