@@ -69,8 +69,8 @@ class CanonicalGarments:
         if name is None and len(self.names) == 1:
             return slice(0, int(self.starts[1]))
         if name not in self.names:
-            said = "There are several cloths" if name is None else f"There is no cloth {name!r}"
-            raise InputError(f"{said}.", f"Name one of: {', '.join(self.names)}.")
+            sentence = "There are several cloths" if name is None else f"There is no cloth {name!r}"
+            raise InputError(f"{sentence}.", f"Name one of: {', '.join(self.names)}.")
         k = self.names.index(name)
         return slice(int(self.starts[k]), int(self.starts[k + 1]))
 

@@ -9,8 +9,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.energies.step import Step
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.integrators import BACKWARD_EULER, Formula, formula_of
-from clothsim.solve.stepping.prescribed import prescribed
+from clothsim.solve.stepping.integrators import BACKWARD_EULER, Formula, formula_of, prescribed
 from clothsim.solve.stepping.state import State
 from clothsim.solve.stepping.stepping import Integrator, StepReport, step_of
 from clothsim.solve.timers import Timers

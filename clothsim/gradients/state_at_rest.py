@@ -18,8 +18,7 @@ from clothsim.scene.scene import Scene
 from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.integrators import BACKWARD_EULER, formula_of
-from clothsim.solve.stepping.prescribed import prescribed
+from clothsim.solve.stepping.integrators import BACKWARD_EULER, formula_of, prescribed
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.stepping import step_of
 

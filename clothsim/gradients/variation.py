@@ -20,7 +20,7 @@ from clothsim.physics.energies.constraint import Constraint
 from clothsim.physics.energies.protocols import is_idle
 from clothsim.physics.energies.step import Past, Step
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.prescribed import prescribed
+from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.stepping import Integrator
 from clothsim.solve.timers import Timers
 

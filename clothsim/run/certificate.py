@@ -14,14 +14,14 @@ from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap
 from clothsim.run.fields import world_stretches
 from clothsim.run.intersections import IntersectionHistory, history_from
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.closest_contact import HasContactPairs
+from clothsim.solve.stepping.failure import HasContactPairs
+from clothsim.solve.stepping.local_error import LEAST_FRACTION
 from clothsim.solve.stepping.mechanical_energy import mechanical_energy
 from clothsim.solve.stepping.state import State
-from clothsim.solve.stepping.step_size import LEAST_FRACTION
 from clothsim.solve.stepping.stepping import StepReport
 
 if TYPE_CHECKING:
-    from clothsim.solve.pinch.pinch_record import PinchRecord
+    from clothsim.solve.pinch.carried import PinchRecord
 
 
 @dataclass(frozen=True)
@@ -383,6 +383,6 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
 def _carried_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
     if fields is None:
         return None
-    from clothsim.solve.pinch.pinch_record import record_from  # runs without the policy do not import it
+    from clothsim.solve.pinch.carried import record_from  # runs without the policy do not import it
 
     return record_from(fields)

@@ -25,7 +25,7 @@ from clothsim.scene.cloth_arrays import Body, Cloth
 from clothsim.scene.mesh_objects import surface_of
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.scene.toml_file import load_scene
-from clothsim.solve.pinch.pinch_record import exempted
+from clothsim.solve.pinch.carried import exempted
 
 NO_INDICES = np.zeros(0, np.int64)
 MOST_TIMES = 600

@@ -223,7 +223,7 @@ def recorded_run(
     asked = session.scene.solver_settings.error
     certificate = replace(certificate, moved_by_script=scripted, asked=asked)
     if session.integrator.carries_pinched and certificate.carried is None:
-        from clothsim.solve.pinch.pinch_record import PinchRecord  # runs without the policy do not import it
+        from clothsim.solve.pinch.carried import PinchRecord  # runs without the policy do not import it
 
         certificate = replace(certificate, carried=PinchRecord())
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies, ProvedSeparations())

@@ -25,8 +25,8 @@ from clothsim.solve.newton.newton import NewtonSettings
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.problem import rigid_rows
 from clothsim.solve.stepping.integrators import BACKWARD_EULER
+from clothsim.solve.stepping.local_error import ErrorControl
 from clothsim.solve.stepping.state import first_state
-from clothsim.solve.stepping.step_size import ErrorControl
 from clothsim.solve.stepping.stepping import Integrator
 from clothsim.solve.stepping.time_loop import steps
 from clothsim.solve.timers import EffectCounters, Timers

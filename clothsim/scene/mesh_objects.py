@@ -236,10 +236,7 @@ _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[str, Any], tuple[Any, Faces
 def checked_mesh(where: str, vertices: Any, triangles: Any = None, **others: Any) -> MeshArrays:
     """The mesh of arrays, or of a mesh object where `triangles` is None; others: as of `MeshArrays.checked`.
 
-    Raises
-    ------
-    InputError
-        For another shape, a number that is not finite or an index out of range: it names array and index.
+    InputError for another shape, a number that is not finite or an index out of range: it names array and index.
     """
     if triangles is None:
         name = where if is_mesh(vertices) else f"{where}.vertices"
@@ -250,10 +247,7 @@ def checked_mesh(where: str, vertices: Any, triangles: Any = None, **others: Any
 def mesh_arrays(where: str, value: Any) -> MeshArrays:
     """The mesh in memory that a key `mesh` holds: arrays, a mesh object, or the text of one.
 
-    Raises
-    ------
-    InputError
-        Where it is none of them.
+    InputError where it is none of them.
     """
     if isinstance(value, MeshArrays):
         return value

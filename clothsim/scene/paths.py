@@ -140,10 +140,7 @@ def parts_of(path: str) -> list[str | int]:
 def located(scene: Scene, path: str) -> tuple[str, str | int | None, list[str | int]]:
     """Where a path leads: its section, the name of the effect or the number of the entry, and the keys in it.
 
-    Raises
-    ------
-    InputError
-        For another section, for a section alone, and for an entry that is not there or not named among several.
+    InputError for another section, for a section alone, and for an entry that is not there or not named among several.
     """
     section, *keys = parts_of(path)
     refuse_unknown("The scene", [str(section)], SECTIONS)

@@ -22,7 +22,7 @@ from adjoint_cases import (
 from clothsim.gradients import backward_pass as module
 from clothsim.gradients import variation
 from clothsim.gradients.exact_system import ExactSystem, NoMinimumError
-from clothsim.physics.contact import friction_sensitivity
+from clothsim.physics.contact import friction
 
 BAR, WITH_FRICTION = 1e-6, 1e-5
 
@@ -113,7 +113,7 @@ def equal_weights(record, integrator):
 MUTATIONS = {
     "no inverse": (ExactSystem, "solve", without_inverse),
     "dG/dx_n for the Hessian": (ExactSystem, "solve", of_the_past),
-    "no lag": (friction_sensitivity, "_by_lag", lambda friction, barrier, kappa, at, *others: np.zeros_like(at)),
+    "no lag": (friction, "_by_lag", lambda at, *others: np.zeros_like(at)),
     "no -lv/dt": (module, "velocity_part", lambda v, dt: 0 * v),
     "BDF2 of equal steps": (module, "past_weights", equal_weights),
 }

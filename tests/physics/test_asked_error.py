@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 from solving import integrator_of
 
 from clothsim.mesh.world import make_world
+from clothsim.solve.stepping.local_error import ErrorControl
 from clothsim.solve.stepping.state import first_state
-from clothsim.solve.stepping.step_size import ErrorControl
 from clothsim.solve.stepping.time_loop import steps
 
 

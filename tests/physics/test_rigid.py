@@ -11,7 +11,7 @@ from clothsim.physics.energies.step import Step
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.newton import nonlinear_elimination
-from clothsim.solve.stepping.rigid_prediction import predicted_start
+from clothsim.solve.stepping.integrators import predicted_start
 from clothsim.solve.stepping.state import first_state
 
 G = 9.81

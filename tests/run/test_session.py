@@ -8,8 +8,8 @@ from small_scenes import RUN, SHEET, SOLVER, small_scene
 
 from clothsim import InputError, Simulation, simulate
 from clothsim.solve.stepping import stepping
+from clothsim.solve.stepping.local_error import ErrorControl
 from clothsim.solve.stepping.state import State
-from clothsim.solve.stepping.step_size import ErrorControl
 
 HELD = {"inertia": {}, "membrane": {}, "gravity": {}}
 

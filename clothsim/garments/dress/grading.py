@@ -23,7 +23,7 @@ from transfer.errors import TransferError
 from transfer.part_warp import CHEST, HIPS, WAIST, SizeFactors, arm_axis, size_factors
 
 LEVELS = {"hips": HIPS, "waist": WAIST, "chest": CHEST}
-"""Heights of the named girths of the trunk, as fractions of the way from crotch to armpit."""
+"""Heights of the named girths of the trunk, as fractions of the height from crotch to armpit."""
 NAMES = (*LEVELS, "thigh", "arm", "trunk_length", "leg_length", "arm_length")
 """Factors by which a pattern is graded."""
 

@@ -195,6 +195,43 @@ def facings_of(x: Floats, elements: Ints, weights: Floats, turners: Ints) -> Flo
     return np.where(has_one[:, None], normals, 0.0)
 
 
+def rigid_displacements(x: Floats, displacements: Floats, labels: Ints) -> Floats:
+    """The rigid displacements nearest to those of each object.
+
+    Of each object u + r x d is fitted by least squares, with the offsets d from its mean position. Objects without
+    extent across a line turn about none of it.
+
+    Parameters
+    ----------
+    x, displacements : (n, 3) array
+        Positions and small displacements [m].
+    labels : (n,) int array
+        Object of each row.
+
+    Returns
+    -------
+    (n, 3) array [m]
+
+    Examples
+    --------
+    >>> x = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    >>> turned = np.cross([0, 0, 0.1], x)
+    >>> bool(np.allclose(rigid_displacements(x, turned, np.zeros(4, int)), turned))
+    True
+    """
+    found = np.zeros_like(displacements)
+    for label in np.unique(labels):
+        rows = labels == label
+        mean = displacements[rows].mean(axis=0)
+        offsets = x[rows] - x[rows].mean(axis=0)
+        squares = offsets.T @ offsets
+        inertia = np.trace(squares) * np.eye(3) - squares
+        momentum = np.cross(offsets, displacements[rows] - mean).sum(axis=0)
+        rotation = np.linalg.lstsq(inertia, momentum, rcond=None)[0]
+        found[rows] = mean + np.cross(rotation, offsets)
+    return found
+
+
 def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats) -> Floats:
     """Tangential vectors (p, 3) turned about the normals as the directions turned from `before` to `after` (p, 3)."""
     start, end = tangential(before, normals), tangential(after, normals)
@@ -225,3 +262,6 @@ def _turned(vectors: Floats, normals: Floats) -> Floats:
     turned = tangential(vectors, normals)
     before, after = (np.linalg.norm(each, axis=1, keepdims=True) for each in (vectors, turned))
     return np.asarray(turned * np.divide(before, after, out=np.ones_like(after), where=after > 0.0), np.float64)
+
+
+NO_ANCHORS = anchors_from(())

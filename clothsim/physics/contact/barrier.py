@@ -1,80 +1,22 @@
 """Barrier energy of contact: zero beyond d_hat, infinite at contact."""
 
 from dataclasses import dataclass, field, replace
-from time import perf_counter
-from typing import Any, Self, cast
+from typing import Self, cast
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.vectors import equal
 from clothsim.physics.contact import barrier_kernels as kernels
-from clothsim.physics.contact.barrier_hessian import exact, projected
-from clothsim.physics.contact.barrier_kernels import pairs_within
+from clothsim.physics.contact.candidate_subsets import CandidateSubset
 from clothsim.physics.contact.candidates import Candidates
-from clothsim.physics.contact.distinct_features import distinct
-from clothsim.physics.contact.filter import follows_path
-from clothsim.physics.contact.pair_list import Pairs
+from clothsim.physics.contact.pair_list import Pairs, distinct
+from clothsim.physics.contact.psd_projection import positive_factors
 from clothsim.physics.contact.stiffness import HeavyBody, barrier_stiffness, bounded_stiffness, kinetic_energy_of_impact
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.hessians import ByElement, ElementHessian
+from clothsim.physics.energies.hessians import ByElement, ElementHessian, LowRankHessian, room_for
 from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, Coupling, Report, Restrictable
 from clothsim.physics.energies.step import Step
-
-# Candidates incident to a few moving vertices while all others stand still.
-
-RADIUS_IN_SKINS = 3.0
-"""Radius of validity of one list, in skins of the whole surface's list."""
-
-
-@dataclass(frozen=True)
-class CandidateSubset:
-    """The candidates of a whole surface that are incident to a `moving` vertex ((N,) booleans).
-
-    pairs holds all of them closer than activation_distance + 2 radius at start (N, 3) [m]: while the moving rows stay
-    within `radius` [m] of it, nothing is searched. Beyond it, the whole surface's candidates are used.
-    """
-
-    whole: Candidates
-    moving: np.ndarray
-    rows: Ints
-    start: Floats
-    radius: float
-    pairs: Pairs
-
-    @classmethod
-    def restrict(cls, whole: Candidates, moving: np.ndarray, x: Floats) -> Self:
-        """The candidates incident to `moving` vertices, listed at x (N, 3) [m]."""
-        start_time, radius = perf_counter(), RADIUS_IN_SKINS * whole.skin
-        moving_points = np.zeros_like(moving)
-        moving_points[whole.surface.first.points] = moving[whole.surface.first.points]
-        pairs, _ = whole.search.pairs(x, x, whole.activation_distance + 2.0 * radius, moving_points)
-        whole.seconds["candidates"] += perf_counter() - start_time
-        return cls(whole, moving, np.flatnonzero(moving), x.copy(), radius, pairs)
-
-    def active(self, x: Floats) -> Pairs:
-        """Active pairs at x that can change."""
-        if not self._covers(x):
-            active = self.whole.active(x)
-            return active.subset(
-                np.flatnonzero(np.logical_or.reduce([self.moving.take(rows) for rows in active.elements.T]))
-            )
-        indices, _ = pairs_within(x, self.pairs.elements, self.pairs.n_points, self.whole.activation_distance)
-        return self.pairs.subset(indices)
-
-    def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
-        """Collision-free fraction of dx, which displaces the moving vertices alone, at most `most`."""
-        if not (self._covers(x) and self._covers(x + dx)):
-            return self.whole.step_limit(x, dx, most)
-        return self.whole.collision_free_fraction(self.pairs, x, dx, most)
-
-    def _covers(self, x: Floats) -> bool:
-        """True where all moving rows are within `radius` of the start."""
-        return follows_path(x, self.start, self.start, self.rows, self.radius)
-
-    def __getattr__(self, name: str) -> Any:
-        """All other attributes are those of the whole."""
-        return getattr(self.whole, name)
 
 
 @dataclass(frozen=True)
@@ -102,7 +44,7 @@ EMPTY_HESSIAN = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12))
 class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Report):
     """Barrier energy E = kappa sum w m b(d) over the pairs closer than offset + d_hat.
 
-    Li et al. 2020 (IPC); area weights, and distinct features of a surface: Li et al. 2023 (`distinct_features`). w is
+    Li et al. 2020 (IPC); area weights, and distinct features of a surface: Li et al. 2023 (`pair_list`). w is
     the area of the pair [m2]; b and the mollifier m are in `barrier_kernels`.
 
     Parameters
@@ -284,3 +226,27 @@ def _contact_directions(force: Floats) -> tuple[Floats, np.ndarray]:
     length = np.linalg.norm(force, axis=1)
     in_contact = length > 0
     return -force / np.where(in_contact, length, 1.0)[:, None], in_contact
+
+
+def projected(
+    records: Floats, x: Floats, elements: Ints, thresholds: Floats, n_points: int, kappa: float
+) -> LowRankHessian:
+    """Positive semi-definite Hessian of pairs with these records, pair by pair no smaller than the exact one [N/m]."""
+    others = np.flatnonzero((records[:, kernels.CROSS_RATIO] < 1.0) | (records[:, kernels.FIRST] > 0.0))
+    factors = np.empty((3 * (len(elements) - len(others)) + 9 * len(others), 12))
+    first, count = np.empty((2, len(elements)), np.int64)
+    n_factors = kernels.rank_one_factors(factors, first, count, records, x, elements, n_points, kappa)
+    if len(others):
+        blocks = np.empty((len(others), 9, 9))
+        kernels.relative_blocks(blocks, others, records, x, elements, thresholds, n_points, kappa)
+        n_factors = positive_factors(blocks, others, factors, n_factors, first, count)
+    return LowRankHessian(elements, first, count, factors[:n_factors])
+
+
+def exact(
+    records: Floats, x: Floats, elements: Ints, thresholds: Floats, n_points: int, kappa: float
+) -> ElementHessian:
+    """Exact Hessian of pairs with these records [N/m]."""
+    blocks = room_for(elements)
+    kernels.exact_blocks(blocks, records, x, elements, thresholds, n_points, kappa)
+    return ElementHessian(elements, blocks)

@@ -1,4 +1,4 @@
-"""4-wide bounding volume hierarchy of axis-aligned boxes: built once, refitted for the elements that have moved.
+"""4-wide bounding volume hierarchy of axis-aligned boxes: built once, refitted where elements have moved, traversed.
 
 The boxes are sorted along a Hilbert curve through their centres and packed four by four, the boxes enclosing each four
 likewise, up to a last four (Kamel & Faloutsos 1993, "On packing R-trees"; along a Morton curve, which jumps, two fifths
@@ -8,12 +8,16 @@ four.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
-from clothsim.physics.contact.closest_points import Point
+from clothsim.physics.contact.distance import Point
 
 WIDTH = 4
 """Boxes of a node."""
@@ -196,3 +200,105 @@ def _spaced_bits(bits: int) -> int:
     bits = (bits | bits << 8) & 0x100F00F00F00F00F
     bits = (bits | bits << 4) & 0x10C30C30C30C30C3
     return (bits | bits << 2) & 0x1249249249249249
+
+
+# Overlap test, written as vector instructions: LLVM's own vectoriser leaves the comparisons scalar.
+
+
+_FLOATS = ir.VectorType(ir.DoubleType(), WIDTH)
+_SAME = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+
+
+@intrinsic
+def overlap_mask(context: Any, boxes: Any, node: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
+    """Bit mask of the boxes of a node in `boxes` (g, 6, 4) that overlap the box (a, b, c), (d, e, f).
+
+    Bit k is for box k. Overlap is closed; NaN overlaps nothing. node: its index, not negative.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        start = builder.mul(args[1], ir.Constant(ir.IntType(64), 6 * WIDTH))
+        overlap = ir.Constant(ir.VectorType(ir.IntType(1), WIDTH), [1] * WIDTH)
+        for side in range(6):
+            address = builder.add(start, ir.Constant(ir.IntType(64), side * WIDTH))
+            stored = builder.load(builder.bitcast(builder.gep(array.data, [address]), _FLOATS.as_pointer()), align=8)
+            opposite = args[2 + (side + 3) % 6]
+            nothing = ir.Constant(_FLOATS, ir.Undefined)
+            one = builder.insert_element(nothing, opposite, ir.Constant(ir.IntType(32), 0))
+            query = builder.shuffle_vector(one, nothing, _SAME)
+            low, high = (stored, query) if side < 3 else (query, stored)
+            overlap = builder.and_(overlap, builder.fcmp_ordered("<=", low, high))
+        return builder.zext(builder.bitcast(overlap, ir.IntType(WIDTH)), ir.IntType(64))
+
+    return types.int64(boxes, types.int64, *6 * [types.float64]), generate
+
+
+# Traversal: the four boxes of a node query the tree at a time.
+
+STACK_SIZE = 128
+"""Capacity of the traversal stack, 3 a level: more than for the 2^31 boxes that 31 bits distinguish."""
+
+
+@part
+def gather_queries(
+    query_node: int, boxes: Floats, queried: np.ndarray, inflation: float, queries: Floats, bounds: Floats
+) -> bool:
+    """Copy the queried boxes of a node, inflated, to `queries`, their enclosing box to `bounds`; False if none."""
+    start, any_queried = WIDTH * query_node, False
+    for index in range(start, min(start + WIDTH, len(queried))):
+        any_queried |= queried[index]
+    if not any_queried:
+        return False
+    for side in range(6):
+        bounds[side] = np.inf if side < 3 else -np.inf
+    for k in range(WIDTH):
+        present = start + k < len(queried) and queried[start + k]
+        for axis in range(3):
+            low = boxes[query_node, axis, k] - inflation if present else np.nan
+            high = boxes[query_node, 3 + axis, k] + inflation if present else np.nan
+            queries[k, axis], queries[k, 3 + axis] = low, high
+            bounds[axis] = low if low < bounds[axis] else bounds[axis]
+            bounds[3 + axis] = high if high > bounds[3 + axis] else bounds[3 + axis]
+    return True
+
+
+@part
+def overlapped_nodes(
+    box: Floats, query_node: int, boxes: Floats, starts: Ints, after_query: bool, stack: Ints, hit_nodes: Ints
+) -> int:
+    """Write the leaf nodes that contain a box overlapping `box` (6,) to `hit_nodes`; returns their number.
+
+    after_query: only the query's own node and those after it on each level. The stack holds a node and, in its last
+    eight bits, the level.
+    """
+    # as scalars: the compiler then knows that the arrays written to do not alias the box
+    a, b, c, d, e, f = box[0], box[1], box[2], box[3], box[4], box[5]
+    top = n_hits = 0
+    if after_query or len(starts) == 2:
+        hit_nodes[0], n_hits = (query_node if after_query else 0), 1
+    else:
+        stack[0], top = (starts[-1] - 1) << 8 | (len(starts) - 2), 1
+    index, level = query_node, 1
+    while top > 0 or (after_query and level < len(starts) - 1):
+        first_child = 0
+        if top > 0:
+            top -= 1
+            node, node_level = stack[top] >> 8, stack[top] & 255
+        else:
+            first_child, node_level = index + 1, level  # those after `index` in their parent
+            index, level = index // WIDTH, level + 1
+            node = starts[node_level] + index
+        child = WIDTH * (node - starts[node_level])
+        mask = overlap_mask(boxes, node, a, b, c, d, e, f)
+        if child < first_child:
+            mask = mask >> (first_child - child) << (first_child - child)
+        for k in range(WIDTH):  # branch-free: all four are written, only hits advance the counter
+            hit = mask >> k & 1
+            if node_level == 1:
+                hit_nodes[n_hits] = child + k
+                n_hits += hit
+            else:
+                stack[top] = (starts[node_level - 1] + child + k) << 8 | (node_level - 1)
+                top += hit
+    return n_hits

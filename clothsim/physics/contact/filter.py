@@ -6,7 +6,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, natural, part
 from clothsim.base.vectors import four_points
 from clothsim.physics.contact.barrier_kernels import boxes_apart
-from clothsim.physics.contact.culling import ROUND_OFF_FACTOR
+from clothsim.physics.contact.ccd import ROUND_OFF_FACTOR
 from clothsim.physics.contact.distance import distance_squared
 
 

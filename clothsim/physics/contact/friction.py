@@ -7,54 +7,26 @@ from typing import Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.physics.contact import friction_kernels as kernels
-from clothsim.physics.contact.anchors import Anchors, anchors_at, anchors_from, relative_positions, tangential
+from clothsim.base.jit import inlined, kernel, natural, part
+from clothsim.base.vectors import dot, four_points
+from clothsim.physics.contact.anchors import (
+    NO_ANCHORS,
+    Anchors,
+    anchors_at,
+    anchors_from,
+    relative_positions,
+    rigid_displacements,
+    tangential,
+)
 from clothsim.physics.contact.barrier import Barrier
+from clothsim.physics.contact.barrier_kernels import barrier as barrier_function
+from clothsim.physics.contact.barrier_kernels import cross_squared, cross_squared_gradient, edges, mollifier
+from clothsim.physics.contact.distance import closest_points, tangent_directions
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import History, Idling, Lagged, PastSensitivity, Report, SeesPast, Storing
 from clothsim.physics.energies.step import Step
-
-# Rigid part of displacements: translation and rotation of each object as a whole.
-
-
-def rigid_displacements(x: Floats, displacements: Floats, labels: Ints) -> Floats:
-    """The rigid displacements nearest to those of each object.
-
-    Of each object u + r x d is fitted by least squares, with the offsets d from its mean position. Objects without
-    extent across a line turn about none of it.
-
-    Parameters
-    ----------
-    x, displacements : (n, 3) array
-        Positions and small displacements [m].
-    labels : (n,) int array
-        Object of each row.
-
-    Returns
-    -------
-    (n, 3) array [m]
-
-    Examples
-    --------
-    >>> x = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
-    >>> turned = np.cross([0, 0, 0.1], x)
-    >>> bool(np.allclose(rigid_displacements(x, turned, np.zeros(4, int)), turned))
-    True
-    """
-    found = np.zeros_like(displacements)
-    for label in np.unique(labels):
-        rows = labels == label
-        mean = displacements[rows].mean(axis=0)
-        offsets = x[rows] - x[rows].mean(axis=0)
-        squares = offsets.T @ offsets
-        inertia = np.trace(squares) * np.eye(3) - squares
-        momentum = np.cross(offsets, displacements[rows] - mean).sum(axis=0)
-        rotation = np.linalg.lstsq(inertia, momentum, rcond=None)[0]
-        found[rows] = mean + np.cross(rotation, offsets)
-    return found
-
 
 NAME = "friction"
 
@@ -79,7 +51,6 @@ class Contacts:
 
 
 NO_CONTACTS = Contacts((), np.zeros((0, 3)), 1.0, 0.0, np.zeros((0, 3)))
-NO_ANCHORS = anchors_from(())
 
 
 @dataclass(frozen=True)
@@ -224,11 +195,11 @@ class FrictionEnergy(Elementwise, Energy, History, Idling, Lagged, Report, SeesP
 
     def value(self, x: Floats) -> float:
         """Dissipation potential of the step [J]."""
-        return kernels.value(x, *self._lagged)
+        return _value(x, *self._lagged)
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
-        return kernels.gradient(x, *self._lagged)
+        return _gradient(x, *self._lagged)
 
     def stored(self, x: Floats) -> float:
         """Energy of the springs of anchors [J]; 0 where contacts creep."""
@@ -241,13 +212,23 @@ class FrictionEnergy(Elementwise, Energy, History, Idling, Lagged, Report, SeesP
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (p, 12, 12) [N/m]; positive semi-definite without projection."""
-        return ElementHessian(self.elements, kernels.hessian(x, *self._lagged))
+        return ElementHessian(self.elements, _hessian(x, *self._lagged))
 
     def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
         """By the start of the displacements, and by what is lagged; for contacts that creep."""
-        from clothsim.physics.contact.friction_sensitivity import friction_sensitivity  # for differentiable runs alone
-
-        return friction_sensitivity(self, step, x, adjoint)
+        blocks = self.hessian(x)
+        products = blocks.times(adjoint[blocks.elements].reshape(len(blocks.elements), 12)).reshape(-1, 4, 3)
+        by_start, by_lag = np.zeros_like(x), np.zeros_like(x)
+        np.subtract.at(by_start, blocks.elements.ravel(), products.reshape(-1, 3))
+        displacements = x - self.contacts.start
+        for barrier in self.contacts.barriers:
+            pairs, least_gap = barrier.distinct(step.positions), self.contacts.least_gap * barrier.d_hat
+            objects = self.labels[pairs.elements[:, 0]], self.labels[pairs.elements[:, 3]]
+            factors = float(step.memory.get(barrier.name, barrier.stiffness)) * self.static[objects]
+            lists = pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, factors
+            lengths = barrier.offset, barrier.d_hat, least_gap, self.contacts.slip
+            by_lag += _by_lag(step.positions, displacements, adjoint, *lists, *lengths)
+        return PastSensitivity(positions=by_lag, past_positions=by_start)
 
     def defaults_used(self) -> tuple[str, ...]:
         """Elastic slip or eps_v, and the number of lagged solves a step."""
@@ -264,3 +245,200 @@ class FrictionEnergy(Elementwise, Energy, History, Idling, Lagged, Report, SeesP
         contacts = self.contacts
         slips = self.slips - self.turns
         return contacts.start, self.elements, self.weights, self.normals, self.limits, slips, contacts.slip
+
+
+# Pair loops of lagged friction: E = sum L f0(|u|), u = z + (I - n n') sum_i g_i (x_i - start_i).
+#
+# L = mu F; z: elastic slip at the start of the step; e: displacement from which a contact slides, eps_v dt or the
+# largest elastic slip.
+
+
+@inlined
+def _sliding(x, start, rows, g, n, z, u):
+    """Tangential displacement u (3,) [m] of a pair, with the elastic slip z (3,) at the start; returns its length."""
+    for k in range(3):
+        u[k] = 0.0
+    for i in range(4):
+        row = natural(rows[i])
+        for k in range(3):
+            u[k] += g[i] * (x[row, k] - start[row, k])
+    normal_part = norm_squared = 0.0
+    for k in range(3):
+        normal_part += u[k] * n[k]
+    for k in range(3):
+        u[k] += z[k] - normal_part * n[k]
+        norm_squared += u[k] * u[k]
+    return np.sqrt(norm_squared)
+
+
+@kernel
+def _value(x, start, elements, weights, normals, limits, slips, e):
+    """Sum of L f0 [J]."""
+    u = np.empty(3)
+    total = 0.0
+    for p in range(len(elements)):
+        length = _sliding(x, start, elements[p], weights[p], normals[p], slips[p], u)
+        total += limits[p] * (length if length >= e else length * length / e - length**3 / (3.0 * e * e) + e / 3.0)
+    return total
+
+
+@inlined
+def _per_length(length, e):
+    """f0'(y) / y [1/m]: finite at 0."""
+    return 1.0 / length if length >= e else (2.0 - length / e) / e
+
+
+@kernel
+def _gradient(x, start, elements, weights, normals, limits, slips, e):
+    """Sum of L f0'/|u| g_i u, (N, 3) [N]."""
+    out = np.zeros_like(x)
+    u = np.empty(3)
+    for p in range(len(elements)):
+        slope = limits[p] * _per_length(_sliding(x, start, elements[p], weights[p], normals[p], slips[p], u), e)
+        for i in range(4):
+            row = natural(elements[p, i])
+            for k in range(3):
+                out[row, k] += slope * weights[p, i] * u[k]
+    return out
+
+
+@kernel
+def _hessian(x, start, elements, weights, normals, limits, slips, e):
+    """Blocks (p, 12, 12): L g_i g_j (f0'/|u| (I - n n' - t t') + f0'' t t'), t = u/|u|."""
+    blocks = np.empty((len(elements), 12, 12))
+    u, block = np.empty(3), np.empty((3, 3))
+    for p in range(len(elements)):
+        length = _sliding(x, start, elements[p], weights[p], normals[p], slips[p], u)
+        tangent_scale = _per_length(length, e)
+        normal_part = 0.0 if length >= e else 2.0 * (1.0 - length / e) / e
+        for k in range(3):
+            for q in range(3):
+                block[k, q] = tangent_scale * ((1.0 if k == q else 0.0) - normals[p, k] * normals[p, q])
+                if length > 0.0:
+                    block[k, q] += (normal_part - tangent_scale) * u[k] * u[q] / (length * length)
+        for i in range(4):
+            for k in range(3):
+                for j in range(4):
+                    weight = limits[p] * weights[p, i] * weights[p, j]
+                    for q in range(3):
+                        blocks[p, 3 * i + k, 3 * j + q] = weight * block[k, q]
+    return blocks
+
+
+# Derivative of lagged friction by the start of a step: displacements, normals, weights and normal forces.
+#
+# With D = sum g_i (x_i - start_i) and w = sum g_i a_i of a pair, a the adjoint, the power of its force is
+#
+#     P = L f(|u|) u.w,    u = (I - n n') D,    f(y) = f0'(y)/y,    n = r/|r|
+#
+# It depends on the start of the displacements, by minus the Hessian; and on the pair's own twelve coordinates y_i at
+# the start of the step, from which the limit L = mu F, the normal n and the weights g are lagged. By r and g, with q =
+# f w + f' (u.w) u/|u| and L by its chain,
+#
+#     P_g_i = L ((I - n n') q . (x_i - start_i) + f u . a_i)
+#     P_r   = L_r f u.w - L ((q.n) u + (D.n)(I - n n') q)/|r|
+#
+# and, as r = sum g_i y_i is the shortest over the feature's tangents t_a with dg = c_a dp_a (`distance`),
+#
+#     P_y_i = g_i P_r - sum_a (t_a . P_r + c_a . P_g) (g_i t_a + c_ai r)    (+ L's mollifier of nearly parallel edges).
+
+
+@kernel
+def _by_lag(at, moves, adjoint, elements, weights, thresholds, n_points, factors, offset, d_hat, least_gap, slip):
+    """Derivative of the power of all pairs by the positions `at` which they are lagged, (N, 3).
+
+    moves: x - start; factors (p,): mu kappa; slip: displacement from which a contact slides; lengths in [m].
+    """
+    out = np.zeros_like(at)
+    for e in range(len(elements)):
+        points = four_points(at, elements, e)
+        g, r = closest_points(points, e >= n_points)
+        limit, by_distance, by_cross = _limit(points, r, weights[e], thresholds[e], offset, d_hat, least_gap)
+        limit, by_distance, by_cross = factors[e] * limit, factors[e] * by_distance, factors[e] * by_cross
+        if not limit > 0.0:
+            continue
+        d, a = four_points(moves, elements, e), four_points(adjoint, elements, e)
+        by_r, by_g, per_limit = _by_closest_points(g, r, d, a, limit, by_distance, slip)
+        (has_first, t, c), (has_second, u, b) = tangent_directions(points, e >= n_points, g)
+        first = dot(t, by_r) + _dot_four(c, by_g) if has_first else 0.0
+        second = dot(u, by_r) + _dot_four(b, by_g) if has_second else 0.0
+        for i in range(4):
+            row = natural(elements[e, i])
+            along = first * c[i] + second * b[i]
+            for k in range(3):
+                out[row, k] += g[i] * (by_r[k] - first * t[k] - second * u[k]) - along * r[k]
+        if by_cross != 0.0:
+            du, dv = cross_squared_gradient(*edges(points))
+            slope = per_limit * by_cross
+            for k in range(3):
+                out[natural(elements[e, 0]), k] -= slope * du[k]
+                out[natural(elements[e, 1]), k] += slope * du[k]
+                out[natural(elements[e, 2]), k] -= slope * dv[k]
+                out[natural(elements[e, 3]), k] += slope * dv[k]
+    return out
+
+
+@part
+def _limit(points, r, weight, threshold, offset, d_hat, least_gap):
+    """-w m db/dd of `barrier_kernels.normal_forces`, its derivatives by |r| and by the squared cross product."""
+    length = np.sqrt(dot(r, r))
+    distance = max(length, offset + least_gap)
+    s, s_hat = distance * distance - offset * offset, d_hat * (2.0 * offset + d_hat)
+    if s >= s_hat:
+        return 0.0, 0.0, 0.0
+    m, dm = 1.0, 0.0
+    if threshold > 0.0:
+        ratio = cross_squared(points) / threshold
+        if ratio < 1.0:
+            m, dm, _ = mollifier(ratio, threshold)
+    _, first, second = barrier_function(s, s_hat, d_hat)
+    slope = -2.0 * weight * first * distance
+    by_distance = -2.0 * weight * m * (first + 2.0 * second * distance * distance) if length == distance else 0.0
+    return m * slope, by_distance, dm * slope
+
+
+@part
+def _by_closest_points(g, r, d, a, limit, by_distance, slip):
+    """Derivatives of P by r (3) and by g (4), and P/L."""
+    length = np.sqrt(dot(r, r))
+    n = r[0] / length, r[1] / length, r[2] / length
+    moved, w = _combined(g, d), _combined(g, a)
+    normal = dot(moved, n)
+    u = moved[0] - normal * n[0], moved[1] - normal * n[1], moved[2] - normal * n[2]
+    y, power = np.sqrt(dot(u, u)), dot(u, w)
+    if y >= slip:
+        f, slope = 1.0 / y, -power / (y * y * y)
+    else:
+        f, slope = (2.0 - y / slip) / slip, (-power / (slip * slip * y) if y > 0.0 else 0.0)
+    q = f * w[0] + slope * u[0], f * w[1] + slope * u[1], f * w[2] + slope * u[2]
+    out = dot(q, n)
+    q = q[0] - out * n[0], q[1] - out * n[1], q[2] - out * n[2]
+    by_length, turn = by_distance * f * power, limit / length
+    by_r = (
+        by_length * n[0] - turn * (out * u[0] + normal * q[0]),
+        by_length * n[1] - turn * (out * u[1] + normal * q[1]),
+        by_length * n[2] - turn * (out * u[2] + normal * q[2]),
+    )
+    by_g = (
+        limit * (dot(q, d[0]) + f * dot(u, a[0])),
+        limit * (dot(q, d[1]) + f * dot(u, a[1])),
+        limit * (dot(q, d[2]) + f * dot(u, a[2])),
+        limit * (dot(q, d[3]) + f * dot(u, a[3])),
+    )
+    return by_r, by_g, f * power
+
+
+@part
+def _combined(g, x):
+    """Sum of g_i x_i."""
+    p, a, b, c = x
+    return (
+        g[0] * p[0] + g[1] * a[0] + g[2] * b[0] + g[3] * c[0],
+        g[0] * p[1] + g[1] * a[1] + g[2] * b[1] + g[3] * c[1],
+        g[0] * p[2] + g[1] * a[2] + g[2] * b[2] + g[3] * c[2],
+    )
+
+
+@part
+def _dot_four(c, g):
+    return c[0] * g[0] + c[1] * g[1] + c[2] * g[2] + c[3] * g[3]

@@ -8,6 +8,7 @@ from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.keys.typed_effects import Friction
 from clothsim.mesh.world import World
+from clothsim.physics.contact.anchors import NO_ANCHORS
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 
@@ -43,7 +44,6 @@ def friction(world: World, keys: Friction, *, contacts: Sequence[str] = ()) -> E
     size = max(float(np.linalg.norm(np.ptp(cloth.positions, axis=0))) for cloth in world.cloths)
     speed, slip = _scales(size, keys, bool((static != kinetic).any()))
     from clothsim.physics.contact.friction import (  # after the last Off: no kernel for a zero
-        NO_ANCHORS,
         NO_CONTACTS,
         FrictionEnergy,
     )

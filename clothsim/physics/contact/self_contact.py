@@ -2,8 +2,7 @@
 
 from clothsim.keys.typed_effects import SelfContact
 from clothsim.mesh.world import World
-from clothsim.physics.contact.excluded_pairs import excluded_pairs
-from clothsim.physics.contact.surface import cloth_surface
+from clothsim.physics.contact.surface import cloth_surface, excluded_pairs
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 

@@ -1,12 +1,15 @@
 """Contact surface: points, edges and triangles of two groups, and the pairs of objects that may touch."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
+from clothsim.keys.typed_effects import ContactKeys
 from clothsim.mesh.body import FrameMotion, PosedMotion
 from clothsim.mesh.topology import interior_edges, unique_edges
 from clothsim.mesh.world import World
@@ -268,3 +271,20 @@ def _cloth_corners(world: World) -> Floats:
 
 def _excluding(allowed: np.ndarray, excluded: np.ndarray | None) -> np.ndarray:
     return allowed if excluded is None else allowed & ~excluded
+
+
+def excluded_pairs(world: World, keys: ContactKeys) -> np.ndarray:
+    """Excluded pairs of names as an (L, L) mask over the world's objects. InputError for an unknown name."""
+    table = np.zeros((len(world.names),) * 2, bool)
+    for number, pair in enumerate(keys.exclude):
+        if isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2:
+            raise InputError(f"{keys.section}.exclude[{number}] must be two names, not {pair!r}.")
+        unknown = [object_name for object_name in pair if object_name not in world.names]
+        if unknown:
+            raise InputError(
+                f"{keys.section}.exclude[{number}]: unknown object {unknown[0]!r}.",
+                f"Choose from: {', '.join(world.names)}.",
+            )
+        a, b = (world.names.index(object_name) for object_name in pair)
+        table[a, b] = table[b, a] = True
+    return table

@@ -143,10 +143,7 @@ class PlacedCharacter:
 def body_of_model(keys: ModelTable, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table with a `model`, and notes for the user.
 
-    Raises
-    ------
-    InputError
-        For a bad file, shape, pose or motion, in one sentence.
+    InputError for a bad file, shape, pose or motion, in one sentence.
     """
     label = name_of(keys, where)
     made = placed_character(keys, where, directory)

@@ -1,14 +1,17 @@
-"""Carried vertices: cloth vertices that follow a triangle of a body while two of its parts close on them."""
+"""Carried vertices: cloth vertices that follow a triangle of a body while two parts close on them; their record."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.world import World
+from clothsim.mesh.world import Surface, World
 from clothsim.physics.energies.constraint import Constraint, Prescribed
+from clothsim.solve.pinch.pinch_gaps import Sides, frames, normals
+from clothsim.solve.stepping.state import State
 
 MEMORY = "contact.pinch"
 """Name of the carried vertices in `State.memory`."""
@@ -110,21 +113,6 @@ def attached(x: Floats, vertices: Ints, near: tuple[Ints, Floats], far: tuple[In
     return Carried(vertices, triangles, weights, offsets, *far)
 
 
-def frames(x: Floats, triangles: Ints) -> Floats:
-    """Orthonormal frames of triangles (k, 3), (k, 3, 3): its rows are the first edge, the other tangent, the normal."""
-    corners = x[triangles]
-    tangent, normal = corners[:, 1] - corners[:, 0], normals(x, triangles)
-    tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
-    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
-
-
-def normals(x: Floats, triangles: Ints) -> Floats:
-    """Unit normals of triangles (k, 3), (k, 3)."""
-    corners = x[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-
-
 def with_bodies(world: World, x: Floats, time: float) -> Floats:
     """Return x (N, 3) with the bodies where they are at `time` [s]."""
     moved = x.copy()
@@ -154,3 +142,212 @@ class CarriedVertices(Constraint):
     def holder(self, row: int) -> str:
         """The key of the scene, for a carried row."""
         return "contact.pinch" if row in self.carried.vertices else ""
+
+
+# Parts of bodies at a pinch: the carrier of each vertex, and the patch of the body that is its own.
+
+SAME_PINCH = 4.0
+"""Distance within which a vertex is carried by the part that carries its neighbour, in median cloth edges."""
+MUCH_MORE = 1.5
+"""Ratio of the displacements of two parts in a step from which on they are not alike."""
+OWN_PATCH = 2.5
+"""Radius of the patch about a carrier with which contact goes on, in longest cloth edges."""
+FACES_AWAY = -0.3
+"""Cosine of the normals from which on a triangle does not belong to the patch of a carrier."""
+
+
+def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
+    """Median and largest length of the cloth edges at x [m]."""
+    lengths = np.linalg.norm(x[world.edges[:, 1]] - x[world.edges[:, 0]], axis=1)
+    return float(np.median(lengths)), float(lengths.max())
+
+
+def with_carriers(world: World, x: Floats, end: Floats, found: Sides, known: Carried) -> Carried:
+    """Carry the vertices of a pinch from where they are.
+
+    The vertex in the narrowest gap is carried by the part that moves less against the whole cloth, of two alike by the
+    one that it is closer to, and those about it by the same part: cloth that two parts carried would be torn where they
+    slide along one another.
+
+    Parameters
+    ----------
+    world : World
+        Meshes.
+    x, end : (N, 3) array
+        At the start of the step, and as it would end: the bodies there, the cloth with its velocity [m].
+    found : Sides
+        The pinch, without vertices of `known`.
+    known : Carried
+        Carried already.
+    """
+    if not len(found.vertices):
+        return known
+    near, far = normals(x, found.near), normals(x, found.far)
+    at, reach = x[found.vertices], SAME_PINCH * median_and_longest_edge(world, x)[0]
+    distance, along = np.full(len(at), np.inf), near.copy()
+    if len(known):
+        distance, nearest = cKDTree(x[known.vertices]).query(at)
+        along = normals(x, known.triangles)[nearest]
+    takes_near, left = _moves_less(world, end - x, found), np.ones(len(at), bool)
+    for _ in range(len(at)):
+        rank = np.where(left, distance, np.inf)
+        k = int(rank.argmin())
+        if not rank[k] <= reach:
+            k = int(np.where(left, found.gaps, np.inf).argmin())
+        else:
+            takes_near[k] = near[k] @ along[k] >= far[k] @ along[k]
+        left[k] = False
+        normal = near[k] if takes_near[k] else far[k]
+        closer = np.linalg.norm(at - at[k], axis=1)
+        distance, along = (
+            np.where(closer < distance, closer, distance),
+            np.where((closer < distance)[:, None], normal, along),
+        )
+    takes = takes_near[:, None]
+    carrier = np.where(takes, found.near, found.far), np.where(takes, found.near_weights, found.far_weights)
+    other = np.where(takes, found.far, found.near), np.where(takes, found.far_weights, found.near_weights)
+    return known.joined(attached(x, found.vertices, carrier, other))
+
+
+def _moves_less(world: World, moves: Floats, found: Sides) -> np.ndarray:
+    """Mask (k,) of the vertices whose nearer part moves less against the cloth than the other, or about as much."""
+    common = moves[: world.n_cloth].mean(axis=0)
+    parts = (found.near, found.near_weights), (found.far, found.far_weights)
+    near, far = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in parts)
+    return np.asarray(near <= MUCH_MORE * far)
+
+
+def own_rows(world: World, x: Floats, carried: Carried) -> Ints:
+    """Sorted keys v N + q of the body rows q of the patch about the carrier of each carried row v.
+
+    The patch grows from the triangle over common edges, as far as OWN_PATCH and while the normals do not face away.
+    """
+    triangles = world.body_triangles
+    unit, centres = normals(x, triangles), x[triangles].mean(axis=1)
+    radii = np.linalg.norm(x[triangles] - centres[:, None], axis=2).max(axis=1)
+    radius = OWN_PATCH * median_and_longest_edge(world, x)[1]
+    starts = _faces(triangles, carried.triangles, len(x))
+    points, across = carried.points(x), _adjacent(triangles, len(x))
+    seen = front = np.arange(len(carried)) * len(triangles) + starts
+    while len(front):
+        of, face = np.repeat(front // len(triangles), 3), across[front % len(triangles)].ravel()
+        of, face = of[face >= 0], face[face >= 0]
+        closer = np.linalg.norm(centres[face] - points[of], axis=1) - radii[face] <= radius
+        ahead = np.einsum("kd,kd->k", unit[face], unit[starts[of]]) > FACES_AWAY
+        keys = (of * len(triangles) + face)[closer & ahead]
+        front = np.setdiff1d(keys, seen)
+        seen = np.union1d(seen, front)
+    rows = triangles[seen % len(triangles)]
+    return np.unique(carried.vertices[seen // len(triangles)][:, None] * len(x) + rows)
+
+
+def _faces(triangles: Ints, wanted: Ints, size: int) -> Ints:
+    """Indices of the `wanted` (k, 3) among the triangles (m, 3), whose rows are below `size`."""
+    keys, sought = ((each[:, 0] * size + each[:, 1]) * size + each[:, 2] for each in (triangles, wanted))
+    order = np.argsort(keys)
+    return np.asarray(order[np.searchsorted(keys[order], sought)])
+
+
+def _adjacent(triangles: Ints, size: int) -> Ints:
+    """Triangle across each edge, (m, 3); -1 at a border, and where more than two meet."""
+    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    keys = edges[:, 0] * size + edges[:, 1]
+    order = np.argsort(keys, kind="stable")
+    _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    pairs = first[counts == 2]
+    across = np.full(len(keys), -1)
+    across[order[pairs]], across[order[pairs + 1]] = order[pairs + 1] // 3, order[pairs] // 3
+    return across.reshape(-1, 3)
+
+
+# Record of carried vertices over a run, and the intersections that the policy of a pinch exempts.
+
+
+if TYPE_CHECKING:
+    from clothsim.geometry.intersection.crossings import Crossing
+
+
+@dataclass(frozen=True)
+class PinchRecord:
+    """Carried vertices so far.
+
+    Parameters
+    ----------
+    vertices : tuple of int
+        Rows of x of all that were ever carried.
+    most, now : int
+        The most in one step, and those of the last one.
+    steps : int
+        Steps with any.
+    released : int
+        Releases.
+    first_time, last_time : float or None
+        Ends of the first and of the last step with any [s].
+    first_position : (3,) tuple of float or None
+        Their mean position at the end of the first one, in the coordinates of the scene [m].
+    exempt_states : int
+        Checked states in which triangles of carried vertices intersect.
+    exempt_pairs : int
+        The most such pairs of triangles in one state.
+    """
+
+    vertices: tuple[int, ...] = ()
+    most: int = 0
+    now: int = 0
+    steps: int = 0
+    released: int = 0
+    first_time: float | None = None
+    last_time: float | None = None
+    first_position: tuple[float, ...] | None = None
+    exempt_states: int = 0
+    exempt_pairs: int = 0
+
+    def after(self, world: World, before: State, state: State, found: "Sequence[Crossing]") -> Self:
+        """Return the record after one more step from `before` to `state`, whose intersections are `found`."""
+        was, now = (carried_in(each.memory).vertices for each in (before, state))
+        exempt = sum(len(each.pairs) for each in found if each.role == "carried")
+        more = replace(
+            self,
+            vertices=tuple(int(row) for row in np.union1d(self.vertices, now)),
+            most=max(self.most, len(now)),
+            now=len(now),
+            released=self.released + len(np.setdiff1d(was, now)),
+            exempt_states=self.exempt_states + (exempt > 0),
+            exempt_pairs=max(self.exempt_pairs, exempt),
+        )
+        if not len(now):
+            return more
+        more = replace(more, steps=self.steps + 1, last_time=state.time)
+        if self.first_time is not None:
+            return more
+        mean = state.positions[now].mean(axis=0) + world.origin
+        return replace(more, first_time=state.time, first_position=tuple(float(each) for each in mean))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entry of the certificate."""
+        counts = {name: value for name, value in asdict(self).items() if name != "vertices"}
+        exempt = "pairs of triangles of carried vertices, with bodies and with one another, are exempt from contact"
+        return {"policy": "carry", "vertices": len(self.vertices), **counts, "exempt": exempt}
+
+
+def record_from(fields: Mapping[str, Any]) -> PinchRecord:
+    """Return the record that a checkpoint kept."""
+    plain: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+    return PinchRecord(**plain)
+
+
+def exempted(found: "Sequence[Crossing]", surfaces: Sequence[Surface], vertices: Ints) -> "tuple[Crossing, ...]":
+    """Separate the intersections of carried vertices (k,), rows of x: their role is "carried".
+
+    With a body, those of triangles with a carried vertex; among cloth, those of two such triangles.
+    """
+    by_name = {s.name: np.asarray(np.isin(s.triangles, vertices).any(axis=1)) for s in surfaces}
+    separated = []
+    for crossing in found:
+        exempt = by_name[crossing.first][crossing.pairs[:, 0]]
+        if crossing.role == "cloth":
+            exempt = exempt & by_name[crossing.second][crossing.pairs[:, 1]]
+        for role, chosen in ((crossing.role, ~exempt), ("carried", exempt)):
+            if chosen.any():
+                separated.append(replace(crossing, pairs=crossing.pairs[chosen], role=role))
+    return tuple(separated)

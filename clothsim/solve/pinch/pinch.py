@@ -2,9 +2,9 @@
 
 After Baraff, Witkin & Kass 2003, "Untangling cloth", section on pinches (flypapering). Before each step the vertices
 about which a gap between opposing body surfaces will close are found (`pinch_gaps`); each is fixed to a triangle of the
-part that it is closer to (`pinch_parts`), as a Dirichlet condition of the step, and its contact with the other part is
-suspended (`contact.suspended`). Where the pinch has opened they are raised until nothing intersects, then released
-(`pinch_release`).
+part that it is closer to (`carried`), as a Dirichlet condition of the step, and its contact with the other part is
+suspended (`contact.candidate_subsets`). Where the pinch has opened they are raised until nothing intersects, then
+released.
 """
 
 from collections.abc import Mapping
@@ -17,8 +17,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
-from clothsim.physics.contact.opposing import faces_of
-from clothsim.physics.contact.suspended import SuspendedCandidates, Suspension, with_suspension
+from clothsim.physics.contact.candidate_subsets import SuspendedCandidates, Suspension
+from clothsim.physics.energies.base import Energy
 from clothsim.solve.pinch.carried import (
     MEMORY,
     NONE_CARRIED,
@@ -27,130 +27,23 @@ from clothsim.solve.pinch.carried import (
     CarriedVertices,
     attached,
     carried_in,
-    normals,
+    own_rows,
     with_bodies,
+    with_carriers,
 )
-from clothsim.solve.pinch.pinch_gaps import Nearest, Sides, gaps_of, nearest, pinched
-from clothsim.solve.pinch.pinch_release import OPEN, Opening, still_carried
-from clothsim.solve.pinch.pinch_squeezed import squeezed
+from clothsim.solve.pinch.pinch_gaps import (
+    INSIDE,
+    LEAST,
+    Faces,
+    faces_of,
+    first_hits,
+    nearest,
+    normals,
+    pinched,
+    sides,
+)
 from clothsim.solve.stepping.state import State
 from clothsim.solve.stepping.stepping import Integrator, StepReport, advance
-
-# Parts of bodies at a pinch: the carrier of each vertex, and the patch of the body that is its own.
-
-SAME_PINCH = 4.0
-"""Distance within which a vertex is carried by the part that carries its neighbour, in median cloth edges."""
-MUCH_MORE = 1.5
-"""Ratio of the displacements of two parts in a step from which on they are not alike."""
-OWN_PATCH = 2.5
-"""Radius of the patch about a carrier with which contact goes on, in longest cloth edges."""
-FACES_AWAY = -0.3
-"""Cosine of the normals from which on a triangle does not belong to the patch of a carrier."""
-
-
-def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
-    """Median and largest length of the cloth edges at x [m]."""
-    lengths = np.linalg.norm(x[world.edges[:, 1]] - x[world.edges[:, 0]], axis=1)
-    return float(np.median(lengths)), float(lengths.max())
-
-
-def with_carriers(world: World, x: Floats, end: Floats, found: Sides, known: Carried) -> Carried:
-    """Carry the vertices of a pinch from where they are.
-
-    The vertex in the narrowest gap is carried by the part that moves less against the whole cloth, of two alike by the
-    one that it is closer to, and those about it by the same part: cloth that two parts carried would be torn where they
-    slide along one another.
-
-    Parameters
-    ----------
-    world : World
-        Meshes.
-    x, end : (N, 3) array
-        At the start of the step, and as it would end: the bodies there, the cloth with its velocity [m].
-    found : Sides
-        The pinch, without vertices of `known`.
-    known : Carried
-        Carried already.
-    """
-    if not len(found.vertices):
-        return known
-    near, far = normals(x, found.near), normals(x, found.far)
-    at, reach = x[found.vertices], SAME_PINCH * median_and_longest_edge(world, x)[0]
-    distance, along = np.full(len(at), np.inf), near.copy()
-    if len(known):
-        distance, nearest = cKDTree(x[known.vertices]).query(at)
-        along = normals(x, known.triangles)[nearest]
-    takes_near, left = _moves_less(world, end - x, found), np.ones(len(at), bool)
-    for _ in range(len(at)):
-        rank = np.where(left, distance, np.inf)
-        k = int(rank.argmin())
-        if not rank[k] <= reach:
-            k = int(np.where(left, found.gaps, np.inf).argmin())
-        else:
-            takes_near[k] = near[k] @ along[k] >= far[k] @ along[k]
-        left[k] = False
-        normal = near[k] if takes_near[k] else far[k]
-        closer = np.linalg.norm(at - at[k], axis=1)
-        distance, along = (
-            np.where(closer < distance, closer, distance),
-            np.where((closer < distance)[:, None], normal, along),
-        )
-    takes = takes_near[:, None]
-    carrier = np.where(takes, found.near, found.far), np.where(takes, found.near_weights, found.far_weights)
-    other = np.where(takes, found.far, found.near), np.where(takes, found.far_weights, found.near_weights)
-    return known.joined(attached(x, found.vertices, carrier, other))
-
-
-def _moves_less(world: World, moves: Floats, found: Sides) -> np.ndarray:
-    """Mask (k,) of the vertices whose nearer part moves less against the cloth than the other, or about as much."""
-    common = moves[: world.n_cloth].mean(axis=0)
-    parts = (found.near, found.near_weights), (found.far, found.far_weights)
-    near, far = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in parts)
-    return np.asarray(near <= MUCH_MORE * far)
-
-
-def own_rows(world: World, x: Floats, carried: Carried) -> Ints:
-    """Sorted keys v N + q of the body rows q of the patch about the carrier of each carried row v.
-
-    The patch grows from the triangle over common edges, as far as OWN_PATCH and while the normals do not face away.
-    """
-    triangles = world.body_triangles
-    unit, centres = normals(x, triangles), x[triangles].mean(axis=1)
-    radii = np.linalg.norm(x[triangles] - centres[:, None], axis=2).max(axis=1)
-    radius = OWN_PATCH * median_and_longest_edge(world, x)[1]
-    starts = _faces(triangles, carried.triangles, len(x))
-    points, across = carried.points(x), _adjacent(triangles, len(x))
-    seen = front = np.arange(len(carried)) * len(triangles) + starts
-    while len(front):
-        of, face = np.repeat(front // len(triangles), 3), across[front % len(triangles)].ravel()
-        of, face = of[face >= 0], face[face >= 0]
-        closer = np.linalg.norm(centres[face] - points[of], axis=1) - radii[face] <= radius
-        ahead = np.einsum("kd,kd->k", unit[face], unit[starts[of]]) > FACES_AWAY
-        keys = (of * len(triangles) + face)[closer & ahead]
-        front = np.setdiff1d(keys, seen)
-        seen = np.union1d(seen, front)
-    rows = triangles[seen % len(triangles)]
-    return np.unique(carried.vertices[seen // len(triangles)][:, None] * len(x) + rows)
-
-
-def _faces(triangles: Ints, wanted: Ints, size: int) -> Ints:
-    """Indices of the `wanted` (k, 3) among the triangles (m, 3), whose rows are below `size`."""
-    keys, sought = ((each[:, 0] * size + each[:, 1]) * size + each[:, 2] for each in (triangles, wanted))
-    order = np.argsort(keys)
-    return np.asarray(order[np.searchsorted(keys[order], sought)])
-
-
-def _adjacent(triangles: Ints, size: int) -> Ints:
-    """Triangle across each edge, (m, 3); -1 at a border, and where more than two meet."""
-    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    keys = edges[:, 0] * size + edges[:, 1]
-    order = np.argsort(keys, kind="stable")
-    _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
-    pairs = first[counts == 2]
-    across = np.full(len(keys), -1)
-    across[order[pairs]], across[order[pairs + 1]] = order[pairs + 1] // 3, order[pairs] // 3
-    return across.reshape(-1, 3)
-
 
 ATTEMPTS = 4
 """Largest number of tries of a step, each but the first with twice the limit, and more vertices carried."""
@@ -238,13 +131,9 @@ def _carried(integrator: Integrator, state: State, end: float, attempt: _Attempt
     near = near.only(attempt.rows)
     wider = pinched(faces, near, x, after, WIDER * limit, reach).without(np.concatenate([carried.vertices, fixed]))
     carried = with_carriers(world, x, ahead, wider, carried)
-    return carried.joined(_by_closest(x, near.without(np.concatenate([carried.vertices, fixed]))))
-
-
-def _by_closest(x: Floats, near: Nearest) -> Carried:
-    """Carry vertices by the closest body triangle."""
-    part = near.triangles, near.weights
-    return attached(x, near.vertices, part, part)
+    near = near.without(np.concatenate([carried.vertices, fixed]))
+    closest = near.triangles, near.weights
+    return carried.joined(attached(x, near.vertices, closest, closest))
 
 
 def _fixed(integrator: Integrator, state: State) -> Ints:
@@ -261,7 +150,10 @@ def _carrying(integrator: Integrator, state: State, carried: Carried, own: bool)
     patch = own_rows(world, x, carried) if own else NONE
     suspension = Suspension(carried.mask(len(x)), patch, layers=not own)
     energies = dict(integrator.potential.energies)
-    energies |= {name: with_suspension(each, suspension) for name, each in _barriers(integrator).items()}
+    energies |= {
+        name: replace(each, candidates=SuspendedCandidates(each.candidates, suspension))
+        for name, each in _barriers(integrator).items()
+    }
     constraints = {**integrator.constraints, "contact.pinch": CarriedVertices(world, carried)}
     return replace(integrator, potential=replace(integrator.potential, energies=energies), constraints=constraints)
 
@@ -294,3 +186,162 @@ def _count(integrator: Integrator, bound: Integrator) -> None:
 def carried_by(world: World, memory: Mapping[str, Floats | float]) -> np.ndarray:
     """Mask of the cloth vertices that a state remembers as carried, (n_cloth,)."""
     return carried_in(memory).mask(world.n_cloth)
+
+
+def gaps_of(carried: Carried, faces: Faces, world: World, x: Floats, limit: float, reach: float) -> Floats:
+    """Gaps in front of the triangles that carry vertices, at x (N, 3), (k,) [m].
+
+    -inf where the parts have crossed, or the triangle is inside another part of the bodies; inf where nothing is in
+    front of it within `reach` [m].
+    """
+    points, along = carried.points(x), normals(x, carried.triangles)
+    gaps = first_hits(faces, x, carried.vertices, (points, along), (LEAST * limit, reach), entering=True)
+    wide = np.flatnonzero(gaps >= limit)
+    inside = sides(x, points[wide], along[wide], world.body_triangles, LEAST * limit) == INSIDE
+    gaps[wide[inside]] = -np.inf
+    gaps[carried.far_heights(x) < -LEAST * limit] = -np.inf
+    return gaps
+
+
+# Release of carried vertices where a pinch opens: untangled by displacement along the normals of the carrier.
+
+
+OPEN = 1.5
+"""Gap from which a pinch counts as open, over the gap below which it closes."""
+EASE = 0.25
+"""Largest displacement of a vertex along the normal in a step before its release, in units of the limit."""
+LEAST_HEIGHT = 0.25
+"""Height above the carrier below which no vertex is released, in units of d_hat: the barrier would throw it out."""
+LEAST_GAP = 0.02
+"""Gap below which no pair is taken up again, in units of d_hat."""
+
+
+@dataclass(frozen=True)
+class Opening:
+    """What a release needs to know of a step.
+
+    barriers: contacts of bodies and of cloth; faces: body triangles; gaps (k,): in front of the carried
+    vertices [m]; limit: gap of a pinch [m].
+    """
+
+    world: World
+    barriers: Mapping[str, Barrier]
+    x: Floats
+    faces: Faces
+    gaps: Floats
+    limit: float
+
+
+def still_carried(carried: Carried, opening: Opening) -> Carried:
+    """Return those that stay carried; where the pinch is open they are raised towards the middle of the gap."""
+    body, limit, gaps = opening.barriers["body_contact"], opening.limit, opening.gaps
+    is_open = gaps >= OPEN * limit
+    heights = carried.offsets[:, 2]
+    free = is_open & (heights >= body.offset + LEAST_HEIGHT * body.d_hat)
+    for _ in range(len(carried) + 1):
+        if not free.any():
+            break
+        blocked = np.isin(carried.vertices, _tangled(carried.only(~free), carried.vertices[free], opening))
+        if not (blocked & free).any():
+            break
+        free &= ~blocked
+    middle = 0.5 * np.minimum(gaps, 4.0 * limit)
+    raised = np.where(is_open, np.clip(middle - heights, -EASE * limit, EASE * limit), 0.0)
+    return carried.raised(raised).only(~free)
+
+
+def _tangled(remaining: Carried, released: Ints, opening: Opening) -> Ints:
+    """Rows of x whose release would leave something intersecting, or closer than contact allows."""
+    x, world = opening.x, opening.world
+    held = remaining.mask(len(x))
+    whole = world.triangles[~held[world.triangles].any(axis=1)]
+    touched = whole[np.isin(whole, released).any(axis=1)]
+    rows = [touched[intersecting_pairs(x, touched, world.body_triangles)[:, 0]].ravel()]
+    rows.append(_crossing_edges(held, released, opening))
+    suspension = Suspension(held, np.zeros(0, np.int64))
+    for name, barrier in opening.barriers.items():
+        if name == "self_contact":
+            both = intersecting_pairs(x, world.triangles)
+            partly = np.asarray(held[world.triangles].any(axis=1))[both].all(axis=1)
+            rows.append(world.triangles[both[~partly]].ravel())
+        pairs, distances = barrier.candidates.search.pairs(x, x, barrier.offset + LEAST_GAP * barrier.d_hat)
+        taken_up = ~suspension.mask(pairs.elements, pairs.n_points, name == "self_contact")
+        rows.append(pairs.elements[taken_up & (distances <= barrier.offset + LEAST_GAP * barrier.d_hat)].ravel())
+    return np.unique(np.concatenate(rows))
+
+
+def _crossing_edges(held: np.ndarray, released: Ints, opening: Opening) -> Ints:
+    """Ends of edges of released and free vertices that meet a body triangle."""
+    x, edges = opening.x, opening.world.edges
+    edges = edges[np.isin(edges, released).any(axis=1) & ~held[edges].any(axis=1)]
+    ends = np.concatenate([edges, edges[:, ::-1]])
+    lines = x[ends[:, 0]], x[ends[:, 1]] - x[ends[:, 0]]
+    hits = first_hits(opening.faces, x, np.ascontiguousarray(ends[:, 0]), lines, (0.0, 1.0), entering=False)
+    return np.unique(ends[np.isfinite(hits)])
+
+
+# Squeezed vertices of a failed step: cloth with active contacts that push it from opposite sides.
+
+
+TIGHT = 0.2
+"""Gap below which a contact counts as squeezed, in units of d_hat."""
+OPPOSITE = -0.3
+"""Cosine of two directions of contact below which they oppose one another."""
+RADIUS = 2.0
+"""Distance within which they belong to one pinch, in median cloth edges."""
+
+
+def squeezed(world: World, energies: Mapping[str, Energy], x: Floats, carried: np.ndarray) -> Ints:
+    """Rows of x of cloth vertices at contacts that oppose one another, and their neighbours.
+
+    One of the two is with a body, or with cloth that a body carries.
+
+    Parameters
+    ----------
+    world : World
+        Meshes.
+    energies : mapping
+        Energies bound to the step.
+    x : (N, 3) array
+        Where the step ended [m].
+    carried : (N,) bool array
+        Carried rows of x.
+    """
+    rows, places, directions, bodies = [], [], [], []
+    for name in ("body_contact", "self_contact"):
+        energy = energies.get(name)
+        if isinstance(energy, Barrier):
+            for each, place, direction, partners in _contacts(energy, x, world.n_cloth):
+                rows.append(each)
+                places.append(place)
+                directions.append(direction)
+                bodies.append((name == "body_contact") | (carried[partners] & (partners >= 0)).any(axis=1))
+    if not sum(len(each) for each in rows):
+        return np.zeros(0, np.int64)
+    of_pair, at, along, with_body = (np.concatenate(each) for each in (rows, places, directions, bodies))
+    ends = x[world.edges]
+    edge = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
+    i, j = cKDTree(at).query_pairs(RADIUS * edge, output_type="ndarray").T
+    opposed = (np.einsum("kd,kd->k", along[i], along[j]) < OPPOSITE) & (with_body[i] | with_body[j])
+    found = np.unique(of_pair[np.concatenate([i[opposed], j[opposed]])])
+    found = found[(found >= 0) & (found < world.n_cloth)]
+    return np.unique(world.edges[np.isin(world.edges, found).any(axis=1)])
+
+
+def _contacts(barrier: Barrier, x: Floats, n_cloth: int) -> list[tuple[Ints, Floats, Floats, Ints]]:
+    """Cloth rows (p, 4) of tight contacts, their places and directions (p, 3), and rows (p, 4) of their partners.
+
+    -1 in the place of rows of the other side.
+    """
+    elements, weights, lines, _ = barrier.normal_forces(x, barrier.stiffness)
+    gaps = np.linalg.norm(lines, axis=1)
+    tight = gaps - barrier.offset < TIGHT * barrier.d_hat
+    elements, weights, lines = elements[tight], weights[tight], lines[tight] / gaps[tight, None]
+    contacts = []
+    for sign in (1.0, -1.0):
+        on_side = (sign * weights > 0.0) & (elements < n_cloth)
+        some = on_side.any(axis=1)
+        place = np.einsum("pk,pkd->pd", np.where(on_side, np.abs(weights), 0.0), x[elements])
+        partners = np.where(sign * weights < 0.0, elements, -1)
+        contacts.append((np.where(on_side, elements, -1)[some], place[some], sign * lines[some], partners[some]))
+    return contacts

@@ -19,7 +19,7 @@ class Previous:
 
 
 class Rest(Enum):
-    """State of rest (`sim.rest`); the value says it of the cloth."""
+    """State of rest (`time_loop`); the value says it of the cloth."""
 
     MOVING = "it moves"
     CHANGING = "it is slow, but a load, a pin or a body still changes"
@@ -30,7 +30,7 @@ class Rest(Enum):
 
 @dataclass(frozen=True)
 class Switch:
-    """Record of an unstable equilibrium (`sim.branch_switching`).
+    """Record of an unstable equilibrium (`time_loop`).
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class State:
     temporal_error : float
         Sum of the local errors of the positions, by `step_error` [m].
     slow_steps : int
-        Consecutive steps so far without a fast vertex, see `sim.rest`.
+        Consecutive steps so far without a fast vertex, see `time_loop`.
     rest : Rest
         State of rest, as last seen at the end of a frame.
     """

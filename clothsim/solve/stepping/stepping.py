@@ -19,15 +19,11 @@ from clothsim.solve.newton.newton import TOLERANCE_ALONE, Newton, NewtonResult, 
 from clothsim.solve.newton.observer import Observer, unobserved
 from clothsim.solve.newton.outcome import Ending
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.error_balance import error_balance, motion_stop
 from clothsim.solve.stepping.failure import Failure, end_sentence, failure_of
-from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
-from clothsim.solve.stepping.local_error import StepError, step_error
+from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2, Formula, formula_of, predicted_start, prescribed
+from clothsim.solve.stepping.local_error import ErrorControl, StepError, error_balance, motion_stop, step_error
 from clothsim.solve.stepping.mechanical_energy import gains_energy
-from clothsim.solve.stepping.prescribed import prescribed
-from clothsim.solve.stepping.rigid_prediction import predicted_start
 from clothsim.solve.stepping.state import Previous, State, Switch
-from clothsim.solve.stepping.step_size import ErrorControl
 
 GROWTH = 1.25
 """Growth of dt over the step before, after one that needed no second try: ten halvings are made good in 31 steps."""
@@ -95,11 +91,11 @@ class Integrator:
     rest_speed : float
         Speed below which a vertex may count as at rest [m/s].
     leaves_unstable : bool
-        True where unstable equilibria are left (`sim.branch_switching`).
+        True where unstable equilibria are left (`time_loop`).
     perturbation_seed : int
         Chooses the side.
     carries_pinched : bool
-        True where cloth in a pinch of bodies is carried (`sim.pinch`).
+        True where cloth in a pinch of bodies is carried (`solve.pinch`).
     refine : callable
         Refinement of each converged solve (differentiable runs).
     """
@@ -164,7 +160,7 @@ class StepReport:
     switches : tuple of Switch
         Unstable equilibria at its end.
     restarted : bool
-        True where BDF2 would have gained energy, and backward Euler took the step (`sim.mechanical_energy`).
+        True where BDF2 would have gained energy, and backward Euler took the step (`mechanical_energy`).
     """
 
     state: State

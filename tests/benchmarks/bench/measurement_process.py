@@ -30,7 +30,7 @@ Trial = dict[str, Any]
 EARLIER = {
     "clothsim.scene.assembly.scene_world": "clothsim.scene.build",
     "clothsim.run.session": "clothsim.session",
-    "clothsim.solve.stepping.prescribed": "clothsim.solve.stepping.motion",
+    "clothsim.solve.stepping.integrators": "clothsim.solve.stepping.motion",
     "clothsim.solve.linear.linear_solvers": "clothsim.solve.linear",
     "clothsim.base.process_memory": "clothsim.solve.memory",
 }
@@ -146,7 +146,7 @@ def _booked(session: Any) -> dict[str, float]:
 def _own_solve(session: Any, report: Any) -> float | None:
     """Seconds of one direct factorisation and solve of the last matrix; None where a revision cannot tell."""
     try:
-        prescribed = module("clothsim.solve.stepping.prescribed").prescribed
+        prescribed = module("clothsim.solve.stepping.integrators").prescribed
         make_solver = module("clothsim.solve.linear.linear_solvers").make_solver
 
         system, n = session.integrator.system, session.built.world.n_cloth
@@ -173,7 +173,7 @@ def _own_solve(session: Any, report: Any) -> float | None:
 
 def fitter(job: Job) -> Callable[[], Trial]:
     """Fits a garment to another body, up to the end of the first stage that computes: the transfer."""
-    from clothsim.garments.fit.fit import fit
+    from clothsim.garments.fitted import fit
 
     class EnoughError(Exception):
         pass

@@ -7,8 +7,7 @@ from real_data import DATA, needs_data
 
 from clothsim.files.meshes.mesh_file import read_polygons
 from clothsim.files.meshes.readers.obj import obj_text
-from clothsim.garments.fit.original_file import NO_ORIGINAL, fitted_text
-from clothsim.garments.inputs import read_garment, worn_in_scene
+from clothsim.garments.inputs import NO_ORIGINAL, fitted_text, read_garment, worn_in_scene
 
 QUADS = """o tube
 v 0 0 0

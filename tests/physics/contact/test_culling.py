@@ -5,9 +5,9 @@ import pytest
 from contacts import body_surface, self_surface, sheet_on_ball, two_sheets
 
 from clothsim.physics.contact.barrier_kernels import pairs_within
-from clothsim.physics.contact.broad_phase import candidate_pairs
 from clothsim.physics.contact.bvh import build_tree
 from clothsim.physics.contact.candidates import Candidates
+from clothsim.physics.contact.search import candidate_pairs
 
 POINT, EDGE, TRIANGLE = np.array([[0]]), np.array([[0, 1]]), np.array([[3, 4, 5]])
 ALLOWED, LABELS = np.array([[True]]), np.zeros(6, np.int64)

@@ -5,10 +5,9 @@ import pytest
 from contact_configurations import adversarial, at_random
 
 from clothsim.base.vectors import four_points
-from clothsim.physics.contact.barrier_hessian import exact, projected
+from clothsim.physics.contact.barrier import exact, projected
 from clothsim.physics.contact.barrier_kernels import RECORD_SIZE, cross_squared, evaluate
-from clothsim.physics.contact.psd_projection import BATCH, positive_factors
-from clothsim.physics.contact.relative_coordinates import absolute, relative
+from clothsim.physics.contact.psd_projection import BATCH, absolute, positive_factors, relative
 from clothsim.physics.energies.hessians import LowRankHessian
 
 COUNT = BATCH + 18

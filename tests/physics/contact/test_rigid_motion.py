@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.physics.contact.friction import rigid_displacements
+from clothsim.physics.contact.anchors import rigid_displacements
 
 LABELS = np.repeat([0, 3], [12, 8])
 

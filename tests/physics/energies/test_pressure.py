@@ -13,7 +13,7 @@ from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.solve.stepping.branch_switching import static_model
+from clothsim.solve.stepping.time_loop import static_model
 from tests.known_answers.a6_inflation import (
     inflated_disc,
     inflated_height_and_volume,

@@ -10,10 +10,9 @@ from solving import integrator_of
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world
-from clothsim.solve.stepping.branch_switching import MOST_SWITCHES, STEPS_BETWEEN_LOOKS
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2
 from clothsim.solve.stepping.state import Rest, first_state
-from clothsim.solve.stepping.time_loop import steps
+from clothsim.solve.stepping.time_loop import MOST_SWITCHES, STEPS_BETWEEN_LOOKS, steps
 from tests.known_answers.elastica import elastica_height
 from tests.support.effect_builders import bending, damping, gravity, inertia, membrane, pins
 

@@ -13,10 +13,9 @@ from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.solve.newton.statics import HORIZON
-from clothsim.solve.stepping.branch_switching import static_model
-from clothsim.solve.stepping.rest import SLOW_STEPS, with_rest
 from clothsim.solve.stepping.state import Rest, first_state
 from clothsim.solve.stepping.stepping import advance
+from clothsim.solve.stepping.time_loop import SLOW_STEPS, static_model, with_rest
 
 STIFFNESS = 40.0
 
