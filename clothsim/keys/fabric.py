@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from clothsim.base.arrays import as_positive
+from clothsim.base.arrays import as_finite, as_positive
 from clothsim.base.errors import InputError
 
 EXTENDED = 490.3325
@@ -10,6 +10,9 @@ EXTENDED = 490.3325
 
 THREADS = "warp_stiffness", "weft_stiffness", "shear_stiffness"
 BENDINGS = "bending_warp", "bending_weft", "bending_bias"
+SLOPES = "bending_slope", "bending_slope_warp", "bending_slope_weft", "bending_slope_bias"
+HYSTERESES = "bending_hysteresis", "bending_hysteresis_warp", "bending_hysteresis_weft"
+CURLS = "rest_curvature_warp", "rest_curvature_weft"
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,19 @@ class Fabric:
     bending_warp, bending_weft, bending_bias : float, optional
         Bending stiffness of the sheet along warp, along weft, and at 45 degrees to them [N m]; None: bending_stiffness,
         and at 45 degrees what follows from those along warp and weft.
+    bending_slope : float
+        s [N m2] of the moment D k + s k^2 of a cylinder of curvature k; below 0 the sheet softens as it bends.
+    bending_slope_warp, bending_slope_weft, bending_slope_bias : float, optional
+        The same along warp, along weft and at 45 degrees; None: bending_slope, and at 45 degrees what follows from
+        those along warp and weft.
+    rest_curvature_warp, rest_curvature_weft : float
+        Curvature of a strip at rest (natural curl) along warp and weft [1/m], above 0 towards the front.
+    bending_hysteresis : float
+        2HB, the width of the loop of moment over curvature [N m/m]: friction of half of it resists bending.
+    bending_hysteresis_warp, bending_hysteresis_weft : float, optional
+        The same along warp and weft; None: bending_hysteresis.
+    hysteresis_curvature : float
+        Change of curvature in which that friction grows to its limit [1/m].
     friction : float, optional
         Friction coefficient for the user's information; None where no source gives it.
     """
@@ -57,6 +73,16 @@ class Fabric:
     bending_warp: float | None = None
     bending_weft: float | None = None
     bending_bias: float | None = None
+    bending_slope: float = 0.0
+    bending_slope_warp: float | None = None
+    bending_slope_weft: float | None = None
+    bending_slope_bias: float | None = None
+    rest_curvature_warp: float = 0.0
+    rest_curvature_weft: float = 0.0
+    bending_hysteresis: float = 0.0
+    bending_hysteresis_warp: float | None = None
+    bending_hysteresis_weft: float | None = None
+    hysteresis_curvature: float = 10.0
     friction: float | None = None
 
     def __post_init__(self) -> None:
@@ -64,7 +90,7 @@ class Fabric:
         as_positive("thickness", self.thickness)
         as_positive("youngs_modulus", self.youngs_modulus, zero=True)
         as_positive("bending_stiffness", self.bending_stiffness, zero=True)
-        for name in (*THREADS, *BENDINGS, "friction"):
+        for name in (*THREADS, *BENDINGS, *HYSTERESES, "friction"):
             if getattr(self, name) is not None:
                 as_positive(name, getattr(self, name), zero=True)
         for name in ("warp_extension", "weft_extension"):
@@ -76,6 +102,15 @@ class Fabric:
         if self.thread_poisson_ratio is not None and not -1 < self.thread_poisson_ratio < 1:
             raise InputError(f"thread_poisson_ratio must lie in (-1, 1), not {self.thread_poisson_ratio!r}.")
 
+        as_positive("hysteresis_curvature", self.hysteresis_curvature)
+        for name in (*SLOPES, *CURLS):
+            if getattr(self, name) is not None:
+                as_finite(name, getattr(self, name))
+        slopes = self.slope_along_warp, self.slope_along_weft, self.slope_along_bias
+        if min(slopes) < 0 < max(slopes):
+            raise InputError(
+                "bending_slope is above 0 in one direction and below in another.", "Set the smaller one to 0."
+            )
         if self.bending_bias is not None and not self._flexibility_of_twist > 0:
             raise InputError(
                 f"bending_bias is {self.bending_bias!r} N m, which no twisting stiffness gives.",
@@ -145,6 +180,35 @@ class Fabric:
     def bending_along_weft(self) -> float:
         """D2 [N m]; bending_stiffness where the fabric gives none."""
         return self._own(self.bending_weft, self.bending_stiffness)
+
+    @property
+    def slope_along_warp(self) -> float:
+        """s along the warp [N m2]; bending_slope where the fabric gives none."""
+        return self._own(self.bending_slope_warp, self.bending_slope)
+
+    @property
+    def slope_along_weft(self) -> float:
+        """s along the weft [N m2]; bending_slope where the fabric gives none."""
+        return self._own(self.bending_slope_weft, self.bending_slope)
+
+    @property
+    def slope_along_bias(self) -> float:
+        """s at 45 degrees [N m2]; where the fabric gives none, that of `bending_slopes` without a twist of its own."""
+        if self.bending_slope_bias is not None:
+            return self.bending_slope_bias
+        warp, weft = abs(self.slope_along_warp) ** (2 / 3), abs(self.slope_along_weft) ** (2 / 3)
+        size = ((warp + weft) / 4 + (warp * weft) ** 0.5 / 2) ** 1.5
+        return size if self.slope_along_warp + self.slope_along_weft > 0 else -size
+
+    @property
+    def hysteresis_along_warp(self) -> float:
+        """2HB along the warp [N m/m]; bending_hysteresis where the fabric gives none."""
+        return self._own(self.bending_hysteresis_warp, self.bending_hysteresis)
+
+    @property
+    def hysteresis_along_weft(self) -> float:
+        """2HB along the weft [N m/m]; bending_hysteresis where the fabric gives none."""
+        return self._own(self.bending_hysteresis_weft, self.bending_hysteresis)
 
     @property
     def twisting_stiffness(self) -> float:
