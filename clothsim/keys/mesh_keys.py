@@ -150,6 +150,20 @@ class ClothKeys(PlacedKeys):
         float | None, Key("Curvature at rest (curl) along weft, above 0 towards the front", "1/m",
                           shown="the fabric's")
     ] = None  # fmt: skip
+    bending_hysteresis: Annotated[
+        float | None, Key("Width 2HB of the loop of moment over curvature", "N m/m", least=0, shown="the fabric's")
+    ] = None
+    bending_hysteresis_warp: Annotated[
+        float | None, Key("Width 2HB along warp", "N m/m", least=0, shown="bending_hysteresis")
+    ] = None
+    bending_hysteresis_weft: Annotated[
+        float | None, Key("Width 2HB along weft", "N m/m", least=0, shown="bending_hysteresis")
+    ] = None
+    hysteresis_curvature: Annotated[
+        float | None,
+        Key("Change of curvature in which the friction of bending grows to its limit", "1/m", above=0,
+            shown="the fabric's"),
+    ] = None  # fmt: skip
     warp_stiffness: Annotated[float | None, Key("Stiffness along warp", "N/m", least=0, shown="the fabric's")] = None
     weft_stiffness: Annotated[float | None, Key("Stiffness along weft", "N/m", least=0, shown="the fabric's")] = None
     shear_stiffness: Annotated[float | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None

@@ -24,6 +24,8 @@ MODELS = {
 """Bending models by name: the function that builds the energy of hinges of a world, imported when it is chosen."""
 
 
+HYSTERETIC = "clothsim.physics.energies.midedge_hysteresis:hysteretic_bending"
+"""The mid-edge model of fabrics with hysteresis in bending, and maybe a slope."""
 SOFTENING = "clothsim.physics.energies.midedge_softening:softening_bending"
 """The mid-edge model of fabrics whose bending has a slope."""
 
@@ -38,7 +40,7 @@ def bending(world: World, keys: Bending) -> Energy | Off:
     Raises
     ------
     InputError
-        For an angle or a bending_slope that the model does not take.
+        For an angle, bending_slope or bending_hysteresis that the model does not take.
     """
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
     if turned and keys.model != "midedge":
@@ -53,11 +55,11 @@ def bending(world: World, keys: Bending) -> Energy | Off:
         return Off("bending stiffness is zero")
     stiff_hinges = Hinges(*(getattr(hinges, field.name)[stiff] for field in fields(hinges)))
     sloped = any((world.per_triangle(f"slope_along_{way}") != 0).any() for way in ("warp", "weft", "bias"))
-    if sloped and keys.model != "midedge":
-        raise InputError(
-            f'cloth.bending_slope has no effect with effects.bending.model = "{keys.model}".', 'Take "midedge".'
-        )
-    module, function = (SOFTENING if sloped else MODELS[keys.model]).split(":")
+    looped = any((world.per_triangle(f"hysteresis_along_{way}") != 0).any() for way in ("warp", "weft"))
+    if (sloped or looped) and keys.model != "midedge":
+        key = "bending_slope" if sloped else "bending_hysteresis"
+        raise InputError(f'cloth.{key} has no effect with effects.bending.model = "{keys.model}".', 'Take "midedge".')
+    module, function = (HYSTERETIC if looped else SOFTENING if sloped else MODELS[keys.model]).split(":")
     build = getattr(importlib.import_module(module), function)
     angles = np.radians(over_cloth("effects.bending.angle_degrees", keys.angle_degrees, world))
     if any(world.per_triangle(name).any() for name in CURLS):

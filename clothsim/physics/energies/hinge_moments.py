@@ -114,7 +114,7 @@ def hinges_of_bending(name: str, bending: Energy) -> BendingModel:
         )
     if isinstance(bending, SofteningBending):
         raise InputError(
-            f"effects.{name} changes rest angles, which bending with a slope does not take.",
-            "Set cloth.bending_slope = 0.",
+            f"effects.{name} changes rest angles, which bending with a slope or hysteresis does not take.",
+            "Set cloth.bending_slope and cloth.bending_hysteresis to 0.",
         )
     return bending

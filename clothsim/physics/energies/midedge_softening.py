@@ -13,7 +13,7 @@ have s < 0, Feng et al. 2022, "Learning-based bending stiffness parameter estima
 The Gauss-Newton Hessian of a softening sheet is below that of the plate, so Newton's springs bound it too.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
@@ -51,36 +51,40 @@ class SofteningBending(MidedgeBending):
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
         plate = super().value(x)
-        if not np.isfinite(plate):
-            return plate
-        n = np.linalg.norm(self._mapped(x), axis=1)
+        return plate + self._added(self._strains(x)) if np.isfinite(plate) else plate
+
+    def _added(self, strains: Floats) -> float:
+        """What is added to the energy of the plate at strains (m, 3) [J]."""
+        n = np.linalg.norm(np.einsum("mik,mk->mi", self.maps, strains), axis=1)
         beyond = np.maximum(n - self.caps, 0.0)
         least = n - beyond
-        return plate + float(self.amounts @ (least**3 / 3 + least**2 * beyond + least * beyond**2))
+        return float(self.amounts @ (least**3 / 3 + least**2 * beyond + least * beyond**2))
+
+    def _added_stress(self, strains: Floats) -> Floats:
+        """Its derivative, (m, 3) [sqrt(J)]."""
+        mapped = np.einsum("mik,mk->mi", self.maps, strains)
+        return np.einsum("m,mki,mk->mi", self.amounts * self._derivatives(mapped)[0], self.maps, mapped)
+
+    def _tangent(self, strains: Floats) -> Floats:
+        """The second derivative of the whole, (m, 3, 3) [1]."""
+        mapped = np.einsum("mik,mk->mi", self.maps, strains)
+        added = radial_tangent(mapped, *self._derivatives(mapped))
+        return np.eye(3) + np.einsum("m,mki,mkl,mlj->mij", self.amounts, self.maps, added, self.maps, optimize=True)
 
     def _moments(self, x: Floats) -> Floats:
-        mapped = self._mapped(x)
-        along, _ = self._derivatives(mapped)
-        stresses = np.einsum("m,mki,mk->mi", self.amounts * along, self.maps, mapped)
-        forces = np.einsum("mqj,mq->mj", self.weights, stresses)
+        forces = np.einsum("mqj,mq->mj", self.weights, self._added_stress(self._strains(x)))
         added = np.bincount(self.stencils.ravel(), weights=forces.ravel(), minlength=len(self.vertices))
         return super()._moments(x) + added
 
     def _tangents(self, x: Floats) -> Floats:
-        """C'G with C C' the second derivative of w over the strains."""
-        mapped = self._mapped(x)
-        along, curved = self._derivatives(mapped)
-        n = np.linalg.norm(mapped, axis=1)[:, None]
-        unit = np.divide(mapped, n, out=np.zeros_like(mapped), where=n > 0)
-        inner = along[:, None, None] * np.eye(3) + np.einsum("m,mi,mj->mij", curved - along, unit, unit)
-        tangent = np.eye(3) + np.einsum("m,mki,mkl,mlj->mij", self.amounts, self.maps, inner, self.maps, optimize=True)
-        return np.einsum("mkq,mkj->mqj", np.linalg.cholesky(tangent), self.weights)
+        """C'G with C C' the second derivative over the strains."""
+        return np.einsum("mkq,mkj->mqj", np.linalg.cholesky(self._tangent(self._strains(x))), self.weights)
 
-    def _mapped(self, x: Floats) -> Floats:
-        """L e, (m, 3)."""
+    def _strains(self, x: Floats) -> Floats:
+        """e = G (theta - theta0), (m, 3) [sqrt(J)]; a hinge without an angle counts as flat."""
         change = self._change(x)
         bent = np.where(np.isinf(change), 0.0, change)
-        return np.einsum("mik,mkj,mj->mi", self.maps, self.weights, bent[self.stencils], optimize=True)
+        return np.einsum("mkj,mj->mk", self.weights, bent[self.stencils])
 
     def _derivatives(self, mapped: Floats) -> tuple[Floats, Floats]:
         """c'/n and c'' of n = |L e|, (m,) each."""
@@ -91,8 +95,11 @@ class SofteningBending(MidedgeBending):
         return np.divide(slope, n, out=n.copy(), where=beyond), 2 * least
 
 
-INHERITED = ("vertices", "rest_angles", "bounds", "stencils", *MidedgeBending.per_triangle)
-"""Fields of the plate."""
+def radial_tangent(vectors: Floats, along: Floats, curved: Floats) -> Floats:
+    """Second derivatives (m, 3, 3) of f(|v|) by v (m, 3), with f'/|v| and f'' (m,) each."""
+    n = np.linalg.norm(vectors, axis=1)[:, None]
+    unit = np.divide(vectors, n, out=np.zeros_like(vectors), where=n > 0)
+    return along[:, None, None] * np.eye(3) + np.einsum("m,mi,mj->mij", curved - along, unit, unit)
 
 
 def softening_bending(hinges: Hinges, world: World, angles: Floats) -> SofteningBending:
@@ -105,14 +112,19 @@ def softening_bending(hinges: Hinges, world: World, angles: Floats) -> Softening
     twist = np.maximum(2 * bias - (warp + weft) / 2 - nu * np.sqrt(warp * weft), 0.0)
     turn = threads_in_triangles(world, angles)
     norms = np.einsum("mki,mkl,mlj->mij", turn, matrices_of_threads(warp, twist, weft, nu), turn)[triangles]
-    values, vectors = np.linalg.eigh(norms)
-    roots = np.einsum("mik,mk,mjk->mij", vectors, np.sqrt(np.maximum(values, 0.0)), vectors)
-    strains = plate_law(world, angles).roots()[triangles] * np.sqrt(plate.stiffnesses)[:, None, None]
-    maps = roots @ np.linalg.pinv(strains)
+    maps = maps_of_curvature(world, plate, angles, norms)
     largest = areas[triangles] * np.linalg.norm(maps, ord=2, axis=(1, 2)) ** 2
     caps = np.divide((1 - LEAST_TANGENT) / 2, largest, out=np.zeros_like(largest), where=largest > 0)
     signs = np.sign(sum(slopes.values()))[triangles]
-    base = {name: getattr(plate, name) for name in INHERITED}
+    base = {field.name: getattr(plate, field.name) for field in fields(MidedgeBending) if field.init}
     if (signs > 0).any():
         base["bounds"] = (2 - LEAST_TANGENT) * plate.bounds
     return SofteningBending(**base, amounts=signs * areas[triangles], maps=maps, caps=caps)
+
+
+def maps_of_curvature(world: World, plate: MidedgeBending, angles: Floats, norms: Floats) -> Floats:
+    """B^(1/2) k of the strains of the triangles of a plate, (m, 3, 3), with `norms` B (m, 3, 3) in their frames."""
+    values, vectors = np.linalg.eigh(norms)
+    roots = np.einsum("mik,mk,mjk->mij", vectors, np.sqrt(np.maximum(values, 0.0)), vectors)
+    strains = plate_law(world, angles).roots()[plate.triangles] * np.sqrt(plate.stiffnesses)[:, None, None]
+    return np.asarray(roots @ np.linalg.pinv(strains), np.float64)
