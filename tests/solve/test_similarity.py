@@ -84,5 +84,5 @@ def test_any_other_units_take_the_same_iterations(in_metres, length, time, mass)
 
 
 def test_the_motion_depends_on_what_is_no_unit(in_metres):
-    counts, positions = iterations_and_positions(falling_sheet(damping={"rate": 5.0}))
+    _, positions = iterations_and_positions(falling_sheet(damping={"rate": 5.0}))
     assert np.abs(positions - in_metres[1]).max() > 1e-3
