@@ -191,7 +191,8 @@ def test_cloth_inside_a_body_is_not_usable(tmp_path):
     for number, (allowed, cause) in enumerate([(False, "refused"), (True, "inside a body")]):
         run = {"duration": 0.08, "frames_per_second": 25, "allow_inside": allowed}
         folder = tmp_path / str(number)
-        farm = plan(make_recipe(small_scene(cloth=SHEET | sheet, run=run), {"count": 1, "until": "time"}, {}, {}), folder)
+        scene = small_scene(cloth=SHEET | sheet, run=run)
+        farm = plan(make_recipe(scene, {"count": 1, "until": "time"}, {}, {}), folder)
         assert work(farm).usable == 0
         assert status(farm).causes == {cause: 1}
 
