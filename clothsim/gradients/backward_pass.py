@@ -23,10 +23,9 @@ from clothsim.gradients.recorded_step import RecordedStep, bound_to, free_rows
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs
-from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.base import Energy, Past, Step
 from clothsim.physics.energies.hessians import ByElement, explicit
 from clothsim.physics.energies.protocols import PastSensitivity, SeesPast
-from clothsim.physics.energies.step import Past, Step
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.stepping import Integrator

@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.gradients.exact_system import exact_system, lowest_direction
-from clothsim.physics.energies.constraint import Prescribed
+from clothsim.physics.energies.base import Prescribed
 from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.newton import Newton, NewtonResult, NewtonSettings

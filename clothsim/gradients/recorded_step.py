@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.physics.contact.barrier import Barrier
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Step
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, Formula, formula_of, prescribed
 from clothsim.solve.stepping.state import State

@@ -15,10 +15,8 @@ from clothsim.base.errors import InputError
 from clothsim.gradients.backward_pass import Adjoints
 from clothsim.gradients.recorded_step import RecordedStep
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy, Past, Step
 from clothsim.physics.energies.protocols import is_idle
-from clothsim.physics.energies.step import Past, Step
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.stepping import Integrator

@@ -16,7 +16,7 @@ from typing import Any
 from clothsim.base.errors import InputError
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, read_checkpoint, write_checkpoint
-from clothsim.physics.energies.varying_values import FUNCTION, lost_function
+from clothsim.physics.energies.key_values import FUNCTION, lost_function
 from clothsim.run.archive_files import FOLDER, refuse_outside, relocated
 from clothsim.scene.scene import scene_from_text
 

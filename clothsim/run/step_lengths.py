@@ -8,7 +8,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.mesh.motion import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint
 from clothsim.scene.assembly.scene_world import Built
 
 LARGEST_TURN = 45.0

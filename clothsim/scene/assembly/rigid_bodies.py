@@ -11,10 +11,9 @@ from clothsim.keys.mesh_keys import RigidTable
 from clothsim.mesh.rigid_body import Joint, RigidBody, rigid_body
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.rigid_ties import Tied, rigid_ties
-from clothsim.physics.energies.rigidity import rigidity
+from clothsim.physics.energies.key_values import selected_vertices
+from clothsim.physics.energies.rigid_bodies import Tied, rigid_ties, rigidity
 from clothsim.physics.energies.seams import STIFFER
-from clothsim.physics.energies.selection import selected_vertices
 from clothsim.scene.assembly.meshes import mesh_shape
 from clothsim.scene.assembly.placement import examined, name_of, placed
 from clothsim.scene.scene import Scene

@@ -14,10 +14,8 @@ from clothsim.keys.mesh_keys import RigidTable
 from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.rigid_body import RigidBody
 from clothsim.mesh.world import World, make_world
-from clothsim.physics.energies.base import Energy, Off
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy, Off, Step
 from clothsim.physics.energies.protocols import Anchored, report_of
-from clothsim.physics.energies.step import Step
 from clothsim.scene.assembly.array_files import with_arrays
 from clothsim.scene.assembly.initial_positions import initial_positions
 from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape
