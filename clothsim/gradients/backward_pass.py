@@ -18,8 +18,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
+from clothsim.gradients.differentiable_session import RecordedStep, bound_to, free_rows
 from clothsim.gradients.exact_system import exact_system, solved
-from clothsim.gradients.recorded_step import RecordedStep, bound_to, free_rows
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs

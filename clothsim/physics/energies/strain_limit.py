@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.jit import LANES, kernel, natural
-from clothsim.geometry.kinematics.warp_weft import thread_axes
+from clothsim.geometry.kinematics.deformation_gradient import thread_axes
 from clothsim.keys.fabric import EXTENDED
 from clothsim.keys.typed_effects import StrainLimit
 from clothsim.mesh.world import World

@@ -6,7 +6,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.geometry.kinematics.warp_weft import thread_axes
+from clothsim.geometry.kinematics.deformation_gradient import thread_axes
 from clothsim.mesh.world import World
 from clothsim.physics.energies import fibre_kernels as kernels
 from clothsim.physics.energies.base import Energy

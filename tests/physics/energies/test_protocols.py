@@ -8,6 +8,7 @@ from effect_builders import friction, gravity, membrane
 from meshes import small_world
 from solving import step_at
 
+from clothsim.physics.energies.links import Links
 from clothsim.physics.energies.protocols import (
     NO_REPORT,
     ContactGap,
@@ -18,7 +19,6 @@ from clothsim.physics.energies.protocols import (
     restricted,
 )
 from clothsim.physics.energies.quadratic_bending import quadratic_bending
-from clothsim.physics.energies.links import Links
 
 
 def test_an_energy_without_protocols_gets_the_neutral_answers():
