@@ -13,9 +13,8 @@ from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
-    from clothsim.garments.dress.dress import dress
-    from clothsim.garments.dress.dressed import Dress
-    from clothsim.garments.fit.fit import Fit, fit
+    from clothsim.garments.dressed import Dress, dress
+    from clothsim.garments.fitted import Fit, fit
     from clothsim.gradients.design import Design, design
     from clothsim.gradients.gradient import Gradient
     from clothsim.gradients.losses import Loss
@@ -48,14 +47,13 @@ if TYPE_CHECKING:
     from clothsim.run.resume import resume
     from clothsim.run.simulate import simulate
     from clothsim.run.simulation import Simulation
-    from clothsim.run.simulation_state import SimulationError, SimulationState
-    from clothsim.run.summary import Progress
+    from clothsim.run.step_reports import Progress, SimulationError, SimulationState
     from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
     from clothsim.scene.effects import register_effect
     from clothsim.scene.scene import Scene
     from clothsim.scene.toml_file import load_scene
     from clothsim.study.study import Study, study_accuracy
-    from clothsim.viewer.view import view
+    from clothsim.viewer.page import view
 
 __version__ = "0.1.0"
 

@@ -20,31 +20,27 @@ if TYPE_CHECKING:
     from clothsim.mesh.world import World
     from clothsim.physics.energies.base import Constraint, Energy, Off, Prescribed
     from clothsim.physics.energies.hessians import ElementHessian
-    from clothsim.run.archive import unpack_bundle, write_bundle
     from clothsim.run.check import Examination, examined
-    from clothsim.run.colouring import Colouring
-    from clothsim.run.example_scenes import example_scenes
-    from clothsim.run.output_directory import refuse_earlier_run
+    from clothsim.run.export import unpack_bundle, write_bundle
+    from clothsim.run.frames import Colouring
     from clothsim.run.pictures import draw_pictures, draw_run
-    from clothsim.run.pilot_run import last_positions
     from clothsim.run.precompile import kernels_are_compiled, start_precompiling
     from clothsim.run.receipt import Receipt, explain
     from clothsim.run.remaining_kernels import compile_remaining_kernels
-    from clothsim.run.session import Session
+    from clothsim.run.resume import refuse_earlier_run
+    from clothsim.run.session import Session, last_positions
     from clothsim.run.swatches import draw_swatches
-    from clothsim.scene.assembly.drape_model import DrapeModel
-    from clothsim.scene.assembly.drape_prediction import Prediction, Predictor
+    from clothsim.scene.assembly.drape_model import DrapeModel, Prediction, Predictor
     from clothsim.scene.assembly.initial_positions import cloths_at_start
     from clothsim.scene.assembly.meshes import body_mesh, cloth_mesh
     from clothsim.scene.assembly.model_body import PlacedCharacter, character_of_scene
     from clothsim.scene.assembly.refinement import with_cells
     from clothsim.scene.assembly.scene_world import build
-    from clothsim.scene.assembly.worn_shape import refuse_unwearable, worn_shape
-    from clothsim.scene.content import by_content
-    from clothsim.scene.example_files import example_file
-    from clothsim.scene.overrides import override
-    from clothsim.scene.paths import replace
-    from clothsim.scene.reference_search import reference, reference_text
+    from clothsim.scene.assembly.shapes import refuse_unwearable, worn_shape
+    from clothsim.scene.named_files import by_content
+    from clothsim.scene.paths import override, replace
+    from clothsim.scene.reference import reference, reference_text
+    from clothsim.scene.toml_file import example_file, example_scenes
     from clothsim.solve.problem import Problem, step
     from clothsim.solve.stepping.state import State
     from clothsim.solve.stepping.stepping import StepReport

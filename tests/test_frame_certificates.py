@@ -6,7 +6,7 @@ from small_scenes import EFFECTS, small_scene, without
 
 from clothsim import IntersectionWarning, simulate
 from clothsim.geometry.intersection.crossings import Crossing
-from clothsim.run.certificate.intersection_check import IntersectionCheck
+from clothsim.run.intersections import IntersectionCheck
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 FOUND = {

@@ -14,19 +14,23 @@ from pathlib import Path as _Path
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 if _TYPE_CHECKING:
-    from transfer.align import Similarity, by_boxes, by_points
-    from transfer.body_file import body_model as make_body_model
-    from transfer.body_file import read_body_model
-    from transfer.body_model import BodyModel
-    from transfer.canonical import PosedBody, Unposed, posed_body, unposed_in_field
-    from transfer.correspond import Correspondence
+    from transfer.body_model import BodyModel, read_body_model
+    from transfer.body_model import body_model as make_body_model
+    from transfer.body_parts import derive_markers
+    from transfer.canonical import (
+        PosedBody,
+        Unposed,
+        closest_average,
+        kernel_average,
+        posed_body,
+        sampled_average,
+        unposed_in_field,
+    )
+    from transfer.correspond import Correspondence, Similarity, by_boxes, by_points
     from transfer.correspond import correspond as correspond_bodies
-    from transfer.deform import DeformationTransfer, deformation_transfer
-    from transfer.diffuse import closest_average, kernel_average, sampled_average
+    from transfer.deform import DeformationTransfer, FollowedSource, deformation_transfer, followed_source
     from transfer.errors import TransferError
-    from transfer.follow import FollowedSource, followed_source
     from transfer.garment import garment_transfer, transfer_garment
-    from transfer.landmarks import derive_markers
     from transfer.refine import Refined
     from transfer.refine import refine as refine_garment
     from transfer.signed_distance import BodySurface, body_surface

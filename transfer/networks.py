@@ -1,15 +1,18 @@
 """Small networks: affine layers, and affine layers blended by shares, with an activation between them.
 
 A blended layer is a mean of affine maps, sum_j s_j (W_j h + b_j), with shares s_j >= 0 of sum 1 that depend on another
-input (Holden et al. 2017; Wang et al. 2019). All is written for NumPy's arrays and for JAX's alike.
+input (Holden et al. 2017; Wang et al. 2019). All is written for NumPy's arrays and for JAX's alike; training is Adam's
+method in JAX (Kingma and Ba 2015).
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from transfer.errors import TransferError
 from transfer.triangle_surface import Floats
 
 Layers = tuple[tuple[Floats, Floats], ...]
@@ -86,3 +89,60 @@ def random_layers(random: np.random.Generator, sizes: Sequence[int], maps: int =
 def in_double_precision(layers: Any) -> Layers:
     """A trained network as NumPy's arrays."""
     return tuple((np.asarray(weights, np.float64), np.asarray(biases, np.float64)) for weights, biases in layers)
+
+
+CHUNK = 100
+"""Steps that are compiled as one loop."""
+DECAYS, ADAM_FLOOR = (0.9, 0.999), 1e-8
+"""Of Adam's method."""
+
+Loss = Callable[[Any, Any, Any], Any]
+"""Loss of parameters, rows of the batch and a key of JAX's random numbers."""
+
+
+def minimised(start: Any, loss: Loss, steps: int, rate: float, batch: int, count: int, seed: int) -> Any:
+    """Parameters after steps of Adam's method.
+
+    Parameters
+    ----------
+    start : pytree
+        Parameters at the beginning.
+    loss : callable
+        Of parameters, rows and a key.
+    steps : int
+    rate : float
+        Of the first step; it falls with half a cosine to 0.
+    batch, count : int
+        Rows of a step, drawn from 0 to count - 1.
+    seed : int
+    """
+    jax = jax_module()
+    np_, tree = jax.numpy, jax.tree_util.tree_map
+    first, second = DECAYS
+
+    def step(state: Any, number: Any) -> Any:
+        values, slope, square, key = state
+        key, row_key, loss_key = jax.random.split(key, 3)
+        rows = jax.random.randint(row_key, (min(batch, count),), 0, count)
+        gradient = jax.grad(loss)(values, rows, loss_key)
+        slope = tree(lambda m, g: first * m + (1 - first) * g, slope, gradient)
+        square = tree(lambda v, g: second * v + (1 - second) * g * g, square, gradient)
+        now = 0.5 * rate * (1 + np_.cos(np_.pi * number / steps))
+        now *= np_.sqrt(1 - second ** (number + 1)) / (1 - first ** (number + 1))
+        values = tree(lambda p, m, v: p - now * m / (np_.sqrt(v) + ADAM_FLOOR), values, slope, square)
+        return (values, slope, square, key), None
+
+    run = jax.jit(lambda state, numbers: jax.lax.scan(step, state, numbers)[0])
+    zero = tree(np_.zeros_like, start)
+    state = (tree(np_.asarray, start), zero, zero, jax.random.PRNGKey(seed))
+    for begin in range(0, steps, CHUNK):
+        state = run(state, np_.arange(begin, min(begin + CHUNK, steps), dtype=np_.float32))
+    return state[0]
+
+
+def jax_module() -> Any:
+    """JAX. TransferError where it is not installed."""
+    try:
+        return import_module("jax")
+    except ImportError as error:
+        raise TransferError("A training needs the package jax.", "pip install 'clothsim[learn]'") from error

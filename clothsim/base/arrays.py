@@ -1,5 +1,7 @@
 """Checks of shape, type and finiteness at the borders of the package; each error names the array and the index."""
 
+import operator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -75,11 +77,15 @@ def as_positive(name: str, value: float, zero: bool = False) -> float:
     return number
 
 
-def as_count(name: str, value: int) -> int:
-    """Return a whole number of at least 1; InputError otherwise."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise InputError(f"{name} must be a whole number of at least 1, not {value!r}.")
-    return value
+def as_count(name: str, value: int, least: int = 1, most: int = 4096) -> int:
+    """Return one whole number from `least` to `most`; the bound keeps a typing error from filling the memory."""
+    try:
+        number = operator.index(value)
+    except TypeError as error:
+        raise InputError(f"{name} must be a whole number, not {value!r}.") from error
+    if isinstance(value, bool) or not least <= number <= most:
+        raise InputError(f"{name} must be a whole number from {least} to {most}, not {value!r}.")
+    return number
 
 
 def _as_floats(name: str, values: ArrayLike) -> Floats:

@@ -15,8 +15,7 @@ from typing import NamedTuple
 from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
-from clothsim.cli.events import events, stream
-from clothsim.cli.report import Report
+from clothsim.cli.report import Report, events, stream
 
 
 class Command(NamedTuple):
@@ -37,20 +36,18 @@ _PATTERN = "The formats are those of GarmentCode and Garment-Pattern-Generator; 
 COMMANDS = {
     "run": Command("run_command", "simulate a scene", _SCENE),
     "resume": Command("run_command", "continue a stopped run", _RUN),
-    "check": Command(
-        "check_command",
-        "examine a mesh, a scene or a run",
-        "Repair the file, or read a part of it: --group or --component.",
-    ),
+    "check": Command("check_command", "examine a mesh, a scene or a run", _MESH),
     "explain": Command("explain_command", "list the effects and their cost", _SCENE),
     "view": Command("view_command", "show a run in a browser", _RUN),
-    "render": Command("render_command", "draw a picture or a movie of a run", _RUN),
+    "render": Command("export_command", "draw a picture or a movie of a run", _RUN),
     "export": Command("export_command", "write a run for other programs", _RUN),
-    "bundle": Command("bundle_command", "pack a run to replay it elsewhere", _RUN),
+    "bundle": Command("export_command", "pack a run to replay it elsewhere", _RUN),
     "fit": Command(
-        "fit_command", "fit a garment onto a body", "`clothsim check FILE` examines a mesh; units are given by --scale."
+        "garment_command",
+        "fit a garment onto a body",
+        "`clothsim check FILE` examines a mesh; units are given by --scale.",
     ),
-    "dress": Command("dress_command", "sew a pattern on a body", _PATTERN),
+    "dress": Command("garment_command", "sew a pattern on a body", _PATTERN),
     "unpose": Command("unpose_command", "garments of a run in the rest pose", _RUN),
     "repose": Command(
         "unpose_command",
@@ -60,17 +57,17 @@ COMMANDS = {
     "study": Command("study_command", "measure error against computing time", _SCENE),
     "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
     "sweep": Command("farm_command", "run a scene with several values of its keys", _SCENE),
-    "learn": Command("learn_command", "learn a model of the drapes of a farm", _FARM),
+    "learn": Command("farm_command", "learn a model of the drapes of a farm", _FARM),
     "preview": Command(
-        "preview_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
+        "view_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),
     "gradient": Command("gradient_command", "derive a loss of a run", _SCENE),
-    "recover": Command("recover_command", "find numbers of a scene from a drape", _SCENE),
+    "recover": Command("gradient_command", "find numbers of a scene from a drape", _SCENE),
     "design": Command("design_command", "find a pattern that hangs as wished", _SCENE),
-    "scenes": Command("scenes_command", "list the example scenes"),
-    "keys": Command("keys_command", "list the keys of a scene file"),
-    "fabrics": Command("fabrics_command", "list the named fabrics"),
-    "completion": Command("completion_command", "complete words in a shell"),
+    "scenes": Command("info_command", "list the example scenes"),
+    "keys": Command("info_command", "list the keys of a scene file"),
+    "fabrics": Command("info_command", "list the named fabrics"),
+    "completion": Command("info_command", "complete words in a shell"),
 }
 
 GROUPS = {

@@ -1,12 +1,20 @@
-"""Arguments of the commands: parser and values."""
+"""Arguments of the commands: parser, values, losses."""
 
 import argparse
 import re
 import sys
-from collections.abc import Sequence
-from typing import Any, NoReturn
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
+import clothsim
+from clothsim import gradients, patterns
 from clothsim.base.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim import Loss, Scene
+    from clothsim.engine import World
+    from clothsim.patterns import PatternMesh
 
 VECTORS = ("--view", "--up", "--range")
 LENGTHS = {"mm": 1e-3, "um": 1e-6, "cm": 1e-2, "m": 1.0}
@@ -39,6 +47,21 @@ class Renamed(argparse.Action):
         """Set the value."""
         print(f"{option} is now {self.now}.", file=sys.stderr)
         setattr(namespace, self.dest, self.const if self.nargs == 0 else values)
+
+
+def add_output_options(
+    command: argparse.ArgumentParser,
+    json: str,
+    quiet: str = "",
+    handler: Callable[[argparse.Namespace], object] | None = None,
+) -> None:
+    """Add --json, --debug and, where its help is given, --quiet to a command, and the function that runs it."""
+    if quiet:
+        command.add_argument("--quiet", action="store_true", help=quiet)
+    command.add_argument("--json", action="store_true", help=json)
+    command.add_argument("--debug", action="store_true", help="show tracebacks")
+    if handler is not None:
+        command.set_defaults(handler=handler)
 
 
 def refuse_empty(words: Sequence[str]) -> None:
@@ -145,8 +168,8 @@ def as_length(name: str, text: str) -> float:
     >>> as_length("--error", "1mm"), as_length("--error", "2e-3")
     (0.001, 0.002)
     """
-    unit = next((unit for unit in LENGTHS if text.strip().endswith(unit)), "")
-    number = text.strip().removesuffix(unit).strip()
+    unit = next((unit for unit in LENGTHS if text.strip().lower().endswith(unit)), "")
+    number = text.strip().lower().removesuffix(unit).strip()
     try:
         return float(f"{as_positive_number(name, number) * LENGTHS.get(unit, 1.0):.12g}")
     except InputError as error:
@@ -160,3 +183,52 @@ def as_frame(text: str) -> int:
     if not re.fullmatch(r"-?\d{1,9}", text):
         raise InputError(f"--frame is {text!r}.", "Give the number of a frame, or last.")
     return int(text)
+
+
+LOSSES = {
+    "height": "mean height of the cloth [m]",
+    "hem": "mean height of the side of its border that hangs lowest [m]",
+    "silhouette": "area of its shadow on the ground [m2]",
+    "girth=HEIGHT": "length of its cut with the plane z = HEIGHT [m]",
+    "target=FILE": "mean squared distance to a drape: a mesh, points (.xyz) or a run [m2]",
+}
+"""Losses by the form in which they are given."""
+
+_VALUES: dict[str, Callable[[str], float | Path] | None] = {
+    "height": None,
+    "hem": None,
+    "silhouette": None,
+    "girth": float,
+    "target": Path,
+}
+"""What stands behind the "=" of each."""
+
+
+def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
+    """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
+    name, _, value = (part.strip() for part in text.partition("="))
+    if name not in _VALUES or bool(value) != (_VALUES[name] is not None):
+        raise InputError(f"{option} {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
+    kind = _VALUES[name]
+    try:
+        return gradients.named_loss(name, world, None if kind is None else kind(value))
+    except ValueError as error:
+        raise InputError(f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres.") from error
+
+
+def words(option: str, text: str, example: str = "youngs_modulus,bending_stiffness") -> list[str]:
+    """Return the names of a list such as "youngs_modulus,bending_stiffness". InputError where there is none."""
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise InputError(f"{option} names nothing.", f"Give some, such as {option} {example}.")
+    return names
+
+
+def meshed(file: Path, size: str) -> "PatternMesh":
+    """Return the mesh of a pattern file with a size such as "2cm", as a dressed garment has it."""
+    return patterns.mesh_pattern(patterns.read_specification(file), as_length("--size", size))
+
+
+def scene_or_run(path: Path) -> "Scene":
+    """Return the scene of a file, of an installed name, or of the run in a directory."""
+    return clothsim.open_run(path).scene if path.is_dir() else clothsim.load_scene(path)

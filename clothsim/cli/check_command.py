@@ -11,7 +11,7 @@ from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
 from clothsim.base.text import length
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import as_count, as_positive_number, as_range
+from clothsim.cli.arguments import add_output_options, as_count, as_positive_number, as_range
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
@@ -57,9 +57,7 @@ def add_to(commands: Any) -> None:
     worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
     check.add_argument("--seams", type=Path, metavar="TOML", help="of a .dxf: its seams; -o draws the numbers of edges")
     check.add_argument("--motion", action="store_true", help="of a scene: where parts of a moving body model meet")
-    check.add_argument("--json", action="store_true", help="as JSON: {target, code, findings, ...}")
-    check.add_argument("--debug", action="store_true", help="show tracebacks")
-    check.set_defaults(handler=_check)
+    add_output_options(check, json="as JSON: {target, code, findings, ...}", handler=_check)
 
 
 def _check(arguments: argparse.Namespace) -> Report:

@@ -10,8 +10,7 @@ import clothsim
 from clothsim import engine, gradients
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import as_count, as_positive_number
-from clothsim.cli.loss_arguments import meshed, scene_or_run, words
+from clothsim.cli.arguments import add_output_options, as_count, as_positive_number, meshed, scene_or_run, words
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
@@ -53,10 +52,9 @@ def add_to(commands: Any) -> None:
     design.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     design.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
     design.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
-    design.add_argument("--quiet", action="store_true", help="print the end only")
-    design.add_argument("--json", action="store_true", help="print design.json, the rest on stderr")
-    design.add_argument("--debug", action="store_true", help="show tracebacks")
-    design.set_defaults(handler=_design)
+    add_output_options(
+        design, json="print design.json, the rest on stderr", quiet="print the end only", handler=_design
+    )
 
 
 def _design(arguments: argparse.Namespace) -> Report:
@@ -129,11 +127,11 @@ def _edge(name: str) -> tuple[str, int]:
 
 
 def _shown(failure: str, aims: Sequence[float], names: Sequence[str]) -> None:
-    state = failure or ", ".join(f"{name} {_off(aim)}" for name, aim in zip(names, aims, strict=True))
+    state = failure or ", ".join(f"{name} {_aim_text(aim)}" for name, aim in zip(names, aims, strict=True))
     print(f"  {state}", file=sys.stderr, flush=True)
 
 
-def _off(aim: float) -> str:
+def _aim_text(aim: float) -> str:
     """How far off an aim is, in tolerances."""
     return "met" if aim <= 1.0 else f"{aim**0.5:.3g} tolerances off"
 
@@ -157,7 +155,7 @@ def lines(found: "clothsim.Design", names: list[str], directory: Path | None) ->
     """Return the result in lines for the user."""
     best = found.best
     out = [f"  {path:40} {value:.6g}" for path, value in best.values.items()]
-    out += [f"  {name:40} {_off(aim)}" for name, aim in zip(names, best.aims, strict=True)]
+    out += [f"  {name:40} {_aim_text(aim)}" for name, aim in zip(names, best.aims, strict=True)]
     out.append(f"  {len(found.runs)} runs, {best.area:.4g} m2 of fabric, stretch at most {best.stretch:.4g}")
     if best.intersecting_pairs:
         out.append(f"  {best.intersecting_pairs} pairs of triangles intersect in the last state.")

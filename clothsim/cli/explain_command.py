@@ -8,7 +8,7 @@ import clothsim
 from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text import text_table
-from clothsim.cli.arguments import as_count, as_seconds
+from clothsim.cli.arguments import add_output_options, as_count, as_seconds
 from clothsim.cli.report import Report
 
 _DESCRIPTION = """\
@@ -27,11 +27,7 @@ def add_to(commands: Any) -> None:
     explain.add_argument("--steps", metavar="N", help="of a scene: number of steps (default 5)")
     explain.add_argument("--absent", action="store_true", help="of a scene: measure the effects that it does not name")
     explain.add_argument("--budget", metavar="TIME", help="of --absent: time to spend, 90s, 10min (default 60s)")
-    explain.add_argument(
-        "--json", action="store_true", help="the effects as JSON: {effect: {on, reason, seconds, ...}}"
-    )
-    explain.add_argument("--debug", action="store_true", help="show tracebacks")
-    explain.set_defaults(handler=_explain)
+    add_output_options(explain, json="the effects as JSON: {effect: {on, reason, seconds, ...}}", handler=_explain)
 
 
 def _explain(arguments: argparse.Namespace) -> Report:

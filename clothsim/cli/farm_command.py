@@ -1,4 +1,4 @@
-"""`clothsim farm` and `clothsim sweep`: many drapes of one recipe, none lost."""
+"""`clothsim farm`, `sweep` and `learn`: many drapes of one recipe, none lost, and a model of them."""
 
 import argparse
 import re
@@ -18,7 +18,7 @@ from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text import text_table
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import Parser, Renamed, as_count, as_positive_number, as_seconds
+from clothsim.cli.arguments import Parser, Renamed, add_output_options, as_count, as_positive_number, as_seconds
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
@@ -26,33 +26,18 @@ if TYPE_CHECKING:
     from clothsim.study.farm.plan import Farm, Job
     from clothsim.study.farm.status import Status
 
-FAULT = 1
-"""Exit code where a drape is torn or differs."""
+_LEARN = """\
+Learn the drapes of a farm as a function of its varied numbers, for [seed] from = "model".
 
-_DESCRIPTION = """\
-Make many drapes of one recipe: each is published once, whoever is killed. DIR is a folder, shared by all machines.
+  clothsim learn drapes -o model.npz
 
-  clothsim farm plan recipe.toml -o drapes
-  clothsim farm work drapes                    as often as there are cores, on any machine
-  clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
-  clothsim farm status drapes --watch
-  clothsim farm verify drapes --fraction .01
-  clothsim farm pack drapes -o data.h5         or a folder, for shards
-"""
-
-
-_SWEEP = """\
-Run a scene with every combination of the values of some keys, and list the verdicts: a farm in one process.
-
-  clothsim sweep sphere --vary cloth.fabric=cotton,denim --vary solver.dt=.02,.01 -o sweep
-
-A stopped sweep goes on; `clothsim farm work DIR` helps it from another process.
+The error is that of drapes that were held out, beside the error of the mean drape.
 """
 
 
 def add_to(commands: Any) -> None:
-    """Add both commands to the parser."""
-    farm = commands.add_parser("farm", description=_DESCRIPTION)
+    """Add the commands to the parser."""
+    farm = commands.add_parser("farm", description=_FARM)
     actions = farm.add_subparsers(metavar="ACTION", dest="action", parser_class=Parser, required=True)
     plan = actions.add_parser("plan", help="write the scene and values of every drape")
     plan.add_argument("recipe", type=Path, metavar="RECIPE", help="a TOML file with [farm] and [vary]")
@@ -82,18 +67,43 @@ def add_to(commands: Any) -> None:
     pack.add_argument("--sheet", action="store_true", help="leave contact sheets (PNG, HTML) beside it")
     pack.set_defaults(handler=_pack)
     for action in (plan, work, status, verify, pack):
-        action.add_argument("--quiet", action="store_true", help="print nothing but errors")
-        action.add_argument("--json", action="store_true", help="print the result as JSON")
-        action.add_argument("--debug", action="store_true", help="show tracebacks")
+        add_output_options(action, json="print the result as JSON", quiet="print nothing but errors")
     sweep = commands.add_parser("sweep", description=_SWEEP)
     sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     sweep.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,C", help="a key and its values")
     sweep.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of all")
     sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: the scene's name_sweep)")
-    sweep.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    sweep.add_argument("--json", action="store_true", help="print the rows as JSON")
-    sweep.add_argument("--debug", action="store_true", help="show tracebacks")
-    sweep.set_defaults(handler=_sweep)
+    add_output_options(sweep, json="print the rows as JSON", quiet="print nothing but errors", handler=_sweep)
+    learn = commands.add_parser("learn", description=_LEARN)
+    learn.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
+    learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default .25)")
+    learn.add_argument("--components", type=int, default=16, metavar="K", help="principal components (default 16)")
+    add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
+
+
+FAULT = 1
+"""Exit code where a drape is torn or differs."""
+
+_FARM = """\
+Make many drapes of one recipe: each is published once, whoever is killed. DIR is a folder, shared by all machines.
+
+  clothsim farm plan recipe.toml -o drapes
+  clothsim farm work drapes                    as often as there are cores, on any machine
+  clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
+  clothsim farm status drapes --watch
+  clothsim farm verify drapes --fraction .01
+  clothsim farm pack drapes -o data.h5         or a folder, for shards
+"""
+
+
+_SWEEP = """\
+Run a scene with every combination of the values of some keys, and list the verdicts: a farm in one process.
+
+  clothsim sweep sphere --vary cloth.fabric=cotton,denim --vary solver.dt=.02,.01 -o sweep
+
+A stopped sweep goes on; `clothsim farm work DIR` helps it from another process.
+"""
 
 
 def _plan(arguments: argparse.Namespace) -> Report:
@@ -120,7 +130,7 @@ def _work(arguments: argparse.Namespace) -> Report | int:
                     None if arguments.quiet or arguments.json else _line(farm),
                 )
             else:
-                _with_dask(arguments, farm, attempts, stale)
+                _work_with_dask(arguments, farm, attempts, stale)
         except KeyboardInterrupt:
             left = len(farm.jobs) - len(farm.published())
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
@@ -130,7 +140,7 @@ def _work(arguments: argparse.Namespace) -> Report | int:
     return Report(asdict(state), _text(state))
 
 
-def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale: float) -> None:
+def _work_with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale: float) -> None:
     def announce(link: str) -> None:
         if not arguments.quiet:
             print(f"dashboard: {link}", file=sys.stderr, flush=True)
@@ -152,10 +162,10 @@ def _status(arguments: argparse.Namespace) -> Report:
 
 def _verify(arguments: argparse.Namespace) -> Report:
     none = bool(re.fullmatch(r"0+(\.0*)?|\.0+", arguments.fraction))
-    share = 0.0 if none else as_positive_number("--fraction", arguments.fraction)
-    if share > 1:
+    fraction = 0.0 if none else as_positive_number("--fraction", arguments.fraction)
+    if fraction > 1:
         raise InputError(f"--fraction is {arguments.fraction!r}.", "Give a number from 0 to 1, such as .01.")
-    done = on_demand.verify(on_demand.open_farm(arguments.directory), share)
+    done = on_demand.verify(on_demand.open_farm(arguments.directory), fraction)
     lines = [f"{done.whole} drapes are whole, {len(done.torn)} torn."]
     if done.repeated + done.elsewhere:
         lines.append(
@@ -207,7 +217,7 @@ def _line(farm: "Farm") -> Any:
     """A callback that prints a line for each drape."""
 
     def show(job: "Job", made: "Drape") -> None:
-        verdict = "certified" if made.summary["usable"] else f"{made.summary['cause']}: {made.summary['reason']}"
+        verdict = on_demand.verdict_text(made.summary)
         print(f"{job.id} {made.summary.get('cpu_seconds', 0.0):.1f} s {verdict}", flush=True)
 
     return show
@@ -276,3 +286,15 @@ def _table(rows: list[dict[str, Any]]) -> str:
         for row in rows
     ]
     return text_table([*keys, "verdict", "Newton", "CPU s", "drape"], lines)
+
+
+def _learn(arguments: argparse.Namespace) -> Report:
+    made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, arguments.components)
+    made.model.write(arguments.output)
+    names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
+    return Report(
+        {"model": str(arguments.output), **{name: getattr(made, name) for name in names}},
+        f"{arguments.output}: {made.training} drapes learned, {made.held_out} held out, {made.left_out} left out "
+        f"(another mesh).\nerror of held-out drapes (rms): model {1e3 * made.error:.2f} mm, nearest drape "
+        f"{1e3 * made.nearest_error:.2f} mm, mean drape {1e3 * made.mean_error:.2f} mm.",
+    )

@@ -1,7 +1,9 @@
-"""`clothsim gradient`: derivatives of a loss of a run."""
+"""`clothsim gradient` and `clothsim recover`: derivatives of a loss of a run, and numbers of a scene from a drape."""
 
 import argparse
 import math
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,14 +11,23 @@ import clothsim
 from clothsim import engine, gradients
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.loss_arguments import LOSSES, loss_of, words
+from clothsim.cli.arguments import (
+    LOSSES,
+    add_output_options,
+    as_count,
+    as_positive_number,
+    loss_of,
+    meshed,
+    scene_or_run,
+    words,
+)
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
     from clothsim import Gradient
     from clothsim.base.arrays import Floats
 
-_DESCRIPTION = """\
+_GRADIENT = """\
 Run a scene and derive a loss of its last frame by numbers, bodies and states, with what the solves and the time steps
 cost the loss. One run and one pass back serve all names.
 
@@ -25,8 +36,8 @@ cost the loss. One run and one pass back serve all names.
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    gradient = commands.add_parser("gradient", description=_DESCRIPTION)
+    """Add the commands to the parser."""
+    gradient = commands.add_parser("gradient", description=_GRADIENT)
     gradient.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     gradient.add_argument("--loss", required=True, metavar="LOSS", help=" | ".join(LOSSES))
     gradient.add_argument(
@@ -34,9 +45,31 @@ def add_to(commands: Any) -> None:
     )
     gradient.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the arrays (.npz)")
     gradient.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
-    gradient.add_argument("--json", action="store_true", help="print JSON, the rest on stderr")
-    gradient.add_argument("--debug", action="store_true", help="show tracebacks")
-    gradient.set_defaults(handler=_gradient)
+    add_output_options(gradient, json="print JSON, the rest on stderr", handler=_gradient)
+    recover = commands.add_parser("recover", description=_RECOVER)
+    recover.add_argument(
+        "scene", type=Path, metavar="SCENE", help="a scene file (TOML), an example, or the directory of a run"
+    )
+    recover.add_argument(
+        "--target",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="a drape: a mesh, points (.xyz), or a run's directory",
+    )
+    recover.add_argument("--free", required=True, metavar="NAMES", help="youngs_modulus,pattern.front.width")
+    recover.add_argument(
+        "--pattern", type=Path, metavar="FILE", help="pattern of a cloth of arrays, as pattern.json of a dressed one"
+    )
+    recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
+    recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
+    recover.add_argument("--starts", default="2", metavar="N", help="starts of the search (default 2)")
+    recover.add_argument("--scale", default="1", metavar="FACTOR", help="metres per unit of the target")
+    recover.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
+    recover.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
+    add_output_options(
+        recover, json="print recovery.json, the rest on stderr", quiet="print the end only", handler=_recover
+    )
 
 
 def _gradient(arguments: argparse.Namespace) -> Report:
@@ -85,3 +118,98 @@ def _save(file: Path, derivatives: "dict[str, Floats]") -> None:
         on_demand.savez(file, **derivatives)  # type: ignore[arg-type]
     except OSError as error:
         raise InputError(f"{file} cannot be written ({error.strerror}).", "Choose another with -o.") from error
+
+
+RECOVERY_NAME = "recovery.json"
+
+_RECOVER = """\
+Find the numbers of a scene, as those of its fabric or of its pattern (pattern.front.width), for which it hangs as a
+target does: runs with gradients, from several starts, with the standard error of each number and what the target does
+not tell. With -o the run of the recovered scene and recovery.json are left there.
+
+  clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
+"""
+
+
+def _recover(arguments: argparse.Namespace) -> Report:
+    free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts)
+    scale = as_positive_number("--scale", arguments.scale)
+    if not arguments.target.exists():
+        raise InputError(f"There is no {arguments.target}.", "Name a mesh, an .xyz file or a run with --target.")
+    scene = scene_or_run(arguments.scene)
+    for assignment in arguments.set:
+        scene = engine.override(scene, assignment)
+    if arguments.output is not None:
+        engine.refuse_earlier_run(arguments.output, arguments.overwrite)
+    messages(arguments, f"{', '.join(free)} of {arguments.scene}")
+    loss = gradients.named_loss("target", engine.build(scene).world, arguments.target, scale)
+    pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
+    found = clothsim.recover(
+        scene,
+        loss,
+        free,
+        starts,
+        None
+        if arguments.quiet
+        else lambda start, each: _shown(start, each.values, each.failure or f"loss {each.loss:.4g}"),
+        pattern=pattern,
+    )
+    content = summary(found, type(loss).__name__)
+    code = 0 if found.best.intersecting_pairs == 0 else 1
+    if arguments.output is not None:
+        code = max(code, _run_recovered(found, arguments))
+        (arguments.output / RECOVERY_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
+    return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
+
+
+def _run_recovered(found: "clothsim.Recovery", arguments: argparse.Namespace) -> int:
+    run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
+    return 0 if run.status == "completed" else 1
+
+
+def _shown(start: int, values: Mapping[str, float], state: str) -> None:
+    numbers = ", ".join(f"{path} {value:.4g}" for path, value in values.items())
+    print(f"start {start}: {numbers}: {state}", file=sys.stderr, flush=True)
+
+
+def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:
+    """Return the content of recovery.json; errors that are infinite or not known are null."""
+
+    def finite(error: float) -> float | None:
+        return error if math.isfinite(error) else None
+
+    return {
+        "values": dict(found.values),
+        "relative_errors": {path: finite(error) for path, error in found.errors.items()},
+        "ratios": [
+            {"first": each.first, "second": each.second, "value": each.value, "relative_error": finite(each.error)}
+            for each in found.ratios
+        ],
+        "undetermined": [dict(weights) for weights in found.undetermined],
+        "at_limit": list(found.at_limit),
+        "loss": {"name": loss, "value": found.best.loss, "of_starts": list(found.minima)},
+        "newton_error": finite(found.best.newton_error),
+        "intersecting_pairs": found.best.intersecting_pairs,
+        "runs": found.runs,
+    }
+
+
+def lines(found: "clothsim.Recovery", directory: Path | None) -> list[str]:
+    """Return the result in lines for the user."""
+    out = [f"  {path:32} {value:.6g} {_error(found.errors[path])}" for path, value in found.values.items()]
+    out += [f"  {each.first} / {each.second}: {each.value:.6g} {_error(each.error)}" for each in found.ratios]
+    for weights in found.undetermined:
+        moves = " ".join(f"{path}^{weight:+.2f}" for path, weight in weights.items() if abs(weight) > 0.05)
+        out.append(f"  The target says nothing of {moves}.")
+    out += [f"  {path} is at the end of the range that was searched." for path in found.at_limit]
+    others = ", ".join(f"{each:.4g}" for each in found.minima)
+    out.append(f"  loss {found.best.loss:.4g} after {found.runs} runs (by starts: {others})")
+    if found.best.intersecting_pairs:
+        out.append(f"  {found.best.intersecting_pairs} pairs of triangles intersect in the last state.")
+    return out if directory is None else [*out, f"  files     {directory}: {RECOVERY_NAME} and the run"]
+
+
+def _error(error: float) -> str:
+    if math.isnan(error):
+        return "(no standard error: the loss is no sum of squares)"
+    return f"+- {100 * error:.2g} %" if math.isfinite(error) else "(not determined by the target)"

@@ -5,28 +5,30 @@ from typing import TYPE_CHECKING
 from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from numba.core.event import Listener, install_listener
     from numpy import savez
     from numpy.linalg import norm
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
 
+    from clothsim.base.kernel_cache import cached_kernels
     from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
-    from clothsim.garments.dress.pictures import draw_dress, draw_sewing
-    from clothsim.garments.fit.before_after import draw_fit
-    from clothsim.garments.penetration_report import draw_penetrations, entries, read_penetration_report
+    from clothsim.garments.penetration import draw_penetrations, entries, read_penetration_report
+    from clothsim.garments.pictures import draw_dress, draw_fit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
-    from clothsim.study.answer import answer, settings_text
     from clothsim.study.farm.claims import worker_of
     from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
-    from clothsim.study.farm.dask_work import work_with_dask
     from clothsim.study.farm.pack import pack
     from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe
-    from clothsim.study.farm.status import status, write_manifest
-    from clothsim.study.farm.verify import verify
-    from clothsim.study.farm.work import work
+    from clothsim.study.farm.status import status, verdict_text, verify, write_manifest
+    from clothsim.study.farm.work import work, work_with_dask
     from clothsim.study.goal_report import NamedGoal, goal_lines
-    from clothsim.study.headline import UNFINISHED
-    from clothsim.study.learned.learn import learn
+    from clothsim.study.learned_drapes import learn
     from clothsim.study.presets import with_preset
+    from clothsim.study.report import answer, settings_text
+    from clothsim.study.result import UNFINISHED
     from clothsim.viewer.preview import preview
     from transfer.signed_distance import body_surface
 

@@ -1,4 +1,4 @@
-"""Progress on stderr: a bar on a terminal, a plain line every few seconds elsewhere.
+"""Progress on stderr: a bar on a terminal, a plain line every few seconds elsewhere; before them, compilation.
 
 The estimate of what is left excludes the time that kernels take to compile: the first step of a first run has most.
 """
@@ -7,11 +7,14 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict
+from threading import Event, Thread
 from time import perf_counter
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from clothsim import engine
 from clothsim.base.text import length
-from clothsim.cli.events import stream
+from clothsim.cli import on_demand
+from clothsim.cli.report import stream
 
 if TYPE_CHECKING:
     from clothsim import Progress
@@ -45,8 +48,6 @@ def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
     if quiet:
         yield lambda progress: None
         return
-    from clothsim.cli.compilation import compilation_notice, installed_clock  # numba
-
     with installed_clock() as compiling, compilation_notice(compiling) as end_notice:
 
         def now() -> float:
@@ -98,17 +99,13 @@ class Lines:
 
 @contextmanager
 def _bar(now: Callable[[], float] = perf_counter) -> "Iterator[Callable[[Progress], None]]":
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
-
     columns = (
-        TextColumn("{task.fields[where]}"),
-        BarColumn(bar_width=24),
-        TimeRemainingColumn(compact=True),
-        TextColumn("{task.fields[state]}"),
+        on_demand.TextColumn("{task.fields[where]}"),
+        on_demand.BarColumn(bar_width=24),
+        on_demand.TimeRemainingColumn(compact=True),
+        on_demand.TextColumn("{task.fields[state]}"),
     )
-    bar = Bar(*columns, console=Console(stderr=True), redirect_stdout=False, get_time=now)
+    bar = on_demand.Bar(*columns, console=on_demand.Console(stderr=True), redirect_stdout=False, get_time=now)
     task = bar.add_task("", total=None, where="", state="")
 
     before = ("", 0)
@@ -170,3 +167,93 @@ def frame_counter(quiet: bool) -> Callable[[int, int], None]:
             print(f"\rframe {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
 
     return progress
+
+
+COMPILE = "numba:compile"
+"""Numba's event around a compilation; a kernel that comes from the cache raises none."""
+
+KERNELS = 63
+"""Those of a drape on a body with self contact and friction, up to its picture (scenes/sphere.toml)."""
+
+SECONDS = 40
+"""Their compilation in two processes on two cores."""
+
+
+class CompilationClock:
+    """Listener of numba: sum of the seconds of compilation since it was installed, that under way included.
+
+    Attributes
+    ----------
+    kernel : str
+        Module and name of the kernel under way, or of the last one; empty before the first.
+    """
+
+    def __init__(self) -> None:
+        self.kernel = ""
+        self._depth = 0
+        self._began = 0.0
+        self._finished = 0.0
+
+    def notify(self, event: Any) -> None:
+        """Take an event of numba."""
+        (self.on_start if event.is_start else self.on_end)(event)
+
+    def on_start(self, event: Any) -> None:
+        """Begin with the outermost: what a kernel calls is compiled within it."""
+        if self._depth == 0:
+            self._began = perf_counter()
+            function = getattr(event.data["dispatcher"], "py_func", None)
+            self.kernel = "" if function is None else f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Add the time of the outermost."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._finished += perf_counter() - self._began
+
+    def seconds(self) -> float:
+        """Wall time of compilation up to now [s]."""
+        return self._finished + (perf_counter() - self._began if self._depth else 0.0)
+
+
+def installed_clock() -> Any:
+    """A context with a clock that listens to numba."""
+    on_demand.Listener.register(CompilationClock)
+    return on_demand.install_listener(COMPILE, CompilationClock())
+
+
+@contextmanager
+def compilation_notice(clock: CompilationClock) -> Iterator[Callable[[], object]]:
+    """Print that kernels are compiled, how many and which, every few seconds until the yielded function is called.
+
+    Nothing is printed where they are in the cache.
+    """
+    if engine.kernels_are_compiled():
+        yield lambda: None
+        return
+    over, began, before = Event(), perf_counter(), on_demand.cached_kernels()
+    print(f"compiling the kernels once, about {SECONDS} s; later runs find them compiled", file=sys.stderr, flush=True)
+
+    def report() -> None:
+        while not over.wait(SECONDS_BETWEEN_LINES):
+            line = progress_text(on_demand.cached_kernels() - before, perf_counter() - began, clock.kernel)
+            print(line, file=sys.stderr, flush=True)
+
+    Thread(target=report, daemon=True).start()
+    try:
+        yield over.set
+    finally:
+        over.set()
+
+
+def progress_text(done: int, seconds: float, kernel: str) -> str:
+    """Number of kernels compiled in that time [s], and the one under way.
+
+    Examples
+    --------
+    >>> progress_text(20, 8.0, "membrane_kernels.fill")
+    'compiling: 20 of about 63 kernels, 8 s (membrane_kernels.fill)'
+    """
+    now = f" ({kernel})" if kernel else ""
+    return f"compiling: {done} of about {max(KERNELS, done)} kernels, {seconds:.0f} s{now}"

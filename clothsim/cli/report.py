@@ -1,10 +1,13 @@
-"""What a command answers, printed in one place: its text, or one document with `--json`."""
+"""What a command answers: its text, or one document with `--json`, and events in place of what it prints on stderr."""
 
 import argparse
+import io
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import IO, Any
 
 from clothsim import __version__
 from clothsim.cli import on_demand
@@ -57,3 +60,59 @@ def messages(arguments: argparse.Namespace, subject: object = None) -> Callable[
     if subject is not None:
         message(f"clothsim {__version__}: {arguments.command} {subject}")
     return message
+
+
+class EventStream(io.TextIOBase):
+    """A text stream that writes each line as {"event": "message", "text": ...} to another one."""
+
+    def __init__(self, target: IO[str]) -> None:
+        self._target = target
+        self._rest = ""
+
+    def writable(self) -> bool:
+        """True."""
+        return True
+
+    def write(self, text: str) -> int:
+        """Take text; whole lines are written."""
+        *lines, self._rest = f"{self._rest}{text}".replace("\r", "\n").split("\n")
+        for line in lines:
+            if line.strip():
+                self.event("message", text=line.rstrip())
+        return len(text)
+
+    def event(self, kind: str, **content: Any) -> None:
+        """Write one event; numbers that are not finite as null."""
+        self._target.write(f"{on_demand.to_json({'event': kind, **content})}\n")
+        self._target.flush()
+
+    def finish(self) -> None:
+        """Write the last line where it has no end."""
+        if self._rest:
+            self.write("\n")
+
+
+@contextmanager
+def events(words: Sequence[str]) -> Iterator[None]:
+    """Make stderr a stream of events where the words of a command have --json; else do nothing."""
+    if "--json" not in words:
+        yield
+        return
+    before = sys.stderr
+    stream = EventStream(before)
+    sys.stderr = stream
+    try:
+        yield
+    finally:
+        stream.finish()
+        sys.stderr = before
+
+
+def stream() -> EventStream | None:
+    """The stream of events; None for a command without --json."""
+    return sys.stderr if isinstance(sys.stderr, EventStream) else None
+
+
+def program() -> str:
+    """The name of the command line as it was called."""
+    return "python -m clothsim" if Path(sys.argv[0]).name == "__main__.py" else "clothsim"

@@ -1,21 +1,26 @@
-"""`clothsim run` and `clothsim resume`."""
+"""`clothsim run` and `clothsim resume`: a simulation, with its settings and its result as text."""
 
 import argparse
+import os
+import shlex
+import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import nullcontext
+import textwrap
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import clothsim
-from clothsim import engine
+from clothsim import engine, files
 from clothsim.base.errors import InputError
-from clothsim.cli import on_demand, progress, run_report
-from clothsim.cli.arguments import as_count, as_length, as_positive_number
-from clothsim.cli.progress import frame_counter
-from clothsim.cli.report import Report, messages
-from clothsim.cli.view_command import page_of
+from clothsim.base.text import length, many
+from clothsim.cli import on_demand, progress
+from clothsim.cli.arguments import add_output_options, as_count, as_length, as_positive_number
+from clothsim.cli.progress import clock, frame_counter
+from clothsim.cli.report import Report, messages, program
 
 if TYPE_CHECKING:
     from clothsim import Run, Scene
@@ -63,9 +68,41 @@ def add_to(commands: Any) -> None:
         command.add_argument("--no-picture", action="store_true", help="leave no picture.png and no failure.png")
         command.add_argument("--movie", action="store_true", help="leave movie.mp4 too, movie.gif without ffmpeg")
         command.add_argument("--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1")
-        command.add_argument("--quiet", action="store_true", help="print the end only")
-        command.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
-        command.add_argument("--debug", action="store_true", help="show tracebacks")
+        add_output_options(command, json="print the summary as JSON, the rest on stderr", quiet="print the end only")
+
+
+PATIENCE = 5.0
+"""Time that the page of a run has to end in [s]."""
+
+
+@contextmanager
+def page_of(directory: Path) -> Iterator[None]:
+    """Serve the page of a run that is about to begin, by a process of its own.
+
+    Neither slows the other. On a terminal it stays after the run, until Ctrl-C.
+
+    Raises
+    ------
+    InputError
+        viser is not installed.
+    """
+    if find_spec("viser") is None:
+        raise InputError("The page needs the package viser.", "pip install 'clothsim[view]'")
+    command = [sys.executable, "-m", "clothsim", "view", str(directory), "--wait"]
+    with subprocess.Popen(command, stdout=sys.stderr) as page:
+        try:
+            yield
+            if sys.stderr.isatty() and page.poll() is None:
+                print("The page stays until Ctrl-C.", file=sys.stderr, flush=True)
+                page.wait()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            page.terminate()
+            try:
+                page.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                page.kill()
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -73,7 +110,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
     scene = clothsim.load_scene(arguments.scene)
     if arguments.preset is not None:
-        scene = _with_preset(scene, arguments)
+        scene = _apply_preset(scene, arguments)
     for assignment in arguments.set:
         scene = engine.override(scene, assignment)
     if arguments.error is not None:
@@ -105,7 +142,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return code
 
 
-def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
+def _apply_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
     """The scene with the settings of a preset, whose error is estimated; prints them."""
     scene, settings_text = on_demand.with_preset(scene, arguments.preset)
     messages(arguments)(f"preset {arguments.preset}: {settings_text}")
@@ -133,14 +170,14 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     if step is not None:
         (directory / ITERATES.format(step)).unlink(missing_ok=True)  # of an earlier run
     message = messages(arguments, subject)
-    note = run_report.existing_files_note if arguments.command == "run" else run_report.resumption_note
+    note = existing_files_note if arguments.command == "run" else resumption_note
     before = note(directory)
 
     sessions: list[Session] = []
 
     def announce(session: "Session") -> None:
         sessions.append(session)
-        message(run_report.settings(session, directory, before))
+        message(settings(session, directory, before))
 
     try:
         with progress.shown(arguments.quiet) as listener:
@@ -154,9 +191,121 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
             progress=frame_counter(arguments.quiet),
         )
     except KeyboardInterrupt:
-        print(run_report.stopped(directory), file=sys.stderr)
+        print(stopped(directory), file=sys.stderr)
         return INTERRUPTED
     if step is not None and not (run.directory / ITERATES.format(step)).is_file():
         trouble.append(f"No {ITERATES.format(step)}: the run took {run.summary['steps']} steps.")
     code = 0 if run.status == "completed" else 1
-    return Report(run.summary, run_report.verdict(run, trouble), code, verdict=True).show(arguments)
+    return Report(run.summary, verdict(run, trouble), code, verdict=True).show(arguments)
+
+
+WIDTH = 100
+
+
+def existing_files_note(directory: Path) -> str:
+    """A note on files that the output directory holds already; empty where there are none."""
+    if not directory.is_dir() or not any(directory.iterdir()):
+        return ""
+    if any((directory / name).is_file() for name in (on_demand.RECORD_NAME, files.TRAJECTORY_NAME)):
+        return f"{directory} holds an earlier run, which is replaced."
+    return f"{directory} holds other files. They stay; one named as a file of the run is replaced."
+
+
+def resumption_note(directory: Path) -> str:
+    """A note on the time and frame of a run that is resumed."""
+    saved = files.read_checkpoint(directory / files.CHECKPOINT_NAME)
+    return f"Continues at {saved.time:g} s, after frame {saved.frame}."
+
+
+def settings(session: "Session", directory: Path, before: str) -> str:
+    """The settings of a run, one line each."""
+    built, scene, integrator = session.built, session.scene, session.integrator
+    solver, run = scene.solver_settings, scene.run_settings
+    world = built.world
+    on = [name for name in scene.effects if name not in built.off]
+    sizes = f"{world.n_cloth:,} vertices and {len(world.triangles):,} triangles of cloth"
+    if world.bodies:
+        body_vertices = sum(len(body.positions) for body in world.bodies)
+        names = ", ".join(body.name for body in world.bodies)
+        sizes += f"; {body_vertices:,} vertices and {len(world.body_triangles):,} triangles of {names}"
+    threads = many(integrator.system.solver.threads, "thread")
+    kind = {"backward_euler": "backward Euler", "bdf2": "BDF2"}[integrator.formula]
+    if "inertia" not in built.energies:
+        kind = "quasi-static, loads grow over the duration"
+    steps = f"steps of {integrator.dt:g} s"
+    if solver.error:
+        steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
+    end = f"{'until rest, at most ' if run.until == 'rest' else ''}{run.duration:g} s"
+    newton = f"to {integrator.settings.tolerance:g} m/s"
+    if integrator.settings.error_fraction and "inertia" in built.energies:
+        newton = f"to {integrator.settings.error_fraction:g} of the time error"
+        newton += ", forces balanced" if integrator.settings.converge else " of the motion"
+    rows = [
+        ("output", f"{directory}{os.sep}"),
+        ("mesh", sizes),
+        ("effects", ", ".join(on)),
+        *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
+        ("time", f"{end} in {steps}, {run.frames_per_second:g} frames a second"),
+        ("solver", f"{kind}; Newton {newton}; {integrator.system.solver.name}, {threads}"),
+        *(("note", note) for note in session.notes),
+        *([("note", before)] if before else []),
+    ]
+    return "\n".join(_row(name, text) for name, text in rows)
+
+
+def verdict(run: "Run", trouble: list[str]) -> str:
+    """The result of a run: status, reason, certificate in three lines, error, final notes, effort, files."""
+    summary = run.summary
+    files = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
+    rejections = summary["rejected_steps"]
+    rejected = f" ({rejections:,} rejected for their error)" if rejections else ""
+    restarts = summary.get("restarted_steps", 0)
+    rejected += f" ({restarts:,} by backward Euler at impacts)" if restarts else ""
+    parts = summary.get("regional_iterations", 0)
+    patch_iterations = f" and {parts:,} on patches" if parts else ""
+    newton = f"{many(summary['newton_iterations'], 'Newton iteration')}{patch_iterations}"
+    effort = (
+        f"{clock(summary['wall_seconds'])} ({clock(summary['warmup_seconds'])} to start), "
+        f"{many(summary['steps'], 'step')}{rejected}, {newton}, "
+        f"{summary['peak_memory_bytes'] / 1e6:.0f} MB of memory at most"
+    )
+    rows = [
+        *run.certificate_rows,
+        *(("found", text) for text in summary.get("found", [])),
+        ("effort", effort),
+        ("files", f"{run.directory}{os.sep}: {', '.join(files)}"),
+    ]
+    lines = [f"{summary['status']}: {summary['reason']}", *(_row(name, text) for name, text in rows), *trouble]
+    if summary["status"] != "completed":
+        lines += _after_failure(run)
+    return "\n".join(lines)
+
+
+def _after_failure(run: "Run") -> list[str]:
+    """The remedy, the last good state, and the commands that examine and pack the failure."""
+    failure = run.summary["failure"]
+    saved = files.read_checkpoint(run.directory / files.CHECKPOINT_NAME)
+    directory = shlex.quote(str(run.directory))
+    return [
+        failure["remedy"],
+        f"The last good state is step {saved.step} at {saved.time:g} s; the last frame is number {len(run.times) - 1}.",
+        f"To examine it: {program()} resume {directory} --dump-iterates {failure['step']}",
+        f"To report it: {program()} bundle {directory}",
+    ]
+
+
+def stopped(directory: Path) -> str:
+    """The line that follows Ctrl-C."""
+    if (directory / files.CHECKPOINT_NAME).is_file():
+        return f"Stopped. Continue with: {program()} resume {shlex.quote(str(directory))}"
+    return "Stopped before the first step: there is nothing to resume."
+
+
+_ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
+
+
+def _row(name: str, text: str) -> str:
+    """A name and its text, broken at WIDTH."""
+    return textwrap.fill(
+        text, WIDTH, initial_indent=f"  {name:<8} ", subsequent_indent=" " * 11, break_long_words=False
+    )

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import Renamed, as_count, as_seconds
-from clothsim.cli.loss_arguments import loss_of, words
+from clothsim.cli.arguments import Renamed, add_output_options, as_count, as_seconds, loss_of, words
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
 from clothsim.cli.report import Report, messages
 
@@ -47,10 +46,7 @@ def add_to(commands: Any) -> None:
     study.add_argument("--budget", default="120s", metavar="TIME", help="of the whole study: 90s, 10min (default 120s)")
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
     study.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
-    study.add_argument("--quiet", action="store_true", help="print the end only")
-    study.add_argument("--json", action="store_true", help="print study.json, the rest on stderr")
-    study.add_argument("--debug", action="store_true", help="show tracebacks")
-    study.set_defaults(handler=_study)
+    add_output_options(study, json="print study.json, the rest on stderr", quiet="print the end only", handler=_study)
 
 
 def _study(arguments: argparse.Namespace) -> Report:
@@ -123,12 +119,8 @@ def _lines() -> "Callable[[Progress], None]":
 
 @contextmanager
 def _bar() -> "Iterator[Callable[[Progress], None]]":
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn
-    from rich.progress import Progress as Bar
-
-    columns = (BarColumn(bar_width=24), TextColumn("{task.fields[state]}"))
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    columns = (on_demand.BarColumn(bar_width=24), on_demand.TextColumn("{task.fields[state]}"))
+    with on_demand.Bar(*columns, console=on_demand.Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0, state="")
 
         def listener(progress: "Progress") -> None:

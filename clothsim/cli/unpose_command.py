@@ -9,7 +9,7 @@ import clothsim
 from clothsim import engine, files
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import as_frame
+from clothsim.cli.arguments import add_output_options, as_frame
 from clothsim.cli.report import Report
 
 _UNPOSE = """\
@@ -30,9 +30,7 @@ def add_to(commands: Any) -> None:
     unpose.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`, with a body model")
     unpose.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="an .npz")
     unpose.add_argument("--field", action="store_true", help="weights of each canonical position itself")
-    unpose.add_argument("--json", action="store_true", help="print frames, vertices and residuals as JSON")
-    unpose.add_argument("--debug", action="store_true", help="show tracebacks")
-    unpose.set_defaults(handler=_unpose)
+    add_output_options(unpose, json="print frames, vertices and residuals as JSON", handler=_unpose)
     repose = commands.add_parser("repose", description=_REPOSE)
     repose.add_argument("file", type=Path, metavar="FILE", help="what `clothsim unpose` left")
     repose.add_argument("scene", type=Path, metavar="SCENE", help="a scene with the same body model")
@@ -40,9 +38,7 @@ def add_to(commands: Any) -> None:
     repose.add_argument("--cloth", metavar="NAME", help="which of several")
     repose.add_argument("--frame", default="last", metavar="N", help="0, 1, ... or last (default: last)")
     repose.add_argument("--time", default="0", metavar="S", help="of the scene's motion [s] (default: 0)")
-    repose.add_argument("--json", action="store_true", help="print vertices, those inside and depth as JSON")
-    repose.add_argument("--debug", action="store_true", help="show tracebacks")
-    repose.set_defaults(handler=_repose)
+    add_output_options(repose, json="print vertices, those inside and depth as JSON", handler=_repose)
 
 
 def _unpose(arguments: argparse.Namespace) -> Report:

@@ -1,53 +1,59 @@
-"""`clothsim view`: the page of a run in a browser."""
+"""`clothsim view` and `preview`: the page of a run, and that of a model of drapes, in a browser."""
 
 import argparse
-import subprocess
 import sys
 import time
 import webbrowser
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from importlib.util import find_spec
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import clothsim
 from clothsim import files
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.cli.arguments import as_count
+from clothsim.cli import on_demand
+from clothsim.cli.arguments import add_output_options, as_count
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
     from clothsim.viewer.served import Served
 
-_DESCRIPTION = """\
+_VIEW = """\
 Show a run in a browser, also one that is still going: turn and scrub it, colour it by a field, pick a vertex. Needs
 pip install 'clothsim[view]'. Ctrl-C ends it.
 
   clothsim view drape
   clothsim view drape --field stress --port 9000
 """
+_PREVIEW = """\
+Move the inputs of a model of drapes in a browser: the predicted garment with the verdict of the exact test, and a
+button that drapes and certifies. Needs pip install 'clothsim[view]'. Ctrl-C ends it.
+
+  clothsim preview drapes model.npz
+"""
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to the parser."""
-    view = commands.add_parser("view", description=_DESCRIPTION)
+    """Add the commands to the parser."""
+    view = commands.add_parser("view", description=_VIEW)
     view.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     view.add_argument("--field", metavar="NAME", help="plain, stretch, stress, compression, ... (default: stretch)")
     view.add_argument("--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)")
     view.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="0.0.0.0 opens it to the network")
     view.add_argument("--wait", action="store_true", help="wait for the first frame of a run that has just begun")
     view.add_argument("--browser", action="store_true", help="open the browser too")
-    view.add_argument("--quiet", action="store_true", help="print nothing")
-    view.add_argument("--json", action="store_true", help="print the address as JSON")
-    view.add_argument("--debug", action="store_true", help="show tracebacks")
-    view.set_defaults(handler=_view)
+    add_output_options(view, json="print the address as JSON", quiet="print nothing", handler=_view)
+    shown = commands.add_parser("preview", description=_PREVIEW)
+    shown.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm, or a scene file of the same")
+    shown.add_argument("model", type=Path, metavar="MODEL", help="the output of `clothsim learn`")
+    shown.add_argument("--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)")
+    shown.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="0.0.0.0 opens it to the network")
+    shown.add_argument("--browser", action="store_true", help="open the browser too")
+    add_output_options(shown, json="print the address as JSON", quiet="print nothing", handler=_preview)
 
 
 LONGEST_WAIT, PAUSE = 600.0, 0.3
 """Time to wait for a first frame, and between two looks [s]."""
-PATIENCE = 5.0
-"""Time that the page of a run has to end in [s]."""
 
 
 def _view(arguments: argparse.Namespace) -> int:
@@ -80,31 +86,8 @@ def _await_frame(directory: Path) -> None:
     raise InputError(f"{directory} had no frame after {LONGEST_WAIT:g} s.", "Start `clothsim view` when it has one.")
 
 
-@contextmanager
-def page_of(directory: Path) -> Iterator[None]:
-    """Serve the page of a run that is about to begin, by a process of its own.
-
-    Neither slows the other. On a terminal it stays after the run, until Ctrl-C.
-
-    Raises
-    ------
-    InputError
-        viser is not installed.
-    """
-    if find_spec("viser") is None:
-        raise InputError("The page needs the package viser.", "pip install 'clothsim[view]'")
-    command = [sys.executable, "-m", "clothsim", "view", str(directory), "--wait"]
-    with subprocess.Popen(command, stdout=sys.stderr) as page:
-        try:
-            yield
-            if sys.stderr.isatty() and page.poll() is None:
-                print("The page stays until Ctrl-C.", file=sys.stderr, flush=True)
-                page.wait()
-        except KeyboardInterrupt:
-            pass
-        finally:
-            page.terminate()
-            try:
-                page.wait(PATIENCE)
-            except subprocess.TimeoutExpired:
-                page.kill()
+def _preview(arguments: argparse.Namespace) -> int:
+    port, given = as_count("--port", arguments.port), arguments.directory
+    scene = clothsim.load_scene(given) if given.suffix == ".toml" else on_demand.open_farm(given).scene
+    page = on_demand.preview(scene, arguments.model, port=port, host=arguments.host)
+    return served(page, arguments, arguments.model)

@@ -15,8 +15,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_arrays
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import PlacedCharacter, character_of_scene
-from transfer.canonical import PosedBody, unposed_in_field
-from transfer.diffuse import kernel_average
+from transfer.canonical import PosedBody, kernel_average, unposed_in_field
 from transfer.errors import TransferError
 
 if TYPE_CHECKING:
@@ -70,8 +69,8 @@ class CanonicalGarments:
         if name is None and len(self.names) == 1:
             return slice(0, int(self.starts[1]))
         if name not in self.names:
-            said = "There are several cloths" if name is None else f"There is no cloth {name!r}"
-            raise InputError(f"{said}.", f"Name one of: {', '.join(self.names)}.")
+            sentence = "There are several cloths" if name is None else f"There is no cloth {name!r}"
+            raise InputError(f"{sentence}.", f"Name one of: {', '.join(self.names)}.")
         k = self.names.index(name)
         return slice(int(self.starts[k]), int(self.starts[k + 1]))
 

@@ -296,7 +296,7 @@ def border_sides(rest: Floats, triangles: Ints) -> tuple[Ints, ...]:
 
     Examples
     --------
-    >>> from clothsim.mesh.generators.sheets import rectangle
+    >>> from clothsim.mesh.generators.shapes import rectangle
     >>> [len(side) for side in border_sides(*rectangle(cells=(4, 2)))]
     [5, 3, 5, 3]
     """

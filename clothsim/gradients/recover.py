@@ -24,7 +24,7 @@ from clothsim.gradients.parameters import full_path, value_at, with_value
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.run import Trace, traced
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import world_surfaces
 from clothsim.patterns.pattern_mesh import PatternMesh
 from clothsim.scene.scene import Scene
 

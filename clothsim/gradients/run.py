@@ -24,10 +24,10 @@ from clothsim.gradients.exact_system import MOST_STEPS
 from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Function, Loss, as_loss
 from clothsim.physics.energies.protocols import AdaptiveStiffness
-from clothsim.run.certificate.certificate import Certificate
-from clothsim.run.output_directory import new_output
+from clothsim.run.certificate import Certificate
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run
 from clothsim.run.results import Run
+from clothsim.run.resume import new_output
 from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene

@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.mesh.degenerate import coincidence, duplicates, flat_triangles
-from clothsim.mesh.manifold import bow_tie_vertices, fin_edges, joined_half_edges, one_sided_edge, turned_triangles
-from clothsim.mesh.topology import half_edges
+from clothsim.mesh.topology import coincidence, duplicates, flat_triangles, half_edges
+from clothsim.mesh.winding import bow_tie_vertices, fin_edges, joined_half_edges, one_sided_edge, turned_triangles
 
 Severity = Literal["error", "warning"]
 Role = Literal["cloth", "sewn cloth", "body"]

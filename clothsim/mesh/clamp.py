@@ -17,7 +17,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.mesh.hinges import Hinges, corner_over_edge, join_hinges
+from clothsim.mesh.cloth import Hinges, corner_over_edge, join_hinges
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World
 

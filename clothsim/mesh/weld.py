@@ -4,8 +4,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_points, as_positive, as_triangles
 from clothsim.base.errors import InputError
-from clothsim.mesh.degenerate import coincidence, duplicates
-from clothsim.mesh.topology import border_vertices, vertex_rings
+from clothsim.mesh.topology import border_vertices, coincidence, duplicates, vertex_rings
 
 MOST_PAIRS = 200
 """Bound on the mean number of close neighbours of a border vertex: beyond it memory would be exhausted."""

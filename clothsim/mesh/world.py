@@ -1,21 +1,22 @@
 """World: cloths and bodies in one array of vertices, and the rest quantities that the energies need.
 
 Rows of x: first the unknowns, which are the vertices of all cloths and the coordinates of rigid bodies; then the
-vertices of all bodies, those of rigid ones last; then ghosts (see `clamp`).
+vertices of all bodies, those of rigid ones last; then ghosts (see `clamp`). A world far from the origin is given a
+local one: round-off is then that of its size, not of its position.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.mesh.body import Body
-from clothsim.mesh.cloth import Cloth
-from clothsim.mesh.hinges import Hinges, cloth_hinges, join_hinges
-from clothsim.mesh.motion import FreeMotion
+from clothsim.mesh.body import Body, FreeMotion, RigidMotion
+from clothsim.mesh.cloth import Cloth, Hinges, cloth_hinges, join_hinges
 from clothsim.mesh.rigid_body import RigidBody
 from clothsim.mesh.topology import unique_edges
 
@@ -33,7 +34,7 @@ class World:
     ghosts : (g, 3) float64
         Ghost vertices of clamps at the start [m].
     origin : (3,) float64
-        Origin of all positions in the coordinates of the scene [m] (see `local_origin`).
+        Origin of all positions in the coordinates of the scene [m] (see `with_local_origin`).
     rigid : tuple of RigidBody
         Rigid bodies that forces move.
     """
@@ -207,3 +208,119 @@ def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = (), rigid: Sequ
 def _slices(sizes: Sequence[int], start: int) -> tuple[slice, ...]:
     ends = start + np.cumsum([0, *sizes])
     return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A cloth or body.
+
+    rows: of x; triangles (m, 3): in rows of x; moving: False where its positions are the same in all frames; rigid:
+    True for a rigid body that forces move.
+    """
+
+    name: str
+    role: Literal["cloth", "body"]
+    rows: slice
+    triangles: Ints
+    moving: bool
+    rigid: bool = False
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices."""
+        return self.rows.stop - self.rows.start
+
+    @property
+    def own_triangles(self) -> Ints:
+        """The triangles counted from the surface's own first vertex, (m, 3)."""
+        return self.triangles - self.rows.start
+
+
+def world_surfaces(world: World) -> tuple[Surface, ...]:
+    """The surfaces of a world in the order of its rows of x: cloths, then bodies."""
+    cloths = [
+        Surface(cloth.name, "cloth", rows, cloth.triangles + rows.start, True)
+        for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
+    ]
+    prescribed = len(world.prescribed_bodies)
+    bodies = [
+        Surface(
+            body.name,
+            "body",
+            rows,
+            body.triangles + rows.start,
+            moving=not body.motion.still or number >= prescribed,
+            rigid=number >= prescribed,
+        )
+        for number, (body, rows) in enumerate(zip(world.bodies, world.body_slices, strict=True))
+    ]
+    return (*cloths, *bodies)
+
+
+def check_surfaces(surfaces: Sequence[Surface]) -> None:
+    """InputError unless at least one cloth, then the bodies, follow one another in x from row 0.
+
+    There is no gap, but for the coordinates of rigid bodies between the cloths and the bodies.
+    """
+    roles = [surface.role for surface in surfaces]
+    if "cloth" not in roles:
+        raise InputError("A trajectory needs at least one cloth.")
+    if roles != sorted(roles, reverse=True):
+        raise InputError("The cloths of a trajectory come before its bodies.")
+    end, gap = 0, any(surface.rigid for surface in surfaces)
+    for surface in surfaces:
+        if surface.role == "body" and gap and surface.rows.start > end:
+            gap, end = False, surface.rows.start
+        if surface.rows.start != end or surface.rows.stop < end:
+            raise InputError(f"{surface.name} has rows {surface.rows.start}..{surface.rows.stop} of x, not from {end}.")
+        end = surface.rows.stop
+
+
+def same_surfaces(one: Sequence[Surface], other: Sequence[Surface]) -> bool:
+    """True where both have the same names, rows, triangles and motions in the same order."""
+
+    def key(surface: Surface) -> tuple[object, ...]:
+        return surface.name, surface.role, surface.n_vertices, surface.moving
+
+    return [key(s) for s in one] == [key(s) for s in other] and all(
+        np.array_equal(a.own_triangles, b.own_triangles) for a, b in zip(one, other, strict=True)
+    )
+
+
+FAR = 100.0
+"""Distance from the origin, in sizes of the cloth, from which on a world gets a local origin."""
+
+COARSEST = 1e-6
+"""Spacing of the coordinates in double precision, in sizes of the cloth, from which on a world is refused: neither its
+meshes nor its frames could hold the shape."""
+
+
+def with_local_origin(world: World) -> World:
+    """Return the world relative to the centre of its cloths, with `origin` set; unchanged where that is near.
+
+    InputError where it is so far that coordinates there do not resolve the cloth.
+    """
+    cloth = world.start()[: world.n_cloth]
+    low, high = cloth.min(axis=0), cloth.max(axis=0)
+    middle = 0.5 * (low + high)
+    if math.hypot(*middle) <= FAR * math.hypot(*(high - low)):
+        return world
+    size, far = math.hypot(*(high - low)), float(np.abs(middle).max())
+    spacing = float(np.spacing(far))
+    if spacing > COARSEST * size:
+        raise InputError(
+            f"{world.cloths[0].name} is {far:.2g} m from the origin, where double precision tells "
+            f"only points {spacing:.2g} m apart; the cloth is {size:.2g} m long.",
+            "Move cloths and bodies near the origin (position).",
+        )
+    cloths = tuple(replace(each, positions=each.positions - middle) for each in world.cloths)
+    bodies = tuple(_shift(body, middle) for body in world.bodies)
+    rigid = tuple(body.relative_to(middle) for body in world.rigid)
+    return replace(world, cloths=cloths, bodies=bodies, rigid=rigid, origin=world.origin + middle)
+
+
+def _shift(body: Body, origin: np.ndarray) -> Body:
+    motion = body.motion
+    if isinstance(motion, RigidMotion):
+        motion = replace(motion, centre=motion.centre - origin)
+    return replace(body, positions=body.positions - origin, motion=motion)

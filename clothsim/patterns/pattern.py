@@ -1,5 +1,6 @@
 """Sewing pattern: flat panels with edges, their placement in space, and the stitches that join edges."""
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,8 +10,10 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.patterns.curves import Curve
-from clothsim.patterns.limits import refuse_unreal
 
+FARTHEST = 1000.0
+"""Largest coordinate of a panel and largest length of an edge [m]: beyond, the unit of the file is wrong."""
+UNITS = "Check properties.units_in_meter, and the numbers of that panel."
 SAMPLES = 33
 """Points of an edge of an outline."""
 SHORTEST = 1e-8
@@ -194,6 +197,19 @@ def _check_loop(panel: Panel) -> None:
             )
 
 
+def refuse_unreal(panel: Panel) -> None:
+    """InputError for coordinates, placements and edges far beyond the size of a garment, by panel and edge."""
+    for what, values in (("vertex", panel.vertices), ("translation", panel.translation)):
+        farthest = float(np.abs(values).max(initial=0.0))
+        if not farthest <= FARTHEST:
+            raise InputError(f"Panel {panel.name} has a {what} {farthest:.3g} m from the origin.", UNITS)
+    for number in range(len(panel.edges)):
+        with np.errstate(all="ignore"):
+            length = panel.edge_length(number)
+        if not length <= FARTHEST:
+            raise InputError(f"Edge {number} of panel {panel.name} is {length:.3g} m long.", UNITS)
+
+
 def _check_stitches(pattern: Pattern) -> None:
     """InputError for a stitch of an edge that is not there, or of an edge that is sewn already."""
     sewn: dict[Side, int] = {}
@@ -212,3 +228,96 @@ def _check_stitches(pattern: Pattern) -> None:
                     "Split the edge where one seam ends and the other begins.",
                 )
             sewn[side] = number
+
+
+def turned_panels(pattern: Pattern) -> Mapping[str, bool]:
+    """Panels whose front is turned over against the direction of their loop.
+
+    A stitch whose start meets the end of its partner joins equal fronts, one of right on wrong opposite fronts. In each
+    piece of the garment the larger part of the panels keeps its front.
+
+    Raises
+    ------
+    InputError
+        Stitches that ask for both: the sewn surface would have one side (a Moebius band).
+    """
+    beside: dict[str, list[tuple[str, bool, int]]] = {name: [] for name in pattern.panels}
+    for number, stitch in enumerate(pattern.stitches):
+        a, b = (side.panel for side in stitch.sides)
+        beside[a].append((b, stitch.right_wrong, number))
+        beside[b].append((a, stitch.right_wrong, number))
+    turned: dict[str, bool] = {}
+    for first in pattern.panels:
+        if first in turned:
+            continue
+        piece = _piece(first, beside)
+        opposite = sum(piece.values()) > len(piece) / 2
+        turned |= {name: value != opposite for name, value in piece.items()}
+    return turned
+
+
+def _piece(first: str, beside: Mapping[str, list[tuple[str, bool, int]]]) -> dict[str, bool]:
+    """Panels sewn to `first`, True where their front is opposite to its own."""
+    piece, waiting = {first: False}, deque([first])
+    while waiting:
+        name = waiting.popleft()
+        for other, opposite, number in beside[name]:
+            if other not in piece:
+                piece[other] = piece[name] != opposite
+                waiting.append(other)
+            elif piece[other] != (piece[name] != opposite):
+                raise InputError(
+                    f"Stitch {number} of {name} and {other} gives the garment one side only (a Moebius band).",
+                    "Turn that stitch: right_wrong joins opposite fronts.",
+                )
+    return piece
+
+
+# Gathers: seams whose sides differ in length, and the strain that their cells take.
+#
+# Both sides of a seam have equally many samples, so that the cells beside it cannot fold between two stitches: they are
+# strained, one side shorter and the other longer, and the cloth beyond them folds freely. For a ratio g of the lengths
+# and rows of cells of one stiffness the least energy is at 2 g / (1 + g) for the shorter and 2 / (1 + g) for the longer
+# side; the strained strip is one row high, whatever the size is.
+
+LEAST_GATHER = 1.25
+"""Ratio of the lengths of both sides from which on a seam is a gather."""
+
+
+STRIP = 0.005
+"""Height of the strained strip that is no wider than a seam's own stitching [m]."""
+
+
+ROW = 0.866
+"""Height of a row of cells, as a multiple of the spacing."""
+
+
+NAMED = 4
+
+
+def gather_ratios(pattern: Pattern) -> dict[str, float]:
+    """Ratio of the longer to the shorter side of each seam that is a gather, by name, the largest first."""
+    found = {}
+    for stitch in pattern.stitches:
+        first, second = (pattern.panels[side.panel].edge_length(side.edge) for side in stitch.sides)
+        ratio = max(first, second) / min(first, second)
+        if ratio >= LEAST_GATHER:
+            a, b = stitch.sides
+            found[f"{a.panel}.{a.edge} to {b.panel}.{b.edge}"] = ratio
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def gather_notes(pattern: Pattern, spacing: float) -> tuple[str, ...]:
+    """A note with the gathers of a pattern, the strain beside them and the spacing [m] that confines it to 5 mm."""
+    found = gather_ratios(pattern)
+    height, needed = ROW * spacing, STRIP / ROW
+    if not found or height <= STRIP:
+        return ()
+    named = ", ".join(f"{name} ({ratio:.2g} : 1)" for name, ratio in list(found.items())[:NAMED])
+    named += f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
+    most = max(found.values())
+    return (
+        f"gathered: {named}; the row of cells beside such a seam, {1e3 * height:.2g} mm high, is strained to about"
+        f" {2 / (1 + most):.2f} and {2 * most / (1 + most):.2f}; --size {1e3 * needed:.2g}mm makes it"
+        f" {1e3 * STRIP:.2g} mm",
+    )

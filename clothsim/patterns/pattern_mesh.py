@@ -1,107 +1,197 @@
-"""Mesh of a sewing pattern: triangles of all panels, placed in space, and the vertices that its seams join."""
+"""Mesh of a sewing pattern: triangles of all panels, placed in space, and the vertices that its seams join.
 
-from collections import deque
-from collections.abc import Mapping
+A panel is triangulated by a hexagonal lattice inside its border, constrained Delaunay triangulation and smoothing.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import pythoncdt as cdt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.patterns.borders import Border, borders, refuse_self_crossing
+from clothsim.patterns.borders import Border, borders, refuse_self_crossing, without_slivers
 from clothsim.patterns.curves import scaled_curve
-from clothsim.patterns.limits import refuse_too_fine
-from clothsim.patterns.panel_mesh import PanelMesh, mesh_panel, without_slivers
-from clothsim.patterns.pattern import Pattern, Side, Stitch
+from clothsim.patterns.pattern import Pattern, Side, Stitch, gather_notes, turned_panels
 
-# Orientation of panels: which of them are turned so that the sewn surface has one front.
+CLEARANCE = 0.65
+"""Distance of lattice points from the border, as a fraction of the spacing: nearer ones would make flat triangles."""
+ROUNDS = 10
+"""Rounds of smoothing; more gain less than a degree."""
+SHARP, INSERTIONS = 25.0, 8
+"""Angle below which a triangle of a graded panel gets its circumcentre [degrees], and bound on the rounds."""
+BLOCK = 2**22
+"""Largest number of point-segment pairs that are held at once."""
 
 
-def turned_panels(pattern: Pattern) -> Mapping[str, bool]:
-    """Panels whose front is turned over against the direction of their loop.
+@dataclass(frozen=True)
+class PanelMesh:
+    """Triangles of a panel.
 
-    A stitch whose start meets the end of its partner joins equal fronts, one of right on wrong opposite fronts. In each
-    piece of the garment the larger part of the panels keeps its front.
-
-    Raises
-    ------
-    InputError
-        Stitches that ask for both: the sewn surface would have one side (a Moebius band).
+    Attributes
+    ----------
+    points : (n, 2) array
+        Vertices [m]; the first are the samples of the border in their order.
+    triangles : (m, 3) int array
+        Counter-clockwise in the plane.
     """
-    beside: dict[str, list[tuple[str, bool, int]]] = {name: [] for name in pattern.panels}
-    for number, stitch in enumerate(pattern.stitches):
-        a, b = (side.panel for side in stitch.sides)
-        beside[a].append((b, stitch.right_wrong, number))
-        beside[b].append((a, stitch.right_wrong, number))
-    turned: dict[str, bool] = {}
-    for first in pattern.panels:
-        if first in turned:
-            continue
-        piece = _piece(first, beside)
-        opposite = sum(piece.values()) > len(piece) / 2
-        turned |= {name: value != opposite for name, value in piece.items()}
-    return turned
+
+    points: Floats
+    triangles: Ints
 
 
-def _piece(first: str, beside: Mapping[str, list[tuple[str, bool, int]]]) -> dict[str, bool]:
-    """Panels sewn to `first`, True where their front is opposite to its own."""
-    piece, waiting = {first: False}, deque([first])
-    while waiting:
-        name = waiting.popleft()
-        for other, opposite, number in beside[name]:
-            if other not in piece:
-                piece[other] = piece[name] != opposite
-                waiting.append(other)
-            elif piece[other] != (piece[name] != opposite):
-                raise InputError(
-                    f"Stitch {number} of {name} and {other} gives the garment one side only (a Moebius band).",
-                    "Turn that stitch: right_wrong joins opposite fronts.",
-                )
-    return piece
+def mesh_panel(border: Floats, spacing: float, graded: bool = False) -> PanelMesh:
+    """Triangulate the inside of a closed polygon; its vertices and sides stay as they are.
+
+    Each round of smoothing moves every inner vertex to the mean of the centroids of its triangles, weighted by their
+    areas, and triangulates again.
+
+    Parameters
+    ----------
+    border : (k, 2) array
+        Simple polygon of either sense [m].
+    spacing : float
+        Distance of neighbouring inner vertices [m].
+    graded : bool
+        True: circumcentres of sharp triangles are inserted between a border with short sides and the lattice.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from clothsim.patterns.pattern_mesh import mesh_panel
+    >>> mesh = mesh_panel(np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]]), 2.0)
+    >>> len(mesh.points), len(mesh.triangles)
+    (4, 2)
+    """
+    count = len(border)
+    points = np.concatenate([border, _lattice(border, spacing)])
+    triangles = _constrained_delaunay(points, count)
+    points, triangles = _smoothed(points, triangles, count)
+    for _ in range(INSERTIONS if graded else 0):
+        inserted = _circumcentres(points, triangles, border)
+        if not len(inserted):
+            break
+        points = np.concatenate([points, inserted])
+        points, triangles = _smoothed(points, _constrained_delaunay(points, count), count)
+    return PanelMesh(points, triangles)
 
 
-# Gathers: seams whose sides differ in length, and the strain that their cells take.
-#
-# Both sides of a seam have equally many samples, so that the cells beside it cannot fold between two stitches: they are
-# strained, one side shorter and the other longer, and the cloth beyond them folds freely. For a ratio g of the lengths
-# and rows of cells of one stiffness the least energy is at 2 g / (1 + g) for the shorter and 2 / (1 + g) for the longer
-# side; the strained strip is one row high, whatever the size is.
-
-LEAST = 1.25
-"""Ratio of the lengths of both sides from which on a seam is a gather."""
-STRIP = 0.005
-"""Height of the strained strip that is no wider than a seam's own stitching [m]."""
-ROW = 0.866
-"""Height of a row of cells, as a multiple of the spacing."""
-NAMED = 4
+def _smoothed(points: Floats, triangles: Ints, count: int) -> tuple[Floats, Ints]:
+    """Points and triangles after all rounds of smoothing; the first `count` points stay."""
+    for _ in range(ROUNDS if len(points) > count else 0):
+        points[count:] = _centroidal(points, triangles)[count:]
+        triangles = _constrained_delaunay(points, count)
+    return points, triangles
 
 
-def gather_ratios(pattern: Pattern) -> dict[str, float]:
-    """Ratio of the longer to the shorter side of each seam that is a gather, by name, the largest first."""
-    found = {}
-    for stitch in pattern.stitches:
-        first, second = (pattern.panels[side.panel].edge_length(side.edge) for side in stitch.sides)
-        ratio = max(first, second) / min(first, second)
-        if ratio >= LEAST:
-            a, b = stitch.sides
-            found[f"{a.panel}.{a.edge} to {b.panel}.{b.edge}"] = ratio
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+def _circumcentres(points: Floats, triangles: Ints, border: Floats) -> Floats:
+    """Circumcentres of triangles with a sharp angle, apart from one another and from the border, (k, 2) [m].
+
+    One within the circle over a side of the border would need that side divided (Ruppert 1995), which its seam
+    does not allow.
+    """
+    corners = points[triangles]
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]  # twice
+    lengths = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
+    sine = area / (lengths[:, 1] * lengths[:, 2])
+    square_a, square_b = (a**2).sum(axis=1), (b**2).sum(axis=1)
+    offset = np.column_stack([b[:, 1] * square_a - a[:, 1] * square_b, a[:, 0] * square_b - b[:, 0] * square_a])
+    centres = corners[:, 0] + offset / (2 * area)[:, None]
+    radius = np.linalg.norm(offset, axis=1) / (2 * area)
+    chosen: list[int] = []
+    start, end = border, np.roll(border, -1, axis=0)
+    for k in np.argsort(sine)[: int((sine < np.sin(np.radians(SHARP))).sum())]:
+        outside = ((centres[k] - start) * (centres[k] - end)).sum(axis=1).min() > 0
+        apart = all(np.linalg.norm(centres[k] - centres[j]) > max(radius[k], radius[j]) for j in chosen)
+        if outside and apart and inside_and_clear(centres[k : k + 1], border, 0.0)[0]:
+            chosen.append(int(k))
+    return centres[chosen]
 
 
-def gather_notes(pattern: Pattern, spacing: float) -> tuple[str, ...]:
-    """A note with the gathers of a pattern, the strain beside them and the spacing [m] that confines it to 5 mm."""
-    found = gather_ratios(pattern)
-    height, needed = ROW * spacing, STRIP / ROW
-    if not found or height <= STRIP:
-        return ()
-    named = ", ".join(f"{name} ({ratio:.2g} : 1)" for name, ratio in list(found.items())[:NAMED])
-    named += f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
-    most = max(found.values())
-    return (
-        f"gathered: {named}; the row of cells beside such a seam, {1e3 * height:.2g} mm high, is strained to about"
-        f" {2 / (1 + most):.2f} and {2 * most / (1 + most):.2f}; --size {1e3 * needed:.2g}mm makes it"
-        f" {1e3 * STRIP:.2g} mm",
-    )
+def _lattice(border: Floats, spacing: float) -> Floats:
+    """Points of a hexagonal lattice inside the border and clear of it, (n, 2) [m]."""
+    low, high = border.min(axis=0), border.max(axis=0)
+    height = spacing * np.sqrt(3) / 2
+    rows = np.arange(int((high[1] - low[1]) / height) + 2)
+    columns = np.arange(-1, int((high[0] - low[0]) / spacing) + 2)
+    x, y = np.meshgrid(columns * spacing, rows * height)
+    x[1::2] += spacing / 2
+    centred = (high - low - [0, rows[-1] * height]) / 2  # a symmetric panel has a nearly symmetric lattice
+    points = np.column_stack([x.ravel() + low[0] + centred[0] % spacing, y.ravel() + low[1] + centred[1]])
+    return points[inside_and_clear(points, border, CLEARANCE * spacing)]
+
+
+def inside_and_clear(points: Floats, border: Floats, clearance: float) -> np.ndarray:
+    """Mask (n,) of the points inside a polygon (k, 2) and further than `clearance` [m] from all of its sides."""
+    found = np.zeros(len(points), bool)
+    block = max(1, BLOCK // len(border))
+    start, end = border, np.roll(border, -1, axis=0)
+    side = end - start
+    lengths = np.maximum((side**2).sum(axis=1), np.finfo(float).tiny)
+    for first in range(0, len(points), block):
+        offset = points[first : first + block, None, :] - start
+        along = np.clip((offset * side).sum(axis=2) / lengths, 0, 1)
+        squared = ((offset - along[:, :, None] * side) ** 2).sum(axis=2).min(axis=1)
+        y = points[first : first + block, None, 1]
+        upward, downward = (start[:, 1] <= y) & (end[:, 1] > y), (end[:, 1] <= y) & (start[:, 1] > y)
+        left = side[:, 0] * offset[:, :, 1] - side[:, 1] * offset[:, :, 0]
+        winding = (upward & (left > 0)).sum(axis=1) - (downward & (left < 0)).sum(axis=1)
+        found[first : first + block] = (winding != 0) & (squared > clearance**2)
+    return found
+
+
+def _constrained_delaunay(points: Floats, count: int) -> Ints:
+    """Triangles inside the closed polygon of the first `count` points, counter-clockwise (m, 3)."""
+    made: Any = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
+    made.insert_vertices(np.ascontiguousarray(points))
+    rows = np.arange(count, dtype=np.uint32)
+    made.insert_edges(np.ascontiguousarray(np.column_stack([rows, np.roll(rows, -1)])))
+    made.erase_outer_triangles_and_holes()
+    return np.asarray(made.triangles_array()["vertices"], np.int64).reshape(-1, 3)
+
+
+def _centroidal(points: Floats, triangles: Ints) -> Floats:
+    """Mean of the centroids of the triangles of each point, weighted by their areas, (n, 2) [m]."""
+    corners = points[triangles]
+    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.repeat(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0], 3)
+    centroids = np.repeat(corners.mean(axis=1), 3, axis=0)
+    rows, n = triangles.ravel(), len(points)
+    total = np.bincount(rows, weights=area, minlength=n)
+    return np.column_stack([np.bincount(rows, weights=area * c, minlength=n) / total for c in centroids.T])
+
+
+MOST_VERTICES = 300_000
+"""Largest number of lattice points of a pattern: some hundred times what a drape takes minutes for."""
+
+
+MOST_SAMPLES = 20_000
+"""Largest number of border samples of a panel."""
+
+
+def refuse_too_fine(pattern: Pattern, spacing: float) -> None:
+    """InputError for a mesh of far too many vertices, before it is made."""
+    total = 0.0
+    for panel in pattern.panels.values():
+        samples = sum(1 + panel.edge_length(number) / spacing for number in range(len(panel.edges)))
+        if samples > MOST_SAMPLES:
+            raise InputError(
+                f"Panel {panel.name} would have {samples:.3g} vertices on its border at a size of {spacing:.3g} m "
+                f"({len(panel.edges)} edges; at most {MOST_SAMPLES:,}).",
+                "Choose a larger --size, or merge short edges.",
+            )
+        total += float(np.ptp(panel.vertices, axis=0).prod()) / (np.sqrt(3) / 2 * spacing**2)
+    if total > MOST_VERTICES:
+        least = spacing * np.sqrt(total / MOST_VERTICES)
+        raise InputError(
+            f"A size of {spacing:.3g} m would give about {total:.2g} vertices; at most {MOST_VERTICES:,} are meshed.",
+            f"Choose a --size of {least:.2g} m or more.",
+        )
 
 
 NARROWEST = 1e-3
@@ -278,3 +368,50 @@ def seam_pairs(stitch: Stitch, edges: Mapping[Side, Ints]) -> Ints:
     first, second = (edges[side] for side in stitch.sides)
     pairs = np.column_stack([first, second if stitch.right_wrong else second[::-1]])
     return pairs[pairs[:, 0] != pairs[:, 1]]
+
+
+TOUCHING = 1e-4
+"""Gap of a seam that is closed as placed [m]."""
+
+
+def sewn_vertices(mesh: PatternMesh, seams: Sequence[Seam]) -> Ints:
+    """Number of each vertex after `seams` are closed, (n,), as `joined_vertices`."""
+    return joined_vertices(mesh, np.concatenate([np.zeros((0, 2), np.int64), *(seam.pairs for seam in seams)]))
+
+
+def joined_vertices(mesh: PatternMesh, pairs: Ints | None = None) -> Ints:
+    """Number of each vertex after `pairs` (k, 2) are joined, (n,): ascending in the order of the first of each group.
+
+    None: those of all seams.
+    InputError for pairs that join two corners of one triangle.
+    """
+    if pairs is None:
+        return sewn_vertices(mesh, mesh.seams)
+    n = len(mesh.positions)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    labels = connected_components(graph, directed=False)[1]
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    number = rank[inverse.ravel()]
+    corners = number[mesh.triangles]
+    collapsed = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
+    if collapsed.any():
+        face = int(np.flatnonzero(collapsed)[0])
+        panel = next(name for name, rows in mesh.faces.items() if rows.start <= face < rows.stop)
+        own = set(mesh.triangles[face].tolist())
+        direct = [seam.name for seam in mesh.seams if any(own >= {*pair} for pair in seam.pairs.tolist())]
+        what = f"The seam {direct[0]} joins" if direct else f"The seams of {panel} join"
+        raise InputError(
+            f"{what} two corners of one triangle of {panel} ({int(collapsed.sum())} such triangles).",
+            "Mesh it finer: --size; edges that meet in a convex corner cannot be sewn to each other.",
+        )
+    return number
+
+
+def largest_gap(positions: Floats, seam: Seam) -> float:
+    """Largest distance of the two sides of a seam [m]; 0 where they are one vertex throughout."""
+    if not len(seam.pairs):
+        return 0.0
+    ends = positions[seam.pairs]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max())

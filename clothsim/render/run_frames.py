@@ -8,8 +8,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.files.runs.trajectory import Trajectory
-from clothsim.mesh.world import World
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import World, world_surfaces
 from clothsim.render.surface_look import Surface
 
 

@@ -15,10 +15,9 @@ from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 from clothsim.geometry.intersection.crossings import Crossing
 from clothsim.mesh.checks import Finding, Role, Severity, examine
-from clothsim.mesh.world_surfaces import world_surfaces
-from clothsim.run.certificate.intersection_check import IntersectionCheck, intersection_check_of
-from clothsim.run.certificate.intersection_history import intersection_warnings
+from clothsim.mesh.world import world_surfaces
 from clothsim.run.cost import expected_cost
+from clothsim.run.intersections import IntersectionCheck, intersection_check_of, intersection_warnings
 from clothsim.run.results import Run, open_run
 from clothsim.scene.assembly.model_body import character_of_scene
 from clothsim.scene.assembly.scene_world import build

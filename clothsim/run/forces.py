@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.run.fields import CONTACTS, FRICTION, acting_forces
-from clothsim.scene.assembly.scene_world import Built
-from clothsim.solve.stepping.stepping import StepReport
+
+if TYPE_CHECKING:
+    from clothsim.scene.assembly.scene_world import Built
+    from clothsim.solve.stepping.stepping import StepReport
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Forces:
     pins: Mapping[str, Floats]
 
 
-def step_forces(built: Built, report: StepReport) -> dict[str, dict[str, list[float]]]:
+def step_forces(built: "Built", report: "StepReport") -> dict[str, dict[str, list[float]]]:
     """Sums of the forces at the end of a step [N], by the name of the body and of the group of pins.
 
     The reaction of a pin is the gradient of the incremental potential there: a free vertex has none, as forces balance.

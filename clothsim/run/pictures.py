@@ -1,22 +1,101 @@
-"""Pictures and movies of a run."""
+"""Pictures and movies of a run, coloured by a field or by its stretches."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from clothsim import (
+    render,  # its names are imported when they are used: a run without pictures loads nothing that draws
+)
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.process_memory import peak_memory
 from clothsim.base.record import GIF_NAME, MOVIE_NAME, SUMMARY_NAME, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
-from clothsim.run.field_pictures import Drawing, field_settings
+from clothsim.render.colour_scale import Quantity, per_vertex
+from clothsim.render.run_frames import Frames, frame_surfaces, state_surfaces
+from clothsim.render.surface_look import Surface, crosses, evenly_spaced, spacing_of
+from clothsim.run.fields import FIELDS, known_field, world_stretches
 from clothsim.scene.scene import scene_from_text
 
 if TYPE_CHECKING:
     from clothsim.run.results import Run
+
+Drawing = Callable[[Trajectory, int], list[Surface]]
+"""The surfaces of a frame."""
+
+
+def field_settings(run: "Run", name: str) -> dict[str, Any]:
+    """The settings of `draw_frame` and `draw_movie` that show a field.
+
+    Principal stretches are the usual colours; principal directions are strokes over them.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    """
+    scalar, unit = known_field(name).scalar, FIELDS[name].unit
+    if name == "principal_stretches":
+        return {"colour": "stretch"}
+    if name == "principal_directions":
+        return {"colour": "stretch", "surfaces_of": _with_strokes(run)}
+    title = " ".join([name.replace("_", " "), scalar.name]).strip()
+    quantity = Quantity(title, unit if scalar.unit is None else scalar.unit, scalar.stretch)
+    return {"colour": quantity, "surfaces_of": _with_values(run, name)}
+
+
+def _with_values(run: "Run", name: str) -> Drawing:
+    """Surfaces with the scalar of a field at the vertices; that of a triangle goes to its corners, by area."""
+
+    @cache  # a movie asks for each frame several times
+    def scalars(frame: int) -> Floats:
+        scalar = FIELDS[name].scalar
+        values = scalar(np.asarray(run.field(name, frame), np.float64))
+        values = np.log(np.maximum(values, 1e-6)) if scalar.stretch else values
+        on_triangles = FIELDS[name].location == "triangle"  # else on the vertices of cloths or bodies
+        return per_vertex(values, run.positions(frame), run.triangles) if on_triangles else values
+
+    def surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
+        made = frame_surfaces(trajectory, frame)
+        if FIELDS[name].location == "body":  # drawn as cloths are, without the cloths that hide them
+            bodies = [each for each in made if each.role == "body"]
+            parts = np.split(scalars(frame), np.cumsum([len(each.positions) for each in bodies])[:-1])
+            return [replace(each, role="cloth", values=part) for each, part in zip(bodies, parts, strict=True)]
+        rows = {each.name: each.rows for each in trajectory.surfaces if each.role == "cloth"}
+        return [
+            replace(each, values=scalars(frame)[rows[each.name]]) if each.role == "cloth" else each for each in made
+        ]
+
+    return surfaces
+
+
+def _with_strokes(run: "Run") -> Drawing:
+    """Surfaces with the principal directions of evenly spaced triangles, the same ones in all frames."""
+    start = run.positions(0)
+    spacing = spacing_of(start, run.triangles)
+    chosen = evenly_spaced(start[run.triangles].mean(axis=1), spacing)
+    ends = np.cumsum([len(each.triangles) for each in run.trajectory.surfaces if each.role == "cloth"])
+    cloth_of = np.searchsorted(ends, chosen, side="right")
+
+    def surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
+        directions = np.asarray(run.field("principal_directions", frame), np.float64)[chosen]
+        stretches = np.asarray(run.field("principal_stretches", frame), np.float64)[chosen]
+        centres = run.positions(frame)[run.triangles[chosen]].mean(axis=1)
+        strokes = crosses(centres, directions, stretches, spacing)
+        made = frame_surfaces(trajectory, frame)
+        for k in range(len(ends)):
+            made[k] = replace(made[k], strokes=strokes[cloth_of == k], spacing=spacing)
+        return made
+
+    return surfaces
+
 
 PICTURE_NAME, FAILURE_NAME = "picture.png", "failure.png"
 
@@ -70,9 +149,7 @@ def draw_pictures(
     if picture and failure.get("position") is not None:
         jobs.append((FAILURE_NAME, lambda: draw_failure(directory, failure, world, directory / FAILURE_NAME, run.up)))
     if movie:
-        from clothsim.render.movie import movie_file  # with what draws, which a run without pictures does not load
-
-        film, missing = movie_file(directory)
+        film, missing = render.movie_file(directory)
         trouble += [missing] if missing else []
         jobs.append((film.name, lambda: draw_run(run, film, progress=progress)))
     for name, job in jobs:
@@ -94,23 +171,17 @@ def draw_frame(
 
     surfaces_of: in place of the usual surfaces of a frame; settings: as of `render.picture.draw`.
     """
-    from clothsim.render.picture import draw
-    from clothsim.render.run_frames import frame_surfaces
-
     surfaces = (surfaces_of or frame_surfaces)(trajectory, frame)
-    return draw(target, surfaces, title=_title(trajectory, frame), **settings)
+    return render.draw(target, surfaces, title=_title(trajectory, frame), **settings)
 
 
 def frame_picture(
     trajectory: Trajectory, frame: int = -1, surfaces_of: Drawing | None = None, **settings: Any
 ) -> np.ndarray:
     """The picture of one frame, (height, width, 3) uint8; arguments as of `draw_frame`."""
-    from clothsim.render.picture import picture_setup, rendered
-    from clothsim.render.run_frames import frame_surfaces
-
     surfaces = (surfaces_of or frame_surfaces)(trajectory, frame)
     given = {"size": (1280, 960), "colour": "auto", "view": "auto", "renderer": "auto", **settings}
-    return rendered(picture_setup([surfaces], title=_title(trajectory, frame), **given), surfaces)
+    return render.rendered(render.picture_setup([surfaces], title=_title(trajectory, frame), **given), surfaces)
 
 
 def draw_movie(
@@ -121,20 +192,15 @@ def draw_movie(
     **settings: Any,
 ) -> str:
     """Write a movie of all frames, in real time unless a rate is given; returns the line that names the renderer."""
-    from clothsim.render.movie import movie
-    from clothsim.render.run_frames import Frames, frame_surfaces
-
     times = trajectory.times
     if "frames_per_second" not in settings and len(times) > 1:
         settings["frames_per_second"] = (len(times) - 1) / (times[-1] - times[0])
-    return movie(target, Frames(trajectory, surfaces_of or frame_surfaces), progress=progress, **settings)
+    return render.write_movie(target, Frames(trajectory, surfaces_of or frame_surfaces), progress=progress, **settings)
 
 
 def draw_failure(directory: Path, failure: dict[str, Any], world: World, target: Path, up: Any) -> str:
     """Write a PNG of the place where a run failed, in its last good state; returns the line that names the renderer."""
     from clothsim.render.marks import draw_closeup
-    from clothsim.render.run_frames import state_surfaces
-    from clothsim.run.certificate.certificate import world_stretches
 
     x = read_checkpoint(directory / CHECKPOINT_NAME).positions
     surfaces = state_surfaces(world, x, world_stretches(world, x))

@@ -10,6 +10,8 @@ from typing import Any
 
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.process_memory import held_bytes
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.run.results import open_run
 from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
@@ -106,9 +108,6 @@ def with_absent(receipt: Receipt, absent: Absent) -> Receipt:
 
 def explain_run(directory: Path) -> Receipt:
     """The receipt of all steps of a run, or of those up to the last checkpoint of one that was stopped."""
-    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
-    from clothsim.run.results import open_run
-
     run = open_run(directory)
     saved = read_checkpoint(directory / CHECKPOINT_NAME)
     counters = run.summary or saved.counters

@@ -1,8 +1,21 @@
-"""The steps of a run, written to a directory as they are taken."""
+"""The steps of a run, written to a directory as they are taken; interruption, and a log of Newton's iterates.
 
+`iterates_STEP.npz` is a NumPy archive (no pickle). A step is solved once or, after failures, several times:
+  dts (s,)                  length of the step in each solve [s]
+  solve (k,)                solve of each iterate, 0..s-1; its first iterate is the start
+  positions (k, N, 3)       all rows of x: cloths, bodies, ghosts [m], relative to `world.origin`
+  fraction (k,)             fraction of the Newton step that contact and line search allowed; 0 at a start, nan after a
+                            nonlinear elimination (`solve.nonlinear_elimination`)
+  speed (k,)                |dx|_inf / dt of that full step [m/s]; nan at a start and after an elimination
+  residual (k,)             largest force where that step began [N]; nan also while Dirichlet vertices are displaced
+  energy (k,)               E(x) of the step [J]
+"""
+
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
@@ -12,32 +25,101 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import write_atomically
 from clothsim.base.interruption import InterruptFlag, interruption
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray
 from clothsim.geometry.intersection.proved_separations import Effort, ProvedSeparations
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import world_surfaces
 from clothsim.physics.energies.protocols import is_driven
-from clothsim.run.certificate.certificate import Certificate, world_stretches
-from clothsim.run.certificate.intersection_check import IntersectionCheck, intersection_check_of
-from clothsim.run.fields import FIELDS, Configuration, at_start, field
+from clothsim.run.certificate import Certificate
+from clothsim.run.checkpoints import checkpoint_of
+from clothsim.run.fields import FIELDS, Configuration, at_start, field, world_stretches
 from clothsim.run.forces import step_forces
-from clothsim.run.interruption import interruptible
-from clothsim.run.iterate_log import IterateLog
+from clothsim.run.intersections import IntersectionCheck, intersection_check_of
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
-from clothsim.run.simulation_state import SimulationState, state_after
-from clothsim.run.summary import Progress, checkpoint_of, entry_of, progress_of, summary_of
+from clothsim.run.step_reports import Progress, SimulationState, entry_of, progress_of, state_after
+from clothsim.run.summary import summary_of
 from clothsim.scene.assembly.scene_world import Built
+from clothsim.solve.newton.observer import Iterate, Observer, unobserved
+from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.failure import Failure, crossing_failure
 from clothsim.solve.stepping.state import State
-from clothsim.solve.stepping.stepping import StepReport
+from clothsim.solve.stepping.stepping import StepReport, Watch
 from clothsim.solve.stepping.time_loop import steps
 
 if TYPE_CHECKING:
     from clothsim.geometry.intersection.crossings import Crossing
+
+MOST_BYTES = 1 << 29
+"""Bound on the logged positions, 512 MiB: beyond it the first iterates are dropped."""
+
+
+def iterates_name(step: int) -> str:
+    """Return the file name of a step."""
+    return f"iterates_{step}.npz"
+
+
+class IterateLog:
+    """Log of the iterates of step number `step` (from 1); `watch` goes to an Integrator."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+        self._dts: list[float] = []
+        self._logged: deque[tuple[int, Iterate, float]] = deque()
+
+    def watch(self, step: int, dt: float, potential: Potential) -> Observer:
+        """Return the observer of a solve: this log for its own step."""
+        if step != self.step:
+            return unobserved
+        self._dts.append(dt)
+        solve = len(self._dts) - 1
+
+        def observe(iterate: Iterate) -> None:
+            # not `potential.value`, whose timers count the run's own evaluations
+            energy = sum(energy.value(iterate.x) for energy in potential.acting.values())
+            self._logged.append((solve, iterate, float(energy)))
+            if len(self._logged) * iterate.x.nbytes > MOST_BYTES:
+                self._logged.popleft()
+
+        return observe
+
+    def write(self, directory: Path) -> None:
+        """Write the file into `directory`; InputError where that fails."""
+        content = BytesIO()
+        np.savez(
+            content,
+            dts=np.array(self._dts),
+            solve=np.array([solve for solve, _, _ in self._logged], np.int64),
+            positions=np.array([iterate.x for _, iterate, _ in self._logged]),
+            fraction=np.array([iterate.fraction for _, iterate, _ in self._logged]),
+            speed=np.array([iterate.speed for _, iterate, _ in self._logged]),
+            residual=np.array([iterate.residual for _, iterate, _ in self._logged]),
+            energy=np.array([energy for _, _, energy in self._logged]),
+        )
+        write_atomically(directory / iterates_name(self.step), content.getvalue())
+
+
+def interruptible(session: Session, flag: InterruptFlag) -> Session:
+    """The session with the flag read at every iterate of every solve."""
+    watch = session.integrator.watch
+
+    def watched(step: int, dt: float, potential: Potential) -> Observer:
+        flag.check()
+        observe = watch(step, dt, potential)
+
+        def observed(iterate: Iterate) -> None:
+            flag.check()
+            observe(iterate)
+
+        return observed
+
+    checked: Watch = watched
+    return replace(session, integrator=replace(session.integrator, watch=checked))
+
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
 """Wall time after which a frame is also written as a checkpoint: what a killed process loses, and a frame [s]."""

@@ -9,7 +9,7 @@ from clothsim.base.arrays import Floats
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs
-from clothsim.run.certificate.certificate import Certificate
+from clothsim.run.certificate import Certificate
 from clothsim.run.pictures import draw_frame
 from clothsim.run.precompile import end_with_parent
 from clothsim.run.session import prepare

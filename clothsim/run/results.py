@@ -18,17 +18,18 @@ from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_record, read_su
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
 from clothsim.keys.value_checks import refuse_unknown
-from clothsim.run.certificate_text import certificate_rows
-from clothsim.run.field_pictures import field_settings
-from clothsim.run.fields import Configuration
+from clothsim.run.fields import Configuration, field, known_field
+from clothsim.run.forces import forces_of
 from clothsim.run.pictures import (
     MOVIE_SETTINGS,
     PICTURE_NAME,
     PICTURE_SETTINGS,
     draw_run,
+    field_settings,
     frame_picture,
     upright,
 )
+from clothsim.run.summary import certificate_rows
 from clothsim.scene.scene import Scene, scene_from_text
 
 if TYPE_CHECKING:
@@ -248,8 +249,6 @@ class Run(Sequence[Frame]):
         >>> run.field("stress").shape, run.field("thickness", frame=0)
         ((1, 3, 2), array([0.00062308]))
         """
-        from clothsim.run.fields import field, known_field
-
         if name in self.trajectory.fields:
             return self.trajectory.field(name, frame)
         known_field(name)
@@ -288,8 +287,6 @@ class Run(Sequence[Frame]):
 
     def forces(self) -> "Forces":
         """Contact force on each body and reaction of each group of pins at each step; needs ``run.forces``."""
-        from clothsim.run.forces import forces_of
-
         return forces_of(self.record(), str(self.directory))
 
     def plot(

@@ -1,21 +1,104 @@
-"""Continuation of a run from its checkpoint."""
+"""Runs in a directory, which is made, locked and cleared on request: begun, or continued from the checkpoint."""
 
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import make_directory
 from clothsim.base.inputs import refuse_uncallable
-from clothsim.base.record import FITTED_NAME, SUMMARY_NAME
+from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.run.certificate.certificate import certificate_from
-from clothsim.run.checked_step import warn_of
-from clothsim.run.output_directory import continued_output
+from clothsim.files.runs.run_lock import locked
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME
+from clothsim.physics.energies.protocols import ContactGap
+from clothsim.run.certificate import Certificate, certificate_from
+from clothsim.run.checkpoints import restore, state_of
+from clothsim.run.intersections import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
-from clothsim.run.session import prepare
-from clothsim.run.summary import restore, state_of
+from clothsim.run.session import prepare, refuse_flights
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.scene import scene_from_text
+from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.solve.stepping.state import first_state
+
+RUN_FILES = (TRAJECTORY_NAME, RECORD_NAME, SUMMARY_NAME, CHECKPOINT_NAME)
+
+
+@contextmanager
+def new_output(directory: Path, overwrite: bool) -> Iterator[None]:
+    """Make and lock a directory for a new run; a link among its files is replaced, not followed.
+
+    InputError where it cannot be made, another run writes there, or it holds an earlier run without `overwrite`.
+    """
+    make_directory(directory)
+    with locked(directory):
+        refuse_earlier_run(directory, overwrite)
+        for file in (directory / name for name in RUN_FILES):  # a checkpoint must not meet another run's trajectory
+            _remove(file)
+        yield
+
+
+@contextmanager
+def continued_output(directory: Path) -> Iterator[None]:
+    """Lock the directory of a run that goes on. InputError where another run writes there, or a file is a link."""
+    with locked(directory):
+        for file in (directory / name for name in RUN_FILES):
+            if file.is_symlink():
+                raise InputError(f"{file} is a link, and a run writes no file outside of its directory.", "Copy it.")
+        yield
+
+
+def refuse_earlier_run(directory: Path, overwrite: bool) -> None:
+    """InputError where the directory holds an earlier run that may not be overwritten."""
+    if overwrite:
+        return
+    unfinished = os.path.isfile(directory / CHECKPOINT_NAME) and not os.path.isfile(directory / SUMMARY_NAME)
+    if any(os.path.isfile(directory / name) for name in (SUMMARY_NAME, TRAJECTORY_NAME)) and not unfinished:
+        raise InputError(
+            f"{directory} holds an earlier run.", "Choose another directory with -o, or replace it: --overwrite."
+        )
+    if unfinished:
+        raise InputError(
+            f"{directory} holds a run that was stopped before its end.",
+            f"Continue it with `clothsim resume {directory}`, or replace it: --overwrite.",
+        )
+
+
+def _remove(file: Path) -> None:
+    """Delete a file of an earlier run, or a link in its place."""
+    try:
+        file.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{file} cannot be replaced: {error.strerror}.", "Choose another directory.") from error
+
+
+def begun_run(
+    scene: Scene,
+    directory: Path,
+    listeners: tuple[Listener | None, StepListener | None],
+    announcements: Iterable[Announcement | None],
+    dump_iterates: int | None,
+    permissions: tuple[bool, bool],
+) -> Run:
+    """Simulate a scene with fixed settings; permissions: overwrite and force of `simulate`."""
+    started = perf_counter()
+    overwrite, force = permissions
+    session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
+    if not force:
+        built, dt = session.built, session.integrator.dt
+        contact = any(isinstance(energy, ContactGap) for energy in built.energies.values())
+        refuse_flights(built.world, built.constraints.values(), dt, contact)
+    with new_output(directory, overwrite):
+        for announce in announcements:
+            if announce is not None:
+                announce(session)
+        state = first_state(session.built.world, session.integrator.dt)
+        run = recorded_run(session, state, Certificate(), directory, started, listeners, log, resumed=False)
+    warn_of(run.intersections, session.built.energies)
+    return run
 
 
 def resume(

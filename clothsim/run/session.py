@@ -1,16 +1,19 @@
-"""Session: a scene prepared for stepping, with sparsity pattern, linear solver and integrator."""
+"""Session: a scene prepared for stepping, with pattern, linear solver, integrator and bounds on motion in a step."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import CONVERGED, Solver
-from clothsim.mesh.motion import RigidMotion
+from clothsim.mesh.body import LaterMotion, RigidMotion
+from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Constraint
 from clothsim.physics.energies.hessians import ByElement
-from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
-from clothsim.scene.assembly.scene_world import Built
+from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
 from clothsim.solve.linear.dependent_rows import DependentRows
 from clothsim.solve.linear.linear_solvers import slowness
@@ -23,8 +26,84 @@ from clothsim.solve.newton.potential import Potential
 from clothsim.solve.problem import rigid_rows
 from clothsim.solve.stepping.integrators import BACKWARD_EULER
 from clothsim.solve.stepping.local_error import ErrorControl
+from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.stepping import Integrator
+from clothsim.solve.stepping.time_loop import steps
 from clothsim.solve.timers import EffectCounters, Timers
+
+LARGEST_TURN = 45.0
+"""Largest rotation in a step [degrees]: a straight path then leaves the arc by 8 % of the radius."""
+
+LARGEST_FLIGHT = 100.0
+"""Largest displacement in a step, in sizes of the scene: every pair of triangles is then a candidate for contact."""
+
+
+def turns(built: Built) -> dict[str, float]:
+    """Speed of rotation of each rigid body that contact follows, and of each group of pins [degrees/s].
+
+    Animated bodies move on straight paths.
+    """
+    bodies = built.world.bodies if "body_contact" in built.energies else ()
+    motions = {body.name: body.motion for body in bodies}
+    motions = {name: each.motion if isinstance(each, LaterMotion) else each for name, each in motions.items()}
+    rigid = {name: each.angular_velocity for name, each in motions.items() if isinstance(each, RigidMotion)}
+    pinned = {
+        name: speed
+        for constraint in built.constraints.values()
+        for name, speed in constraint.angular_velocities().items()
+    }
+    return {name: float(np.degrees(np.linalg.norm(speed))) for name, speed in {**rigid, **pinned}.items()}
+
+
+def refuse_leaps(built: Built, dt: float) -> None:
+    """InputError for a body or a group of pins that turns so far in a step that its straight path is far from its arc.
+
+    At a full turn a step it would not move at all.
+    """
+    for name, speed in turns(built).items():
+        turn = speed * dt
+        if not turn <= LARGEST_TURN:
+            raise InputError(
+                f"{name} turns {turn:.4g} degrees in a step, and contact follows it on straight paths.",
+                f"Take solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
+            )
+
+
+def refuse_flights(world: World, constraints: Collection[Constraint], dt: float, contact: bool) -> None:
+    """InputError for what moves by many sizes of the scene in a step of `dt` [s].
+
+    Pins drag the cloth along a straight path. With contact, bodies and cloth sweep over everything on theirs.
+    """
+    start = world.start()
+    size = float(np.linalg.norm(np.ptp(start, axis=0)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved = [_farthest(start, constraint, dt) for constraint in constraints]
+        if contact:
+            bodies = zip(world.bodies, world.body_slices, strict=True)
+            moved += [(body.name, _longest(body.at(dt) - start[rows])) for body, rows in bodies]
+            moved += [(cloth.name, dt * _longest(np.atleast_2d(cloth.velocity))) for cloth in world.cloths]
+    for name, distance in moved:
+        if not distance <= LARGEST_FLIGHT * size:
+            sizes, pairs = distance / size, len(world.triangles) * (len(world.triangles) + len(world.body_triangles))
+            raise InputError(
+                f"{name} moves {distance:.2g} m in a step of {dt:g} s, {sizes:.2g} times the size of the scene"
+                + (f": all {pairs:,} pairs of triangles are candidates for contact." if contact else "."),
+                f"Take solver.dt below {dt * LARGEST_FLIGHT * size / distance:.2g} s, or a smaller velocity; "
+                "--force lifts this bound.",
+            )
+
+
+def _farthest(start: Floats, constraint: Constraint, dt: float) -> tuple[str, float]:
+    """Name of the group with the largest prescribed displacement in `dt` [s], and that [m]."""
+    target = constraint.at(dt)
+    distances = np.linalg.norm(target.positions - start[target.vertices], axis=1)
+    farthest = int(np.argmax(distances))
+    return constraint.holder(int(target.vertices[farthest])), float(distances[farthest])
+
+
+def _longest(vectors: Floats) -> float:
+    return float(np.linalg.norm(vectors, axis=1).max())
+
 
 SHORTEST_STEP = 1e-12
 """Shortest dt that a scene may have [s]: masses over dt squared are far from overflow, and cloth moves by less than an
@@ -224,3 +303,25 @@ def _make_reproducible() -> str:
             "Run the scene in a process of its own, or set the variable MKL_CBWR=AUTO.",
         )
     return PRICE if library.threaded else ""
+
+
+def last_positions(scene: Scene) -> tuple[World, Floats, str]:
+    """Step a scene to its end without writing or checking anything.
+
+    Returns
+    -------
+    world : World
+    positions : (n, 3) float64
+        Cloth vertices after the last step that was taken [m].
+    reason : str
+        Why it came to no end; empty where it did.
+    """
+    session = prepare(scene, build(scene))
+    world, run = session.built.world, scene.run_settings
+    state, reason = first_state(world, session.integrator.dt), ""
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+        if report.failure is not None:
+            reason = report.failure.reason
+            break
+        state = report.state
+    return world, state.positions[: world.n_cloth] + world.origin, reason

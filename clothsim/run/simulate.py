@@ -1,17 +1,19 @@
 """Simulation of a scene: frames, record, summary and checkpoint in a directory."""
 
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
+
+from clothsim.base.inputs import refuse_uncallable
+from clothsim.run.cost import expected_cost, refuse_costly
+from clothsim.scene.scene import Scene
 
 if TYPE_CHECKING:
     from clothsim.run.recorded_run import Announcement, Listener, StepListener
     from clothsim.run.results import Run
     from clothsim.run.session import Session
-    from clothsim.scene.scene import Scene
 
 RUNS_OF_RUNS = {
     "differentiable": "clothsim.gradients.run:simulate_differentiably",
@@ -20,11 +22,9 @@ RUNS_OF_RUNS = {
 }
 """What takes a run in place of `simulate`, as text: higher rooms, imported only where a scene or a caller asks."""
 
-# Energies, contact, SciPy and numba take over a second: they are imported by the first run, not with the function.
-
 
 def simulate(
-    scene: "Scene",
+    scene: Scene,
     output: str | Path | None = None,
     progress: "Listener | None" = None,
     announce: "Announcement | None" = None,
@@ -92,9 +92,7 @@ def simulate(
     >>> bool(run[-1].positions["cloth"][0, 2] < -0.03)
     True
     """
-    from clothsim.base.inputs import refuse_uncallable
-    from clothsim.run.output_directory import refuse_earlier_run
-    from clothsim.scene.scene import Scene
+    from clothsim.run.resume import begun_run, refuse_earlier_run  # energies, SciPy and numba take over a second
 
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step, message=message)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
@@ -106,11 +104,11 @@ def simulate(
         return differentiably(scene, output, progress, announce, on_step, message, overwrite)
     own: list[Scene] = []
 
-    def run(some: "Scene", sessions: "list[Session]") -> "Run":
+    def run(some: Scene, sessions: "list[Session]") -> "Run":
         replace_it = overwrite or bool(own)  # solver.error takes several runs
         own.append(some)
         announced = [sessions.append, announce]
-        return _simulated(some, directory, (progress, on_step), announced, dump_iterates, (replace_it, force))
+        return begun_run(some, directory, (progress, on_step), announced, dump_iterates, (replace_it, force))
 
     tell = message or (lambda line: None)
     if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is no scene
@@ -126,46 +124,8 @@ def _loaded(kind: str) -> Any:
     return getattr(import_module(module), function)
 
 
-def _simulated(
-    scene: "Scene",
-    directory: Path,
-    listeners: "tuple[Listener | None, StepListener | None]",
-    announcements: "Iterable[Announcement | None]",
-    dump_iterates: int | None,
-    permissions: tuple[bool, bool],
-) -> "Run":
-    """Simulate a scene with fixed settings; permissions: overwrite and force of `simulate`."""
-    from clothsim.physics.energies.protocols import ContactGap
-    from clothsim.run.certificate.certificate import Certificate
-    from clothsim.run.checked_step import warn_of
-    from clothsim.run.output_directory import new_output
-    from clothsim.run.recorded_run import recorded_run, watched
-    from clothsim.run.session import prepare
-    from clothsim.run.step_lengths import refuse_flights
-    from clothsim.scene.assembly.scene_world import build
-    from clothsim.solve.stepping.state import first_state
-
-    started = perf_counter()
-    overwrite, force = permissions
-    session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
-    if not force:
-        built, dt = session.built, session.integrator.dt
-        contact = any(isinstance(energy, ContactGap) for energy in built.energies.values())
-        refuse_flights(built.world, built.constraints.values(), dt, contact)
-    with new_output(directory, overwrite):
-        for announce in announcements:
-            if announce is not None:
-                announce(session)
-        state = first_state(session.built.world, session.integrator.dt)
-        run = recorded_run(session, state, Certificate(), directory, started, listeners, log, resumed=False)
-    warn_of(run.intersections, session.built.energies)
-    return run
-
-
-def _tell_cost(scene: "Scene", message: Callable[[str], None] | None, force: bool) -> None:
+def _tell_cost(scene: Scene, message: Callable[[str], None] | None, force: bool) -> None:
     """Report a cost that is notable. InputError where it is too much, without `force`."""
-    from clothsim.run.cost import expected_cost, refuse_costly
-
     if not force:
         refuse_costly(scene)
     cost = expected_cost(scene)

@@ -14,25 +14,24 @@ from clothsim.base.errors import InputError
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 from clothsim.keys.value_checks import refuse_absent
-from clothsim.run.certificate.intersection_history import IntersectionHistory
 from clothsim.run.changes import (
+    HandMotions,
     body_at,
     body_rows,
     driven,
     new_pins,
+    pin_groups,
     pinned_rows,
     pins_at,
     refuse_infeasible,
     with_effect,
     with_fabric,
 )
-from clothsim.run.checked_step import checked_step
+from clothsim.run.checkpoints import restored_simulation, saved_simulation
 from clothsim.run.fields import Configuration, field
-from clothsim.run.hand_motions import HandMotions, pin_groups
-from clothsim.run.saved_simulation import restored_simulation, saved_simulation
-from clothsim.run.session import Session, prepare
-from clothsim.run.simulation_state import SimulationError, SimulationState, starting_state, state_after
-from clothsim.run.step_lengths import refuse_leaps
+from clothsim.run.intersections import IntersectionHistory, checked_step
+from clothsim.run.session import Session, prepare, refuse_leaps
+from clothsim.run.step_reports import SimulationError, SimulationState, starting_state, state_after
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
 from clothsim.solve.stepping.failure import Failure

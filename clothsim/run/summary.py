@@ -1,112 +1,53 @@
-"""Record, progress, checkpoint and summary of a run, made from its states."""
+"""Summary of a run: its content, and what it certifies in words."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from clothsim.base.process_memory import peak_memory
-from clothsim.files.runs.checkpoint import Checkpoint
-from clothsim.geometry.held_inside import held_inside
+from clothsim.base.text import length, many
+from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.physics.energies.protocols import report_of
-from clothsim.run.certificate.certificate import Certificate
-from clothsim.run.certificate.condition_warnings import condition_warnings
-from clothsim.run.certificate.intersection_check import IntersectionCheck
-from clothsim.run.certificate.intersection_history import intersection_warnings
-from clothsim.run.session import Session
-from clothsim.solve.stepping.failure import Failure
-from clothsim.solve.stepping.state import Previous, Rest, State
-from clothsim.solve.stepping.stepping import StepReport
-from clothsim.solve.timers import EffectCounters, Timers
+from clothsim.run.intersections import IntersectionCheck, intersection_warnings
+from clothsim.scene.assembly.checks import held_sentences
+
+if TYPE_CHECKING:
+    from clothsim.run.certificate import Certificate
+    from clothsim.run.session import Session
+    from clothsim.solve.stepping.failure import Failure
+    from clothsim.solve.stepping.state import State
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Progress after a step.
+LARGEST_STRETCH = 2.0
+"""Principal stretch from which a warning is given: knits break between that and three, woven cloth far below."""
 
-    Attributes
-    ----------
-    time, duration : float
-        Simulated time and its end [s].
-    step, newton_iterations : int
-        Number of the step, and its iterations.
-    minimum_gap : float
-        Smallest distance in contact [m], inf where nothing is closer than d_hat.
-    fastest : float
-        Largest speed of a cloth vertex [m/s].
-    verdict : {"moving", "settled", "stalled", "unstable"}
-        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth; unstable: the step
-        ended in an unstable equilibrium.
-    seconds : float
-        Wall time since the start [s].
-    stage : str
-        Of a fit the stage that the run is.
+
+def condition_warnings(certificate: "Certificate", inside: Sequence[HeldInside]) -> list[str]:
+    """One sentence each for cloth that is held inside a body, overstretched, or was pinched by bodies.
+
+    certificate: of all steps; inside: what is held at the end.
     """
-
-    time: float
-    duration: float
-    step: int
-    newton_iterations: int
-    minimum_gap: float
-    fastest: float
-    verdict: str
-    seconds: float
-    stage: str = ""
-
-
-def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
-    """A line of the record."""
-    return {
-        "step": report.state.step,
-        "time": report.state.time,
-        "dt": report.dt,
-        "newton_iterations": report.result.iterations,
-        "regional_iterations": report.result.elimination_iterations,
-        "speed": report.result.speed,
-        "residual": report.result.residual,
-        "relative_residual": report.result.relative_residual,
-        "energy": certificate.energy,
-        "stiffness_energy": certificate.stiffness.last,
-        "minimum_gap": report.minimum_gap,
-        "fastest": report.fastest,
-        "failures": list(report.failures),
-        "error": None if report.error is None else report.error.rms,
-        "largest_error": None if report.error is None else report.error.largest,
-        "rejected": report.rejected,
-        "restarted": report.restarted,
-        "unstable": [asdict(switch) for switch in report.switches],
-        **({} if certificate.carried is None else {"carried": certificate.carried.now}),
-    }
-
-
-def progress_of(report: StepReport, session: Session, seconds: float) -> Progress:
-    """The progress after a step; seconds: wall time since the run began [s]."""
-    run, integrator = session.scene.run_settings, session.integrator
-    verdict = "moving"
-    if integrator.control is None and report.dt < integrator.dt / 8:
-        verdict = "stalled"
-    elif report.fastest < 10 * integrator.settings.tolerance:
-        verdict = "settled"
-    if report.switches:
-        verdict = "unstable"
-    return Progress(
-        report.state.time,
-        run.duration,
-        report.state.step,
-        report.result.iterations,
-        report.minimum_gap,
-        report.fastest,
-        verdict,
-        seconds,
-    )
+    sentences = held_sentences(inside, "is")
+    if certificate.stretch_max > LARGEST_STRETCH:
+        sentences.append(
+            f"A triangle was stretched to {certificate.stretch_max:.3g} times its rest length: no fabric bears that. "
+            "Look for a rest shape of another size, or set effects.strain_limit."
+        )
+    pinched = certificate.pinched
+    if pinched.first_time is not None:
+        sentences.append(
+            f"Bodies pinch the cloth in {pinched.frames:,} frame{'' if pinched.frames == 1 else 's'}, at most at "
+            f"{pinched.most_vertices:,} of its vertices, first {pinched.first_vertex} at {pinched.first_time:g} s."
+        )
+    return sentences
 
 
 def summary_of(
-    session: Session,
-    state: State,
-    certificate: Certificate,
+    session: "Session",
+    state: "State",
+    certificate: "Certificate",
     check: IntersectionCheck,
-    failure: Failure | None,
+    failure: "Failure | None",
     record: Sequence[Mapping[str, Any]],
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
@@ -146,7 +87,7 @@ def summary_of(
     }
 
 
-def _end_of(session: Session, state: State) -> str:
+def _end_of(session: "Session", state: "State") -> str:
     """The sentence on the end of a completed run."""
     if session.scene.run_settings.until == "time":
         return f"{state.time:g} s were simulated."
@@ -155,60 +96,132 @@ def _end_of(session: Session, state: State) -> str:
     return f"{state.time:g} s were simulated, the limit, and the cloth is not at rest: {state.rest.value}."
 
 
-def checkpoint_of(session: Session, state: State, certificate: Certificate) -> Checkpoint:
-    """The checkpoint of a run at `state`."""
-    potential = session.integrator.potential
-    counters = {
-        "memory": dict(state.memory),
-        "temporal_error": state.temporal_error,
-        "slow_steps": state.slow_steps,
-        "rest": state.rest.name,
-        "certificate": certificate.as_json(),
-        "effects": potential.effect_counters(),
-        "phases": potential.timers.phases,
-        "linear_solves": potential.timers.linear_solves,
-    }
-    before = state.previous
-    return Checkpoint(
-        time=state.time,
-        dt=state.dt,
-        frame=state.frame,
-        step=state.step,
-        positions=state.positions,
-        velocities=state.velocities,
-        scene_text=session.scene.to_text(names_of_functions=True),
-        counters=counters,
-        blocked_at=state.blocked_at,
-        blocked=state.blocked,
-        previous_positions=None if before is None else before.positions,
-        previous_velocities=None if before is None else before.velocities,
-        previous_dt=math.nan if before is None else before.dt,
-    )
+_PAIRS = {
+    "cloth_body": "cloth and body",
+    "cloth_cloth": "cloth and cloth",
+    "excluded": "excluded pairs",
+    "carried": "carried vertices",
+    "rigid": "rigid bodies and bodies",
+}
 
 
-def state_of(saved: Checkpoint) -> State:
-    """The state in a checkpoint of `checkpoint_of`."""
-    x, v = saved.previous_positions, saved.previous_velocities
-    return State(
-        saved.time,
-        saved.dt,
-        saved.step,
-        saved.frame,
-        saved.positions,
-        saved.velocities,
-        saved.blocked_at,
-        saved.blocked,
-        memory=saved.counters.get("memory", {}),
-        temporal_error=saved.counters.get("temporal_error", 0.0),
-        slow_steps=saved.counters.get("slow_steps", 0),
-        rest=Rest[saved.counters.get("rest", Rest.MOVING.name)],
-        previous=None if x is None or v is None else Previous(x, v, saved.previous_dt),
-    )
+def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and texts of what a summary certifies, with its warnings."""
+    certificate = summary["certificate"]
+    return [
+        *_contact_and_balance(certificate, "body_contact" in summary["effects"]),
+        *(("checked", text) for text in _effort(summary.get("exact_check"))),
+        *(("WARNING", text) for text in summary.get("warnings", ())),
+        ("rest", _rest(certificate)),
+        *(("unstable", text) for text in _unstable(certificate)),
+        ("error", _error(certificate)),
+    ]
 
 
-def restore(timers: Timers, counters: dict[str, Any]) -> None:
-    """Set the counters to those of the stopped run."""
-    for name, account in counters["effects"].items():
-        timers.effects[name] = EffectCounters(**account)
-    timers.phases.update(counters["phases"])
-    timers.linear_solves = counters["linear_solves"]
+def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tuple[str, str]]:
+    """Three lines: intersections and gap; stretches; residual and energy."""
+    parts = ["no body"] if certificate["cloth_body"] == "no body" else []
+    for kind, each in certificate["intersections"].items():
+        if each["states"]:
+            parts.append(f"{_PAIRS[kind]} INTERSECT in {many(each['states'], 'state')}")
+        elif kind != "excluded" and not (parts and kind == "cloth_body"):
+            parts.append(f"{_PAIRS[kind]} never intersect")
+    if "rigid" in certificate and "rigid" not in certificate["intersections"]:
+        parts.append(f"{_PAIRS['rigid']} never intersect")
+    if certificate["intersection_free"] is None:
+        parts.append("earlier steps were NOT CHECKED")
+    gap = certificate["minimum_gap"]
+    if contact:
+        parts.append(f"smallest gap {length(gap)}" if gap is not None else "never closer than d_hat")
+    drift = certificate["energy_drift"]
+    energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {100 * drift:.2g} %"
+    changes = certificate.get("stiffness_changes", {"added": 0.0})  # a summary of an earlier version has none
+    if changes["added"]:
+        energy += (
+            f", changes of the contact stiffness added {changes['added']:.2g} J, removed {changes['removed']:.2g} J"
+        )
+    stretches = "none measured"
+    if certificate["stretch_min"] is not None:
+        stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
+    forces = f"residual force {certificate['residual']:.1e} N"
+    if "relative_residual" in certificate:  # a summary of an earlier version has none
+        forces += f", of all steps at most {100 * certificate['relative_residual']:.2g} % of the largest force"
+    return [
+        ("contact", "; ".join(parts)),
+        *(("pinch", text) for text in _pinch(certificate)),
+        ("stretch", f"principal stretches {stretches}"),
+        ("balance", f"{forces}, {energy}"),
+    ]
+
+
+def _pinch(certificate: dict[str, Any]) -> list[str]:
+    """A line on the vertices carried through a pinch, where the scene asks for it."""
+    record = certificate.get("carried")
+    if record is None:
+        return []
+    if not record["vertices"]:
+        return ["nothing was carried"]
+    at = ", ".join(f"{each:.3g}" for each in record["first_position"])
+    times = f"from {record['first_time']:.4g} to {record['last_time']:.4g} s, first near ({at}) m"
+    end = f"{record['now']:,} STILL CARRIED" if record["now"] else "all released"
+    exempt = f"exempt from contact: at most {many(record['exempt_pairs'], 'pair')} of their triangles intersect"
+    return [f"{record['vertices']:,} vertices carried, at most {record['most']:,} at once, {times}; {end}; {exempt}"]
+
+
+def _effort(checks: dict[str, int] | None) -> list[str]:
+    """A line on what the exact check tested, and what it had proved before; none of a summary of an earlier version."""
+    if not checks:
+        return []
+    tested = f"{many(checks['states'], 'state')} exactly: {many(checks['pairs_tested'], 'pair')} of triangles tested"
+    return [f"{tested}, {checks['pairs_proved']:,} proved apart since an earlier state"]
+
+
+def _rest(certificate: dict[str, Any]) -> str:
+    """At rest or not, and the largest speed at the end."""
+    speed = certificate["fastest_speed"]
+    fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
+    return f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"
+
+
+def _unstable(certificate: dict[str, Any]) -> list[str]:
+    """A line where unstable equilibria were found, else none."""
+    found = certificate["unstable_equilibria"]
+    if found["first_at"] is None:
+        return []
+    left = f"an unstable equilibrium was left {many(found['left'], 'time')}"
+    kept = f"{many(found['kept'], 'step')} ended in one that was kept"
+    parts = [text for count, text in ((found["left"], left), (found["kept"], kept)) if count]
+    return [f"{', '.join(parts)}; first at {found['first_at']:g} s (grows by e in {1 / found['growth_rate']:.2g} s)"]
+
+
+def _error(certificate: dict[str, Any]) -> str:
+    """The error estimate in a line: of all in a run that estimates it, else of the steps alone.
+
+    An equilibrium does not depend on the time steps by which it was reached, as long as they lead to the same one.
+    """
+    estimate = certificate["error_estimate"]
+    newton, gap = estimate["newton"], estimate["contact_gap"]
+    parts = f"Newton {newton if isinstance(newton, str) else length(newton)}"
+    parts += "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
+    asked, total = estimate.get("asked"), estimate.get("total")
+    request = f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)" if asked else ""
+    if total is not None:
+        known = f"about {length(total)}" if isinstance(total, float) else total
+        of_refined = estimate.get("of_refined", estimate)
+        if isinstance(total, float) and not of_refined["known"]:
+            known = f"not known, {known} by the last difference"
+        fixed = dict(estimate.get("fixed", {}))
+        if why := fixed.pop("coarser runs", ""):
+            alone = f"; the last difference alone would say {known}" if isinstance(total, float) else ""
+            return f"not known in all: {why}{alone} (--error 1mm, or `clothsim study`, refines); {parts}"
+        if not fixed:
+            return f"{known} in all{request}; {parts}"
+        if asked:
+            request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length(asked)} requested)"
+        unknown = " and ".join(fixed)
+        return f"not known in all, as that of {unknown} is not; others {known}{request}; {parts}"
+    temporal = estimate["temporal"]
+    steps = temporal if isinstance(temporal, str) else length(temporal)
+    if certificate["at_rest"] and not isinstance(temporal, str):
+        steps += " on the way to equilibrium, which has none"
+    return f"not known in all (--estimate); sum of the steps' own {steps}{request}, {parts}"

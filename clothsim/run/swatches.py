@@ -12,10 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from clothsim.base.arrays import Floats
 from clothsim.keys.fabric_table import FABRICS
-from clothsim.mesh.generators.sheets import disk, tube
+from clothsim.mesh.generators.shapes import disk, tube
+from clothsim.mesh.topology import border_edges
+from clothsim.render.picture import picture_setup, rendered
 from clothsim.render.surface_look import Surface
 from clothsim.run.simulate import simulate
 from clothsim.scene.scene import Scene
@@ -59,8 +62,6 @@ def drape_coefficient(positions: Floats, triangles: np.ndarray) -> float:
 
     (A - pi r^2)/(pi R^2 - pi r^2) (BS 5058), A within the border's polygon.
     """
-    from clothsim.mesh.topology import border_edges
-
     edges, _ = border_edges(triangles)
     start, end = positions[edges[:, 0]], positions[edges[:, 1]]
     shadow = 0.5 * abs(float(np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0])))
@@ -69,8 +70,6 @@ def drape_coefficient(positions: Floats, triangles: np.ndarray) -> float:
 
 def draw_swatches(fabrics: Sequence[str], file: Path, report: Callable[[str], None] = print) -> str:
     """Drape each of `fabrics` and write them to one PNG; `report` gets a line for each. Returns the renderer's line."""
-    from PIL import Image
-
     panels, note = [], ""
     for name in fabrics:
         run = simulate(cusick_scene(name))
@@ -91,8 +90,6 @@ def draw_swatches(fabrics: Sequence[str], file: Path, report: Callable[[str], No
 
 
 def _panel(run: "Run", title: str) -> tuple[np.ndarray, str]:
-    from clothsim.render.picture import picture_setup, rendered
-
     cloth = run.trajectory.surfaces[0]
     surfaces = [Surface(cloth.name, run.positions(-1), cloth.own_triangles, "cloth", np.zeros((0, 2))), _stand()]
     angle = np.linspace(0, 2 * np.pi, 24)

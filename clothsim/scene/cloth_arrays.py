@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from clothsim.base.errors import InputError
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.keys.mesh_keys import BodyKeys, ClothKeys, FrameRate, RigidKeys
-from clothsim.scene.given_meshes import checked_mesh
+from clothsim.scene.mesh_objects import checked_mesh
 
 
 @dataclass(frozen=True, eq=False)

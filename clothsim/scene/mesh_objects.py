@@ -1,15 +1,17 @@
-"""Vertices and triangles of the mesh objects of other libraries: trimesh, pyvista, meshio and scikit-fem.
+"""Meshes in memory: arrays, objects of trimesh, pyvista, meshio and scikit-fem, and the text of a run.
 
 Objects are distinguished by their attributes, so that none of the libraries is imported.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.files.meshes.polygons import Polygons, cut_polygons
+from clothsim.keys.mesh_arrays import TEXT, MeshArrays
 
 REMEDIES = {
     "MultiBlock": "Give its surface: mesh.combine().extract_surface().triangulate().",
@@ -93,8 +95,6 @@ def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
     """All faces as triangles, in order."""
     if all(block.shape[1] == 3 for block in blocks):
         return np.concatenate(blocks).astype(np.int64)
-    from clothsim.files.meshes.polygons import Polygons, cut_polygons
-
     corners = np.concatenate([block.ravel() for block in blocks]).astype(np.int64)
     sizes = np.concatenate([np.full(len(block), block.shape[1]) for block in blocks])
     if (sizes < 3).any():
@@ -108,7 +108,7 @@ def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
 
 def _wound_alike(vertices: Floats, triangles: Ints) -> Ints:
     """All triangles with the same winding, a flat mesh facing +z: scikit-fem sorts the vertices of each cell."""
-    from clothsim.mesh.manifold import joined_half_edges, turned_triangles
+    from clothsim.mesh.winding import joined_half_edges, turned_triangles
 
     if vertices[:, 2].any():
         turned = turned_triangles(triangles, joined_half_edges(triangles))[0]
@@ -231,3 +231,43 @@ _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[str, Any], tuple[Any, Faces
     (_is_meshio, _of_meshio),
     (_has("p", "t", "elem"), _of_skfem),
 )
+
+
+def checked_mesh(where: str, vertices: Any, triangles: Any = None, **others: Any) -> MeshArrays:
+    """The mesh of arrays, or of a mesh object where `triangles` is None; others: as of `MeshArrays.checked`.
+
+    Raises
+    ------
+    InputError
+        For another shape, a number that is not finite or an index out of range: it names array and index.
+    """
+    if triangles is None:
+        name = where if is_mesh(vertices) else f"{where}.vertices"
+        vertices, triangles = surface_of(name, vertices)
+    return MeshArrays.checked(where, vertices, triangles, **others)
+
+
+def mesh_arrays(where: str, value: Any) -> MeshArrays:
+    """The mesh in memory that a key `mesh` holds: arrays, a mesh object, or the text of one.
+
+    Raises
+    ------
+    InputError
+        Where it is none of them.
+    """
+    if isinstance(value, MeshArrays):
+        return value
+    if isinstance(value, Mapping):
+        if set(value) == {TEXT}:
+            return MeshArrays.from_text(where, value[TEXT])
+        raise InputError(
+            f"{where} must be a mesh, not a table with {', '.join(map(repr, value)) or 'no key'}.",
+            "Name a generator or a file; or give a mesh object, or clothsim.Cloth(vertices, triangles).",
+        )
+    if isinstance(value, tuple | list):
+        if len(value) != 2:
+            raise InputError(
+                f"{where} has {len(value)} entries.", "Give a pair (vertices, triangles), or clothsim.Cloth(...)."
+            )
+        return checked_mesh(where, *value)
+    return checked_mesh(where, value)

@@ -29,8 +29,7 @@ from clothsim.keys.typed_effects import EffectKeys, effects_by_name
 from clothsim.keys.value_checks import refuse_deep, refuse_unknown
 from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.given_meshes import mesh_arrays
-from clothsim.scene.mesh_objects import is_mesh
+from clothsim.scene.mesh_objects import is_mesh, mesh_arrays
 
 Table = Mapping[str, Any]
 BodyKind = BodyTable | FramesTable | ModelTable

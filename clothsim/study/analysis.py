@@ -9,9 +9,8 @@ import numpy as np
 
 from clothsim import Scene
 from clothsim.base.arrays import Floats
-from clothsim.study.cost_model import predicted_seconds
 from clothsim.study.parameters import INTEGRATOR, SWITCH, Parameter
-from clothsim.study.points import BASE, Point, point
+from clothsim.study.points import BASE, Point, point, predicted_seconds
 from clothsim.study.reference_solution import (
     Limit,
     Norm,
@@ -28,7 +27,7 @@ RESOLVED = 10.0
 TOGETHER = (1, -1, 2)
 """Levels at which parameters are refined together, the most telling first."""
 ADDITIVE = 0.25
-"""What the parameters add only together, over the base's error, up to which predicted combinations are believed."""
+"""Interaction term over the base's error, up to which predicted combinations are believed."""
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,9 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.record import read_summary, to_json
-from clothsim.study.cost_model import predicted_seconds
-from clothsim.study.points import BASE, Bench, Outcome, Point
-from clothsim.study.pool import Answer, Job, Runner
+from clothsim.study.points import BASE, Bench, Outcome, Point, predicted_seconds
 from clothsim.study.resample import Material, at_points_of, material_of
-from clothsim.study.worker import SHORT, TIMES
+from clothsim.study.workers import SHORT, TIMES, Answer, Job, Runner
 
 STUDY_NAME, FOLDER = "study.json", "points"
 FIRST_GUESS = {"draft": 0.2, "fine": 12.0}

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import World
 from clothsim.gradients import StateAtRest
-from clothsim.render import Quantity, Surface, draw
 from clothsim.study.evaluation import Gatherer
+from clothsim.study.pictures import draw_goal
 from clothsim.study.points import BASE, Bench, Point, point
 from clothsim.study.resample import at_points_of, barycentric, world_material
 
@@ -87,8 +86,8 @@ class GoalError:
     def by_triangle(self) -> Floats:
         """|eta_K| (m,): each vertex's part shared among its triangles by their areas."""
         around = np.bincount(self.triangles.ravel(), np.repeat(self.areas, 3), len(self.by_vertex))
-        share = np.where(around > 0.0, self.by_vertex / np.where(around > 0.0, around, 1.0), 0.0)
-        return np.abs(share[self.triangles].sum(axis=1) * self.areas)
+        density = np.where(around > 0.0, self.by_vertex / np.where(around > 0.0, around, 1.0), 0.0)
+        return np.abs(density[self.triangles].sum(axis=1) * self.areas)
 
     def area_of(self, fraction: float) -> float:
         """Return the smallest fraction of the area whose triangles make `fraction` of the sum of |eta_K|."""
@@ -155,11 +154,11 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
             "Take finer cells, or a smaller dt.",
         )
     by_vertex = coarse.powers(states[1], adjoint, len(positions)) - coarse.unfinished(adjoint)
-    by_vertex -= _of_finer(coarse, fine, adjoint)
+    by_vertex -= _powers_of_finer(coarse, fine, adjoint)
     return GoalError(values[0], values[1], by_vertex, positions, triangles, coarse.world.rest_areas)
 
 
-def _of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) -> Floats:
+def _powers_of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) -> Floats:
     """Powers of the finer elements with the interpolated adjoint, carried to the coarse vertices by its weights."""
     world, out = coarse.world, np.zeros(coarse.world.n_cloth)
     interpolated, corners, weights = np.zeros_like(fine.x), list[Ints](), list[Floats]()
@@ -169,11 +168,11 @@ def _of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) -> Floats
         corners.append(cloth.triangles[nearest] + first)
         weights.append(own)
         first += len(cloth.rest_positions)
-    rows, shares = np.concatenate(corners), np.concatenate(weights)
-    interpolated[: len(rows)] = np.einsum("ij,ijk->ik", shares, adjoint[rows])
+    rows, coordinates = np.concatenate(corners), np.concatenate(weights)
+    interpolated[: len(rows)] = np.einsum("ij,ijk->ik", coordinates, adjoint[rows])
     interpolated[fine.fixed] = 0.0
     parts = fine.powers(fine.x, interpolated, len(rows)) - fine.unfinished(interpolated)
-    np.add.at(out, rows.ravel(), (shares * parts[:, None]).ravel())
+    np.add.at(out, rows.ravel(), (coordinates * parts[:, None]).ravel())
     return out
 
 
@@ -238,18 +237,6 @@ def goal_report(gatherer: Gatherer, goal: NamedGoal) -> dict[str, Any]:
         "area_of_half": found.area_of(0.5),
         "failed": "",
     }
-
-
-def draw_goal(found: GoalError, name: str, file: Path) -> None:
-    """Write a picture of the cloth, each vertex coloured by its part of the error for its area, the mean being 1."""
-    rows, n = found.triangles.ravel(), len(found.positions)
-    around = np.bincount(rows, np.repeat(found.areas, 3), n)
-    parts = np.bincount(rows, np.repeat(found.by_triangle, 3), n)
-    mean = found.by_triangle.sum() / found.areas.sum()
-    density = parts / np.where(around > 0.0, around, 1.0) / (mean or 1.0)
-    surface = Surface("cloth", found.positions, found.triangles, "cloth", np.zeros((0, 2)), density)
-    quantity = Quantity(f"error of {name} by area, its mean 1")
-    draw(file, [surface], colour=quantity, smooth=False, title=f"What makes the error of {name}")
 
 
 def goal_lines(goal: dict[str, Any]) -> list[str]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.study.analysis import Compared
@@ -16,7 +17,7 @@ from clothsim.study.evaluation import Gatherer
 from clothsim.study.points import BASE, CONVERGENT, Point, point
 from clothsim.study.reference_solution import Norm
 from clothsim.study.resample import point_areas
-from clothsim.study.worker import JITTER
+from clothsim.study.workers import JITTER
 
 TIGHT = 2
 """Level of the tolerance at which a run and its jittered twin are compared."""
@@ -103,7 +104,7 @@ class Observations:
 
     def spread(self) -> float:
         """With chaotic folds: RMS distance of the base's seeds to their mean, over the root of their number [m]."""
-        seeds = [height_quantiles(each.positions, self.areas, self.up) for each in self._of_base()]
+        seeds = [height_quantiles(each.positions, self.areas, self.up) for each in self._base_outcomes()]
         mean = np.mean(seeds, axis=0)
         return float(np.sqrt(np.mean([self.norm(each - mean) ** 2 for each in seeds]) / max(1, len(seeds) - 1)))
 
@@ -114,7 +115,7 @@ class Observations:
         for rest, faces in zip(material.rest, material.triangles, strict=True):
             triangles.append(faces + first)
             first += len(rest)
-        runs, area = self._of_base(), float(self.areas.sum())
+        runs, area = self._base_outcomes(), float(self.areas.sum())
         drapes = [drape_coefficient(each.positions, np.concatenate(triangles), area, self.up) for each in runs]
         energies = [each.energy for each in runs]
         return {
@@ -122,7 +123,7 @@ class Observations:
             for name, values in (("drape_coefficient", drapes), ("energy", energies))
         }
 
-    def _of_base(self) -> list[Any]:
+    def _base_outcomes(self) -> list[Any]:
         outcomes = self.gatherer.outcomes.values()
         return [each for each in outcomes if not each.failed and replace(each.point, seed=0) == BASE]
 
@@ -182,8 +183,6 @@ def height_quantiles(positions: Floats, areas: Floats, up: Floats) -> Floats:
 
 def drape_coefficient(positions: Floats, triangles: Ints, area: float, up: Floats) -> float:
     """The area of the shadow along `up` over `area`, the cloth's own [m2]; drawn with PIXELS along its longer side."""
-    from PIL import Image, ImageDraw
-
     aside = np.linalg.svd(up[None])[2][1:]
     flat = positions @ aside.T
     low = flat.min(axis=0)

@@ -43,11 +43,11 @@ def gathered(gatherer: Gatherer) -> Observations:
     gatherer.gather(needed)  # where coarser runs show that they fit after all
     seen = with_twins(observations(gatherer), needed)
     if seen.chaotic:
-        return _of_folds(gatherer, seen, needed)
+        return _gather_seeds(gatherer, seen, needed)
     gatherer.gather(seen.compared().points_together(TOGETHER[:1]))
     gatherer.gather(seen.compared().points_together(TOGETHER[1:2]))
     if all(gatherer.good(each) for each in needed):
-        _of_detail(gatherer, seen)
+        _gather_detail(gatherer, seen)
     return seen
 
 
@@ -92,7 +92,7 @@ def _second(bench: Bench) -> list[Point]:
     return [*bench.tight(TIGHT), *one_parameter(list(bench.parameters), 1), *bench.other_formula((1,))]
 
 
-def _of_folds(gatherer: Gatherer, seen: Observations, needed: Sequence[Point]) -> Observations:
+def _gather_seeds(gatherer: Gatherer, seen: Observations, needed: Sequence[Point]) -> Observations:
     """The runs of chaotic folds: seeds of the base and of every finer run."""
     gatherer.gather(seeded([BASE, *needed]))
     gatherer.gather(seeded(one_parameter(list(gatherer.bench.parameters), 1)), LATE)
@@ -100,7 +100,7 @@ def _of_folds(gatherer: Gatherer, seen: Observations, needed: Sequence[Point]) -
     return replace(seen, noise=seen.spread())
 
 
-def _of_detail(gatherer: Gatherer, seen: Observations) -> None:
+def _gather_detail(gatherer: Gatherer, seen: Observations) -> None:
     """Finer runs of what is least certain, further levels, and combinations that may be worth their time."""
     names = list(gatherer.bench.parameters)
     gatherer.gather(seen.compared().least_certain(), LATE)

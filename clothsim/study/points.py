@@ -1,4 +1,4 @@
-"""Points of a study: levels of its parameters, and the outcome of a run."""
+"""Points of a study: levels of its parameters, the outcome of a run, and the predicted seconds of one."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -126,3 +126,30 @@ class Bench:
         """A name for the settings of a point and its seed: equal settings have equal names, however they came about."""
         text = replace(self.scene(where), run=self.base.run).to_text()
         return sha256(f"{text} {where.seed}".encode()).hexdigest()[:16]
+
+
+def predicted_seconds(where: Point, done: Mapping[Point, float], parameters: Mapping[str, Parameter]) -> float:
+    """Seconds of a point: those of the base times a factor for each parameter (the parameters' costs multiply).
+
+    A parameter's factor is measured where a run has it alone at that level; else the growth between its two nearest
+    levels goes on, or the parameter's own first guess where none is measured. The base must be done.
+    """
+    seconds = done[BASE]
+    for name, level in where.levels:
+        seconds *= _factor(parameters.get(name) or any_parameter(name), level, done)
+    return seconds
+
+
+def _factor(parameter: Parameter, level: int, done: Mapping[Point, float]) -> float:
+    measured = {0: done[BASE]}
+    alone = {each: point({parameter.name: each}) for each in range(-4, 5)}
+    measured.update((each, done[where]) for each, where in alone.items() if where in done)
+    if level in measured:
+        return measured[level] / measured[0]
+    nearest = min(measured, key=lambda each: abs(each - level))
+    towards = 1 if level > nearest else -1
+    inner = nearest - towards
+    growth = parameter.growth
+    if inner in measured:
+        growth = max(1.0, (measured[nearest] / measured[inner]) ** towards)
+    return measured[nearest] / measured[0] * growth ** (level - nearest)

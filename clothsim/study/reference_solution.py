@@ -199,7 +199,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class _Estimate:
-    """What the parameters add only together (n, k), and the error of all that they add (RMS)."""
+    """Interaction term (n, k), and the error of all that the parameters add (RMS)."""
 
     interaction: Floats
     error: float

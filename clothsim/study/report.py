@@ -1,183 +1,170 @@
-"""Data of a study, the content of study.json, and the report for people: study.md."""
+"""Report of a study for people: the error in sentences, what is missing, what half of it would cost, and study.md."""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from datetime import datetime
-from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from clothsim.study.analysis import Compared, Findings, Recommendation, half, recommendations
-from clothsim.study.answer import answer, in_mm, in_seconds, settings_text
-from clothsim.study.evaluation import Gatherer
 from clothsim.study.goal_report import PICTURE_NAME, goal_lines
-from clothsim.study.headline import MM, Headline
-from clothsim.study.observations import Observations
 from clothsim.study.parameters import written
-from clothsim.study.plan import first_refinements
-from clothsim.study.points import BASE, CONVERGENT, Bench, Point
-from clothsim.study.reference_solution import Limit
-from clothsim.study.worker import SHORT, TIMES
+from clothsim.study.result import KNOWN, MM, PARTIAL, RANGE, UNFINISHED
+from clothsim.study.workers import SHORT, TIMES
+
+SAME = 0.5
+"""Interaction term over the error, from which the report says that the parameters do not add up."""
 
 
-@dataclass(frozen=True)
-class StudyData:
-    """Data of a study to report: name of the scene, runs and how they are compared, reasons for missing parameters."""
-
-    name: str
-    bench: Bench
-    gatherer: Gatherer
-    seen: Observations
-    missing: Mapping[str, str]
-
-    @cached_property
-    def compared(self) -> Compared | None:
-        """The data to analyse; None without the base."""
-        return self.seen.compared() if self.gatherer.good(BASE) else None
-
-    @property
-    def chaotic(self) -> bool:
-        """True where histograms of heights are compared."""
-        return bool(self.seen.chaotic)
-
-    @property
-    def complete(self) -> bool:
-        """True where there is a reference: dt and cells were refined, or what the study has of them."""
-        needed = first_refinements(self.bench)
-        refined = self.compared is not None and bool(self.compared.sweeps())
-        return refined and all(self.gatherer.good(each) for each in needed)
-
-    @property
-    def size(self) -> float:
-        """Diagonal of the cloths at rest [m]."""
-        return float(np.linalg.norm(np.ptp(np.concatenate(self.gatherer.material.rest), axis=0)))
+def answer(result: Mapping[str, Any]) -> list[str]:
+    """What is known of the error of the scene as it is, and the cost of half of it, as sentences."""
+    headline = result["headline"]
+    if headline["status"] == UNFINISHED:
+        return [*_unfinished(result), *_so_far(headline), *_chaos(result), *_searched(result)]
+    lines = [_statement(result), *_half(result), *_sources(result), *_chaos(result), *_searched(result)]
+    if headline["status"] == RANGE:
+        lines += _more(headline)
+    reference = result["reference"]
+    if not reference["valid"]:
+        own, smallest = reference["own_error"], reference["smallest_error"]
+        lines.append(
+            f"The reference itself is uncertain by {in_mm(own)}, more than a tenth of the smallest error "
+            f"({in_mm(smallest)}): errors below {in_mm(10 * own)} are known only to that."
+        )
+    return lines
 
 
-def document(
-    study_data: StudyData, findings: Findings | None, headline: Headline, spent: Mapping[str, float]
-) -> dict[str, Any]:
-    """The content of study.json; errors in millimetres. Without findings no run has an error."""
-    gatherer, chaotic = study_data.gatherer, study_data.chaotic
-    points, others = _points(study_data, findings)
-    return {
-        "headline": headline.as_dict(),
-        "points": points,
-        **_answers(study_data, findings, headline),
-        "unit": "mm",
-        "measure": measure(chaotic),
-        "size": study_data.size,
-        "knobs": {name: _parameter(study_data, findings, name) for name in study_data.bench.parameters},
-        "bending_model": _model(study_data),
-        "missing_knobs": dict(study_data.missing),
-        "left_out": {where.label(): reason for where, reason in gatherer.left_out.items()},
-        "chaotic": study_data.seen.chaotic,
-        "twins_differ": study_data.seen.twins / MM,
-        "invariants": study_data.seen.invariants() if chaotic else {},
-        "reused": gatherer.reused,
-        "others": others,
-        "date": datetime.now().astimezone().isoformat(timespec="minutes"),
-        **spent,
+def _statement(result: Mapping[str, Any]) -> str:
+    headline, seconds = result["headline"], in_seconds(result["base"]["seconds"])
+    between = f"between {in_mm(headline['low'])} and {in_mm(headline['high'])}"
+    if not headline["low"]:
+        between = f"at most {in_mm(headline['high'])}"
+    if headline["status"] == KNOWN:
+        fraction = f"{100 * headline['error'] * MM / result['size']:.2g} % of its size"
+        return f"As it is, this scene is {in_mm(headline['error'])} wrong ({fraction}; {between}) and takes {seconds}."
+    if headline["status"] == PARTIAL:
+        missing = " and ".join(headline["missing"])
+        reasons = "; ".join(result["missing_knobs"].get(name, "not asked for") for name in headline["missing"])
+        return (
+            f"How wrong this scene is, is not known: {missing} cannot be refined ({reasons}). Without what that adds "
+            f"it is {between} wrong. It takes {seconds}."
+        )
+    return (
+        f"How wrong this scene is, is not known to a factor of two: {between}; the certificate of the run estimates "
+        f"{in_mm(headline['certificate'])} for its time steps. It takes {seconds}."
+    )
+
+
+def _unfinished(result: Mapping[str, Any]) -> list[str]:
+    """What is missing, and the seconds that it needs."""
+    headline = result["headline"]
+    words = {
+        "base": "the scene itself did not come to its end",
+        "integrator": "the other difference formula did not bound the error of the time steps",
+        "twins": "whether its folds are chaotic was not tested",
+        "seeds": "its folds are chaotic, and there are too few runs with other starts to compare",
     }
+    failed = [name for name in headline["missing"] if f"{name} +1" in {entry["label"] for entry in result["failed"]}]
+    parameters = [name for name in headline["missing"] if name not in (*words, *failed)]
+    was = "was" if len(parameters) == 1 else "were"
+    missing = [f"{' and '.join(parameters)} {was} not refined"] if parameters else []
+    missing += [f"the finer run of {name} is no data point" for name in failed]
+    missing += [words[name] for name in headline["missing"] if name in words]
+    why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
+    return [f"How wrong this scene is, is not known {why}: {'; '.join(missing)}.", *_more(headline)]
 
 
-def _points(study_data: StudyData, findings: Findings | None) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The runs that are compared and the failed ones, and the others."""
-    bench = study_data.bench
-    fields = {} if study_data.compared is None else study_data.compared.fields
-    keys = {bench.key(where): where for where in fields}
-    points, others = [], []
-    for entry in study_data.gatherer.stored.values():
-        if entry.get("failed"):
-            points.append(entry)  # listed apart when it is written
-        elif entry["key"] in keys:
-            where = keys[entry["key"]]
-            points.append({**entry, "settings": bench.settings(where), **_errors(study_data, findings, where)})
-        else:
-            others.append(entry)
-    return points, others
+def _searched(result: Mapping[str, Any]) -> list[str]:
+    """What the search of solver.error stated, whose settings are the scene of the study."""
+    searched = result.get("searched")
+    if searched is None:
+        return []
+    estimate = in_mm(searched["total"] / MM) if searched["known"] else "an unknown error"
+    asked, seconds = in_mm(searched["asked"] / MM), in_seconds(searched["seconds"])
+    return [f"Its settings are those that solver.error took for {asked}, with {estimate} estimated, in {seconds}."]
 
 
-def _answers(study_data: StudyData, findings: Findings | None, headline: Headline) -> dict[str, Any]:
-    """Front, recommendations, base and reference."""
-    gatherer, compared = study_data.gatherer, study_data.compared
-    seconds = gatherer.outcomes[BASE].seconds if compared is not None else None
-    base = {"label": BASE.label(), "settings": study_data.bench.settings(BASE), "error": headline.error, "unit": "mm"}
-    if findings is None or compared is None:
-        empty = {"half_the_error": None, "reference": None, "remainder": None, "together": None}
-        return {"front": [], "recommended": [], "base": {**base, "seconds": seconds}, **empty}
-    better = half(findings, compared)
-    return {
-        "front": [_row(study_data, where, findings.errors[where], findings.seconds[where]) for where in findings.front],
-        "recommended": [_advice(study_data, each) for each in recommendations(findings, MM)],
-        "half_the_error": None if better is None else _advice(study_data, better),
-        "base": {**base, "seconds": findings.seconds[BASE]},
-        "reference": {
-            "own_error": findings.reference.error / MM,
-            "valid": findings.valid,
-            "smallest_error": min(findings.errors.values()) / MM,
-            "cross": findings.reference.interaction / MM,
-            "distance_of_base": findings.errors[BASE] / MM,
-        },
-        "remainder": findings.remainder / MM,
-        "together": list(findings.reference.names) if findings.reference.combined else None,
-    }
+def _more(headline: Mapping[str, Any]) -> list[str]:
+    if headline["needed_seconds"] is None:
+        return []
+    seconds = _budget(headline["needed_seconds"])
+    if headline["missing"] == ["base"]:
+        return [f"At least {seconds} are needed: --budget {seconds.replace(' ', '')}."]
+    return [f"At least {seconds} more are needed: --budget {seconds.replace(' ', '')} goes on from the runs so far."]
 
 
-def _model(study_data: StudyData) -> dict[str, Any] | None:
-    """Difference and cost of the convergent bending model; None where that was not run."""
-    done = study_data.gatherer.outcomes.get(Point(variant=CONVERGENT))
-    if done is None or done.failed or study_data.chaotic or study_data.compared is None:
-        return None
-    moved = study_data.compared.norm(done.positions - study_data.compared.fields[BASE])
-    return {"model": CONVERGENT, "moves": moved / MM, "unit": "mm", "seconds": done.seconds}
+def _so_far(headline: Mapping[str, Any]) -> list[str]:
+    parts = [f"{name} adds {in_mm(adds)}" for name, adds in headline["so_far"].items()]
+    if headline["certificate"] is not None:
+        parts.append(f"the certificate of the run estimates {in_mm(headline['certificate'])} for its time steps")
+    return [f"So far: {', '.join(parts)}."] if parts else []
 
 
-def measure(chaotic: bool) -> str:
-    """Definition of the error measure."""
-    if chaotic:
-        return "RMS difference of the histograms of heights at the last frame (2-Wasserstein), mean over seeds"
-    return "RMS distance of the same material points at the last frame to the reference"
+def _half(result: Mapping[str, Any]) -> list[str]:
+    better, base = result["half_the_error"], result["base"]
+    if better is None:
+        return ["What half of that error would cost is not known: the runs inside the budget do not resolve it."]
+    times = better["seconds"] / max(base["seconds"], 1e-9)
+    source = "" if better["measured_error"] is not None else ", predicted, not run"
+    return [
+        f"Half of that error: {settings_text(better['settings'])}, {in_seconds(better['seconds'])} ({times:.2g} times"
+        f"{source})."
+    ]
 
 
-def _errors(study_data: StudyData, findings: Findings | None, where: Point) -> dict[str, Any]:
-    if findings is None:
-        return {"error": None, "max_error": None, "relative": None, "unit": "mm", "resolved": False}
-    error = findings.errors[where]
-    numbers = {"error": error / MM, "max_error": findings.largest[where] / MM, "relative": error / study_data.size}
-    return {**numbers, "unit": "mm", "seconds": findings.seconds[where], "resolved": findings.resolved(where)}
+def _sources(result: Mapping[str, Any]) -> list[str]:
+    """The largest source, what is not in the error, and what the parameters show together."""
+    adds = {name: parameter["adds"] for name, parameter in result["knobs"].items() if parameter["adds"] is not None}
+    lines = []
+    if adds:
+        worst = max(adds, key=lambda name: adds[name])
+        lines.append(f"Most of it comes from {worst}: {in_mm(adds[worst])}.")
+    unknown = [name for name in result["knobs"] if name not in adds]
+    if unknown:
+        lines.append(f"What {' and '.join(unknown)} add is not in that: no finer run of them is a data point.")
+    names, distance = result["together"], result["reference"]["distance_of_base"]
+    if names and result["remainder"] > SAME * distance:
+        lines.append(
+            f"{', '.join(names[:-1])} and {names[-1]} do not add up: refined together they show {in_mm(distance)}, and "
+            "what several of them show alone is counted once."
+        )
+    model = result["bending_model"]
+    if model is not None:
+        lines.append(
+            f"What its bending model adds is not in that: {model['model']}, which tends to the fabric's own stiffness, "
+            f"moves the result by {in_mm(model['moves'])} and takes {in_seconds(model['seconds'])}."
+        )
+    return lines
 
 
-def _row(study_data: StudyData, where: Point, error: float, seconds: float) -> dict[str, Any]:
-    settings = study_data.bench.settings(where)
-    return {"label": where.label(), "settings": settings, "error": error / MM, "unit": "mm", "seconds": seconds}
+def _chaos(result: Mapping[str, Any]) -> list[str]:
+    if not result["chaotic"]:
+        return []
+    return [
+        f"The folds of this scene are chaotic: twins that differ by a millionth of the size at the start end "
+        f"{in_mm(result['twins_differ'])} apart, so its positions are known to that at best. Histograms of heights are "
+        "compared, over seeds."
+    ]
 
 
-def _advice(study_data: StudyData, each: Recommendation) -> dict[str, Any]:
-    row = _row(study_data, each.point, each.error, each.seconds)
-    return {**row, "error": each.target / MM, "measured_error": each.error / MM if each.measured else None,
-            "predicted_error": None if each.measured else each.error / MM}  # fmt: skip
+def settings_text(settings: Mapping[str, Any]) -> str:
+    """Settings as text, "dt 1/60 s, cells 40x40"."""
+    return ", ".join(written(name, value) for name, value in settings.items())
 
 
-def _parameter(study_data: StudyData, findings: Findings | None, name: str) -> dict[str, Any]:
-    compared, parameter = study_data.compared, study_data.bench.parameters[name]
-    limits: Mapping[str, Limit] = {}
-    if compared is not None:
-        limits = compared.limits() if findings is None else findings.reference.limits
-    each = limits.get(name)
-    base = study_data.bench.base
-    settings = {"base": parameter.value(base, 0), "expected_slope": parameter.order(base)}
-    if compared is None or each is None:
-        unknown = dict.fromkeys(("observed_slope", "adds", "own_uncertainty"))
-        return {**settings, **unknown, "extrapolated": False}
-    return {
-        **settings,
-        "observed_slope": each.order,
-        "extrapolated": each.extrapolated,
-        "adds": compared.norm(compared.fields[BASE] - each.field) / MM,
-        "own_uncertainty": each.error / MM,
-    }
+def _budget(seconds: float) -> str:
+    """Seconds of a budget with two digits, rounded up."""
+    unit = 10.0 ** max(0, math.floor(math.log10(max(seconds, 1.0))) - 1)
+    return f"{math.ceil(seconds / unit - 1e-9) * unit:.0f} s"
+
+
+def in_mm(value: float | None) -> str:
+    """A length in millimetres with two digits."""
+    if value is None or not math.isfinite(value):
+        return "an unknown length"
+    return f"{value:.2g} mm" if value < 99.5 else f"{value:.0f} mm"
+
+
+def in_seconds(seconds: float) -> str:
+    """Seconds with two digits."""
+    return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
 
 
 def markdown(name: str, result: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import igl
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
@@ -38,8 +39,6 @@ def barycentric(points: Floats, rest: Floats, triangles: Ints) -> tuple[Ints, Fl
     The weights are those of the point's foot on the plane of the triangle, and may be negative at a border that is
     coarser than the point's own: a linear function of the material is interpolated exactly.
     """
-    import igl
-
     _, nearest, _ = igl.point_mesh_squared_distance(points, rest, triangles)
     corners = rest[triangles[nearest]]
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

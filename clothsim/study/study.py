@@ -23,17 +23,17 @@ from clothsim.base.parallel import available_cores
 from clothsim.engine import World, build
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
-from clothsim.study.error_control.resolution import Resolution, resolvable
+from clothsim.study.error_control.resolution import Resolution, refinable_scene
 from clothsim.study.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
 from clothsim.study.goal_report import NamedGoal, goal_report, refuse_goal
-from clothsim.study.headline import UNFINISHED, headline, needed_seconds
 from clothsim.study.parameters import usable, with_explicit_lengths
+from clothsim.study.pictures import draw_study
 from clothsim.study.plan import gathered
-from clothsim.study.plot import draw
 from clothsim.study.points import BASE, Bench, Point, point
-from clothsim.study.pool import Runner, worker_processes
-from clothsim.study.report import StudyData, document, markdown
+from clothsim.study.report import markdown
 from clothsim.study.resample import world_material
+from clothsim.study.result import UNFINISHED, StudyData, document, headline, needed_seconds
+from clothsim.study.workers import Runner, worker_processes
 
 # Settings of a scene with solver.error, found by one search, around which a study then varies its parameters.
 
@@ -76,8 +76,8 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
         file.write_text(json.dumps(stored), encoding="utf-8")
     steps, cells, d_hat = stored["resolution"]
     solver = {name: value for name, value in scene.solver.items() if name != "budget"}
-    ladder = resolvable(replace(scene, solver=solver))
-    found = ladder.at(Resolution(steps, Fraction(cells), Fraction(d_hat)), stored["newton_error_fraction"])
+    refinable = refinable_scene(replace(scene, solver=solver))
+    found = refinable.at(Resolution(steps, Fraction(cells), Fraction(d_hat)), stored["newton_error_fraction"])
     return found, stored["estimate"]
 
 
@@ -288,5 +288,5 @@ def _written(study_data: StudyData, spent: dict[str, Any]) -> Study:
     (directory / REPORT_NAME).write_text(markdown(study_data.name, result), encoding="utf-8")
     (directory / PICTURE_NAME).unlink(missing_ok=True)
     if known is not None:
-        draw(study_data, known, directory / PICTURE_NAME)
+        draw_study(study_data, known, directory / PICTURE_NAME)
     return Study(directory, result)

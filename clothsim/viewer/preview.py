@@ -13,10 +13,9 @@ from clothsim import Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.engine import Prediction, Predictor
-from clothsim.viewer.page_parts import add_background, add_body, look_at
-from clothsim.viewer.served import Served
+from clothsim.viewer.page import add_background, add_body, look_at
+from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
 from clothsim.viewer.side_texts import state_text
-from clothsim.viewer.view import LOOPBACK, PORT, require_viser, serve
 
 if TYPE_CHECKING:
     import viser

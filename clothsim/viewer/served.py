@@ -1,9 +1,12 @@
-"""Page that is served until it is closed."""
+"""Page that is served on this machine until it is closed."""
 
+import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
     import viser
@@ -56,3 +59,36 @@ class Served:
                 pass
         except KeyboardInterrupt:
             self.close()
+
+
+LOOPBACK = "127.0.0.1"
+LABEL = "clothsim"
+PORT = 8080
+
+
+def require_viser() -> Any:
+    """The package of the page. InputError where it is not installed."""
+    try:
+        import viser
+    except ImportError as error:
+        raise InputError("The page needs the package viser.", "pip install 'clothsim[view]'") from error
+    return viser
+
+
+def serve(viser: Any, host: str, port: int) -> Any:
+    """A server of viser, which prints nothing of itself.
+
+    Raises
+    ------
+    InputError
+        For what is no port, or no address of this machine: viser would try port after port.
+    """
+    if not 0 < port < 2**16:
+        raise InputError(f"There is no port {port}.", f"Give a number from 1 to {2**16 - 1:,}.")
+    try:
+        socket.create_server((host, 0), family=socket.getaddrinfo(host, 0)[0][0]).close()
+    except (OSError, UnicodeError) as error:
+        remedy = f"Give {LOOPBACK}, or 0.0.0.0 to open it to the network."
+        raise InputError(f"No page can be served at {host!r} ({error}).", remedy) from error
+    with silent():
+        return viser.ViserServer(host=host, port=port, label=LABEL, verbose=False)

@@ -76,8 +76,8 @@ def legend_html(colouring: Colouring) -> str:
     painted = scale.colours(np.linspace(scale.low, scale.high, STOPS))
     stops = ", ".join("#" + "".join(f"{round(255 * channel):02x}" for channel in colour) for colour in painted)
     ticks = "".join(
-        f'<span style="position:absolute; left:{share:.1f}%; transform:translateX(-{share:.1f}%)">{escape(text)}</span>'
-        for share, text in ((100 * (value - scale.low) / (scale.high - scale.low), text) for value, text in scale.ticks)
+        f'<span style="position:absolute; left:{left:.1f}%; transform:translateX(-{left:.1f}%)">{escape(text)}</span>'
+        for left, text in ((100 * (value - scale.low) / (scale.high - scale.low), text) for value, text in scale.ticks)
     )
     return (
         f'<div style="padding:0 1em 0.4em; font-size:0.8em">{escape(" ".join(scale.heading))}'

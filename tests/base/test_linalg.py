@@ -7,7 +7,7 @@ from meshes import random_rotation
 
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import dot, eigen_2x2, fit_gradient, kabsch, project_psd
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
 
 EPS = np.finfo(float).eps
 

@@ -24,14 +24,11 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.file_writing import write_atomically
 from clothsim.garments.penetration import counted
 from clothsim.scene.assembly.scene_world import world_of
-from clothsim.study.farm.identity import processor
 from clothsim.study.farm.plan import Farm, open_farm
-from clothsim.study.farm.publication import CLOTH
+from clothsim.study.farm.publication import CLOTH, processor
 from clothsim.study.farm.status import manifest
-from transfer.canonical import PosedBody
-from transfer.diffuse import kernel_average
-from transfer.drape_autoencoder import DrapeAutoencoder
-from transfer.drape_autoencoder_training import Training, distance_grid, trained_autoencoder
+from transfer.canonical import PosedBody, kernel_average
+from transfer.drape_autoencoder import DrapeAutoencoder, Training, distance_grid, trained_autoencoder
 from transfer.signed_distance import BodySurface, body_surface
 from transfer.subspace import Subspace, metric_components, nearest, ridge
 

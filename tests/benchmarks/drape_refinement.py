@@ -23,14 +23,13 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.text import text_table
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments.fit.pipeline import Task, seed_fit
-from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.fit.wear_check import Cost, cost_of
+from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.garments.penetration import Counts, counted
-from clothsim.garments.stages import Garment
-from clothsim.garments.wear_check import Cost, cost_of
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.generators.shapes import capsule
-from clothsim.mesh.manifold import bow_tie_vertices, joined_half_edges
 from clothsim.mesh.topology import components
+from clothsim.mesh.winding import bow_tie_vertices, joined_half_edges
 from transfer.refine import refine
 from transfer.signed_distance import BodySurface, body_surface
 

@@ -21,10 +21,10 @@ from PIL import Image, ImageDraw
 import clothsim
 from clothsim.base.errors import ClothsimError
 from clothsim.base.file_writing import write_atomically
-from clothsim.cli.dress_command import as_length
-from clothsim.garments.dress.dressed import Dress
-from clothsim.garments.dress.pictures import WORN, draw_dress
-from clothsim.patterns.sewing import largest_gap
+from clothsim.cli.garment_command import as_length
+from clothsim.garments.dressed import Dress
+from clothsim.garments.pictures import WORN, draw_dress
+from clothsim.patterns.pattern_mesh import largest_gap
 from tests.benchmarks.stored_tables import markdown_table, write_between
 from tests.support.real_data import DATA
 from tests.support.sewing_patterns import PATTERN_FILES, body_of

@@ -32,8 +32,7 @@ from clothsim.study.farm.claims import Worker
 from clothsim.study.farm.plan import Farm, open_farm, plan
 from clothsim.study.farm.publication import CLOTH, read_drape
 from clothsim.study.farm.recipe import Recipe, make_recipe
-from clothsim.study.farm.status import status
-from clothsim.study.farm.verify import verify
+from clothsim.study.farm.status import status, verify
 from clothsim.study.farm.work import make, work
 
 ROOT = Path(__file__).parents[2]
@@ -240,7 +239,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "kills": kills,
         "wall_seconds": wall,
         **asdict(status(farm)),
-        "torn": verify(farm, share=0.0).torn,
+        "torn": verify(farm, fraction=0.0).torn,
         "attempts": sum((farm.directory / "attempts" / job.id).read_text().count("started") for job in farm.jobs),
         "compared": both,
         "same_bytes": same,

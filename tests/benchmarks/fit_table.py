@@ -16,9 +16,8 @@ import numpy as np
 
 import clothsim
 from clothsim.garments.fit.transfer_seed import Size, sized, transferred
-from clothsim.garments.inputs import BodyMesh, read_body_mesh, read_garment
-from clothsim.garments.stages import Garment
-from clothsim.garments.wear_check import WearCheck, check_wear
+from clothsim.garments.fit.wear_check import WearCheck, check_wear
+from clothsim.garments.inputs import BodyMesh, Garment, read_body_mesh, read_garment
 from clothsim.mesh.generators.table import GENERATORS
 from tests.benchmarks.stored_tables import Record, markdown_table, read_record, when, write_between, write_record
 from transfer.body_frame import body_frame

@@ -26,17 +26,16 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.text import text_table
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.mesh.world import World
 from clothsim.scene.assembly.drape_model import DrapeModel, predicted
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
 from clothsim.study.farm.drape import drape
-from clothsim.study.farm.identity import processor
 from clothsim.study.farm.plan import Farm, Job, open_farm
-from clothsim.study.farm.publication import CLOTH
+from clothsim.study.farm.publication import CLOTH, processor
 from clothsim.study.farm.status import manifest
-from clothsim.study.learned.learn import Learned, learn
+from clothsim.study.learned_drapes import Learned, learn
 from transfer.garment import transfer_garment
 
 

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs, skinning_weights
-from clothsim.mesh.generators.garments.implicit import half_surface, lattice_union, smooth_union
-from clothsim.mesh.generators.garments.relax import both_halves, relaxed
+from clothsim.mesh.generators.implicit_surface import both_halves, half_surface, lattice_union, relaxed, smooth_union
+from clothsim.mesh.generators.mannequin.body_limbs import SMOOTHING, body_limbs, skinning_weights
 from clothsim.mesh.generators.mannequin.generator import TEMPLATE_FILE, Template
 
 CELL = 0.020

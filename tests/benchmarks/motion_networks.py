@@ -24,14 +24,12 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.file_writing import write_atomically
 from clothsim.garments.unpose import character_of_scene, skinning
 from clothsim.scene.assembly.scene_world import world_of
-from clothsim.study.farm.identity import processor
 from clothsim.study.farm.plan import Farm, open_farm
-from clothsim.study.farm.publication import CLOTH
+from clothsim.study.farm.publication import CLOTH, processor
 from clothsim.study.farm.status import manifest
 from tests.benchmarks.drape_networks import flat_metric
-from transfer.diffuse import kernel_average
-from transfer.motion_encoding import motion_windows
-from transfer.motion_encoding_training import MotionTraining, trained_motion_encoding
+from transfer.canonical import kernel_average
+from transfer.motion_encoding import MotionTraining, motion_windows, trained_motion_encoding
 from transfer.subspace import Subspace, metric_components, nearest, ridge
 
 GIVEN_FRAMES = 5

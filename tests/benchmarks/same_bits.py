@@ -76,7 +76,7 @@ def trace(file: Path, threads: int, steps: int, repeatable: bool = True, overrid
     from clothsim.run.session import prepare
     from clothsim.scene import paths
     from clothsim.scene.assembly.scene_world import build
-    from clothsim.scene.overrides import override
+    from clothsim.scene.paths import override
     from clothsim.scene.toml_file import load_scene
     from clothsim.solve.stepping import time_loop
     from clothsim.solve.stepping.state import first_state

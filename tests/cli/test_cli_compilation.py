@@ -5,17 +5,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from clothsim.cli import compilation
-from clothsim.cli.compilation import CompilationClock, installed_clock
-from clothsim.cli.progress import Lines, shown
-from clothsim.run.summary import Progress
+from clothsim.cli import progress
+from clothsim.cli.progress import CompilationClock, Lines, installed_clock, shown
+from clothsim.run.step_reports import Progress
 
 
 @pytest.fixture
 def seconds(monkeypatch):
     """Time of the clock of compilation, set by the test."""
     at = SimpleNamespace(now=0.0)
-    monkeypatch.setattr(compilation, "perf_counter", lambda: at.now)
+    monkeypatch.setattr(progress, "perf_counter", lambda: at.now)
     return at
 
 
@@ -51,7 +50,6 @@ def test_the_clock_listens_to_numba():
 
 def test_the_time_left_excludes_compilation(monkeypatch, capsys):
     """Ten steps of one second, the second of which compiles for a thousand: nine, not a million, are left."""
-    from clothsim.cli import progress
 
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     at = SimpleNamespace(now=0.0, compiled=0.0)
@@ -64,7 +62,7 @@ def test_the_time_left_excludes_compilation(monkeypatch, capsys):
 
 
 def test_the_notice_ends_with_the_first_step_and_comes_once(monkeypatch, capsys):
-    monkeypatch.setattr(compilation, "SECONDS_BETWEEN_LINES", 0.02)
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.02)
     monkeypatch.setattr("clothsim.engine.kernels_are_compiled", lambda: False)
     with shown(quiet=False) as listener:
         for _ in range(500):

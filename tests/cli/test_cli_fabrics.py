@@ -60,7 +60,7 @@ def test_a_card_of_swatches_tells_fabrics_apart(tmp_path, monkeypatch, capsys):
 
 
 def test_the_drape_coefficient_of_a_flat_disc_is_one_and_of_a_folded_one_nothing():
-    from clothsim.mesh.generators.sheets import disk
+    from clothsim.mesh.generators.shapes import disk
 
     positions, triangles = disk(swatches.RADIUS, 40)
     assert swatches.drape_coefficient(positions, triangles) == pytest.approx(1, abs=1e-3)

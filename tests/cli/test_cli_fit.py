@@ -9,9 +9,9 @@ from fitting_cases import capsule_figure, in_file, tube_garment
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.garments import stage_scenes
+from clothsim.garments import stages
 from clothsim.garments.fit import pipeline
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 
 BODY = capsule_figure(segments=10)
 TUBE = tube_garment(0.096, height=0.12, cells=(10, 3))
@@ -27,10 +27,8 @@ cells = [2, 2]
 def _here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
-    monkeypatch.setattr("clothsim.garments.fit.before_after.SIZE", (64, 96))
-    monkeypatch.setattr(
-        stage_scenes, "FIT_DRAPE", replace(stage_scenes.FIT_DRAPE, run={"duration": 0.02, "frames_per_second": 50})
-    )
+    monkeypatch.setattr("clothsim.garments.pictures.SIZE", (64, 96))
+    monkeypatch.setattr(stages, "FIT_DRAPE", replace(stages.FIT_DRAPE, run={"duration": 0.02, "frames_per_second": 50}))
     monkeypatch.setattr(pipeline, "FALLING", 1.0)
     in_file(tmp_path, "tube.obj", TUBE.positions, TUBE.triangles)
     in_file(tmp_path, "body.obj", BODY.positions, BODY.triangles)

@@ -10,7 +10,7 @@ from sewing_patterns import panel, specification
 import clothsim
 from clothsim import load_scene
 from clothsim.cli import main
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene
 

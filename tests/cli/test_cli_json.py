@@ -9,7 +9,7 @@ import pytest
 from command_line import FREE
 
 from clothsim.cli import COMMANDS, main, parser_of_all
-from clothsim.cli.completion_command import script
+from clothsim.cli.info_command import script
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import pytest
 
 from clothsim import InputError
 from clothsim.cli import COMMANDS, GROUPS, _short, main, parser_of_all, without_group
-from clothsim.cli.completion_command import script
+from clothsim.cli.info_command import script
 from clothsim.cli.progress import Lines, clock
-from clothsim.run.summary import Progress
+from clothsim.run.step_reports import Progress
 
 
 def test_debug_shows_the_traceback():
@@ -108,7 +108,7 @@ def test_the_error_of_a_run_is_one_line_of_its_verdict(tmp_path, estimate, line)
     from small_scenes import small_scene
 
     from clothsim import simulate
-    from clothsim.cli.run_report import verdict
+    from clothsim.cli.run_command import verdict
 
     run = simulate(small_scene(run={"duration": 0.02}), tmp_path)
     nothing = {"newton": 0.0, "contact_gap": "not estimated (no contact)"}

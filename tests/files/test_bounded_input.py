@@ -14,12 +14,11 @@ import pytest
 
 from clothsim import InputError, check, load_scene
 from clothsim.base.file_reading import read_numbers, read_regular_file
-from clothsim.files.meshes import mesh_file, mesh_sequence
-from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.files.meshes.mesh_part import Part
-from clothsim.files.meshes.mesh_sequence import frame_files, read_frames
+from clothsim.files.meshes import mesh_file
+from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
+from clothsim.files.meshes.polygons import Part
 from clothsim.files.runs.checkpoint import read_checkpoint
-from clothsim.run.archive import unpack_bundle
+from clothsim.run.export import unpack_bundle
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 MB = 1 << 20
@@ -76,8 +75,8 @@ def test_a_folder_of_any_size_is_listed_to_the_bound_only(tmp_path, monkeypatch)
             yield f"{k}.obj"
         raise AssertionError("listed beyond the bound")
 
-    monkeypatch.setattr(mesh_sequence, "MOST_FRAMES", 6)
-    monkeypatch.setattr(mesh_sequence, "iglob", endless)
+    monkeypatch.setattr(mesh_file, "MOST_FRAMES", 6)
+    monkeypatch.setattr(mesh_file, "iglob", endless)
     with pytest.raises(InputError, match="more than 6 files"):
         frame_files(tmp_path, "*.obj")
 
@@ -85,13 +84,13 @@ def test_a_folder_of_any_size_is_listed_to_the_bound_only(tmp_path, monkeypatch)
 def test_a_pattern_of_everything_is_bounded(tmp_path, monkeypatch):
     for k in range(7):
         (tmp_path / f"{k}.obj").write_text(TRIANGLE + "f 1 2 3\n")
-    monkeypatch.setattr(mesh_sequence, "MOST_FRAMES", 6)
+    monkeypatch.setattr(mesh_file, "MOST_FRAMES", 6)
     with pytest.raises(InputError, match="more than 6 files"):
         frame_files(tmp_path, "*.obj")
-    monkeypatch.setattr(mesh_sequence, "MOST_FRAMES", 7)
+    monkeypatch.setattr(mesh_file, "MOST_FRAMES", 7)
     files = frame_files(tmp_path, "*.obj")
     assert len(files) == 7
-    monkeypatch.setattr(mesh_sequence, "MOST_BYTES", 100)
+    monkeypatch.setattr(mesh_file, "MOST_BYTES", 100)
     with pytest.raises(InputError, match="7 frames"):
         read_frames(files, Part())
 

@@ -24,7 +24,7 @@ from clothsim.files.meshes.mesh_file import ENDINGS, read_mesh
 from clothsim.files.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TrajectoryWriter, read_trajectory
 from clothsim.mesh.generators.shapes import sphere
-from clothsim.mesh.world_surfaces import Surface
+from clothsim.mesh.world import Surface
 
 FEW = settings(
     max_examples=50,

@@ -7,7 +7,7 @@ from written_frames import TIMES, WORLD, frame
 from clothsim.base.errors import InputError
 from clothsim.files.runs.trajectory import TrajectoryWriter, read_trajectory
 from clothsim.files.runs.vtkhdf import FrameArray
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import world_surfaces
 
 
 @pytest.fixture

@@ -8,8 +8,7 @@ from fitting_cases import capsule_figure, in_file, moebius_strip, tube_garment
 
 from clothsim.base.errors import InputError
 from clothsim.garments.inputs import is_closed, read_body_mesh, read_garment, worn_in_scene
-from clothsim.mesh.generators.shapes import capsule, slab, sphere
-from clothsim.mesh.generators.sheets import rectangle, tube
+from clothsim.mesh.generators.shapes import capsule, rectangle, slab, sphere, tube
 
 CAPSULE = capsule(radius=0.2, height=1.7, segments=12)
 SCENE = """

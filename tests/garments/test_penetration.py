@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim.garments.penetration import counted
-from clothsim.mesh.generators.shapes import slab
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle, slab
 from transfer.signed_distance import body_surface
 
 BOX = body_surface(*slab(size=(1.0, 1.0, 1.0), cells=(2, 2, 2)))

@@ -5,11 +5,9 @@ import pytest
 from real_data import DATA, needs_data
 
 from clothsim.cli import main
-from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.penetration_report import deepest_vertices, penetration_report, read_penetration_report
-from clothsim.garments.stages import Garment
-from clothsim.mesh.generators.shapes import slab
-from clothsim.mesh.generators.sheets import rectangle, tube
+from clothsim.garments.inputs import BodyMesh, Garment
+from clothsim.garments.penetration import deepest_vertices, penetration_report, read_penetration_report
+from clothsim.mesh.generators.shapes import rectangle, slab, tube
 
 BODY = BodyMesh("box", *slab(size=(0.4, 0.4, 1.8), cells=(4, 4, 9)), 1.0, ())
 LOOSE, TRIANGLES = tube(radius=0.3, height=0.6, cells=(24, 8))
@@ -57,7 +55,7 @@ def test_the_command_reports_and_draws(tmp_path, capsys, monkeypatch):
     assert main(["check", loose, "--on", body]) == 0
     assert "Nothing is wrong." in capsys.readouterr().out
     picture = tmp_path / "tight.png"
-    monkeypatch.setattr("clothsim.garments.penetration_report.SIZE", (96, 128))
+    monkeypatch.setattr("clothsim.garments.penetration.SIZE", (96, 128))
     assert main(["check", tight, "--on", body, "--scale", "1", "-o", str(picture)]) == 1
     printed = capsys.readouterr().out
     assert "of 216 vertices" in printed
@@ -83,10 +81,10 @@ def test_the_body_s_scale_is_not_the_garment_s(tmp_path):
     loose = write_obj(tmp_path / "loose.obj", LOOSE, TRIANGLES)
     found = read_penetration_report(loose, body, body_scale=0.01)
     np.testing.assert_allclose(found.garment.positions, LOOSE, atol=1e-6)
-    np.testing.assert_allclose(found.figure.positions, BODY.positions, atol=1e-6)
+    np.testing.assert_allclose(found.wearer.positions, BODY.positions, atol=1e-6)
     both = read_penetration_report(loose, body, scale=0.5, body_scale=0.01)
     np.testing.assert_allclose(both.garment.positions, 0.5 * LOOSE, atol=1e-6)
-    np.testing.assert_allclose(both.figure.positions, BODY.positions, atol=1e-6)
+    np.testing.assert_allclose(both.wearer.positions, BODY.positions, atol=1e-6)
 
 
 def test_a_garment_that_nobody_wears_is_seen_by_its_distance(tmp_path, capsys):

@@ -7,10 +7,10 @@ import pytest
 
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.waistband import LEAST, TIGHT, border_loops, girth_at, turns_about, with_waistbands
-from clothsim.mesh.generators.sheets import tube
+from clothsim.mesh.generators.shapes import tube
 from clothsim.mesh.generators.table import GENERATORS
+from transfer.body_frame import girth, level_set, loops
 from transfer.body_parts import body_parts
-from transfer.level_sets import girth, level_set, loops
 
 BODY = BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())
 PARTS = body_parts(BODY.positions, BODY.triangles)

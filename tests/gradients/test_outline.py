@@ -5,7 +5,7 @@ import pytest
 
 from clothsim import InputError
 from clothsim.gradients.outline import Outline, outline_of
-from clothsim.mesh.generators.sheets import disk
+from clothsim.mesh.generators.shapes import disk
 
 ANGLES = 2 * np.pi * np.arange(90) / 90
 

@@ -5,7 +5,7 @@ import pytest
 from small_skirt import hanging_skirt, skirt_mesh
 
 from clothsim import InputError, Scene, recover
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.gradients.losses import Custom, Distance, Height, Scan
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene

@@ -13,7 +13,7 @@ from clothsim.gradients.losses import Custom, Distance, Height
 from clothsim.gradients.parameters import value_at
 from clothsim.gradients.run import DifferentiableRun, simulate_differentiably
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.overrides import override
+from clothsim.scene.paths import override
 
 WEIGHTS = np.random.default_rng(0).standard_normal((36, 3))
 LINEAR = Custom(lambda x: (float(np.vdot(WEIGHTS, x)), WEIGHTS))

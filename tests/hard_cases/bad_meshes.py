@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.files.meshes.readers.obj import obj_text
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.record import RECORD_NAME, read_record
-from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.files.meshes.readers.obj import obj_text
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.run.certificate.intersection_history import intersection_warnings
+from clothsim.run.intersections import intersection_warnings
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
 from clothsim.scene.assembly.scene_world import build

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-from clothsim.files.meshes.obj_writer import obj_text
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.files.meshes.readers.obj import obj_text
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, Check, all_of, energy_falls

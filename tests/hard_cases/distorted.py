@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.files.meshes.readers.obj import obj_text
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.geometry.kinematics.stretch import principal_stretches
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.run.results import Run
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.files.meshes.readers.obj import obj_text
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.run.results import Run
 from clothsim.scene.scene import Scene

@@ -9,7 +9,7 @@ import numpy as np
 from clothsim.base.process_memory import peak_memory
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
-from clothsim.run.summary import Progress
+from clothsim.run.step_reports import Progress
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, Check, all_of, energy_falls, scene_of
 

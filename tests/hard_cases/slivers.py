@@ -6,11 +6,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.files.meshes.readers.obj import obj_text
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.geometry.kinematics.stretch import principal_stretches
-from clothsim.mesh.generators.sheets import rectangle
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.run.results import Run
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene

@@ -4,7 +4,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from tests.known_answers.a3_buckling import critical_weight
 from tests.known_answers.elastica import deep_beam, loaded_ring, pushed_cantilever, rolled_up, upright_column
 from tests.known_answers.plates import INNER, NU, OUTER, drooped, elastica, ring_deflection

@@ -7,8 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.keys.fabric import Fabric
-from clothsim.mesh.generators.shapes import sphere
-from clothsim.mesh.generators.sheets import disk
+from clothsim.mesh.generators.shapes import disk, sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy, Off

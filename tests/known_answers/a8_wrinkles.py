@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.keys.fabric import Fabric
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy, Off
 from tests.known_answers.plates import flat

@@ -17,7 +17,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.generators.sheets import disk, rectangle
+from clothsim.mesh.generators.shapes import disk, rectangle
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy, Off

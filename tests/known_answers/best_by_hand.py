@@ -10,7 +10,7 @@ from itertools import product
 
 from clothsim import Scene
 from clothsim.base.errors import ClothsimError
-from clothsim.study.error_control.resolution import CELLS, D_HAT, Resolution, resolvable
+from clothsim.study.error_control.resolution import CELLS, D_HAT, Resolution, refinable_scene
 from clothsim.study.error_control.search import work
 from tests.known_answers.error_reference import Solution, distance, solution
 
@@ -35,21 +35,21 @@ class ByHand:
 def best_by_hand(scene: Scene, asked: float, reference: Solution) -> ByHand | None:
     """The cheapest run of the grid whose error is at most `asked` [m]; None where none has it."""
     solver = {key: value for key, value in scene.solver.items() if key not in ("dt", "error")}
-    ladder = resolvable(replace(scene, solver=solver))
-    first = max(1, round(ladder.frame / LONGEST_STEP))
-    coarsest = ladder.coarsest.cells
+    refinable = refinable_scene(replace(scene, solver=solver))
+    first = max(1, round(refinable.frame / LONGEST_STEP))
+    coarsest = refinable.coarsest.cells
     vertices = len(reference.positions) // 4
 
     def effort(each: Resolution) -> float:
-        return work(ladder, each, vertices)
+        return work(refinable, each, vertices)
 
     grid = sorted(
         (
             Resolution(first * steps, Fraction(cells), Fraction(d_hat))
             for steps, cells, d_hat in product(
                 STEPS,
-                [each for each in CELL_FACTORS if each >= coarsest] if CELLS in ladder.parameters else (1,),
-                D_HAT_FACTORS if D_HAT in ladder.parameters else (1,),
+                [each for each in CELL_FACTORS if each >= coarsest] if CELLS in refinable.parameters else (1,),
+                D_HAT_FACTORS if D_HAT in refinable.parameters else (1,),
             )
         ),
         key=effort,
@@ -59,10 +59,10 @@ def best_by_hand(scene: Scene, asked: float, reference: Solution) -> ByHand | No
         if effort(each) > limit:
             break
         try:
-            run = solution(ladder.at(each, NEWTON_ERROR_FRACTION))
+            run = solution(refinable.at(each, NEWTON_ERROR_FRACTION))
         except (ClothsimError, ValueError):
             continue
         error = distance(run, reference)
         if error <= asked and (best is None or run.seconds < best.seconds):
-            best, limit = ByHand(ladder.text(each), error, run.seconds), LATER * effort(each)
+            best, limit = ByHand(refinable.text(each), error, run.seconds), LATER * effort(each)
     return best

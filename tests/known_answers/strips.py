@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 
 CLOSE = 0.65
 """Points at random keep this fraction of the spacing from one another."""

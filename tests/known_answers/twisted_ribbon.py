@@ -17,7 +17,7 @@ from scipy import sparse
 
 from clothsim.base.arrays import Floats
 from clothsim.keys.fabric import Fabric
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy
 from tests.known_answers.unit_meshes import cloth

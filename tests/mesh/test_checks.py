@@ -6,7 +6,7 @@ from meshes import grid, irregular_grid
 
 from clothsim.base.errors import InputError
 from clothsim.mesh.checks import Report, examine, index_text, refuse
-from clothsim.mesh.generators.sheets import rectangle, tube
+from clothsim.mesh.generators.shapes import rectangle, tube
 
 NX = 6
 

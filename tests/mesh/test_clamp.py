@@ -10,8 +10,7 @@ from meshes import UNIT, cloth, grid, irregular_grid, random_rotation
 from clothsim.base.errors import InputError
 from clothsim.mesh.body import make_body
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.hinges import dihedral_angles
+from clothsim.mesh.cloth import dihedral_angles, make_cloth
 from clothsim.mesh.world import make_world
 
 NONE = np.zeros(0, np.int64)

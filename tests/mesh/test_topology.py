@@ -5,11 +5,9 @@ import pytest
 from meshes import UNIT, cloth, grid, irregular_grid, random_rotation
 
 from clothsim.base.errors import InputError
-from clothsim.mesh.body import make_body
-from clothsim.mesh.generators.shapes import sphere
-from clothsim.mesh.generators.sheets import rectangle, tube
-from clothsim.mesh.hinges import cloth_hinges, dihedral_angles
-from clothsim.mesh.motion import rigid_motion
+from clothsim.mesh.body import make_body, rigid_motion
+from clothsim.mesh.cloth import cloth_hinges, dihedral_angles
+from clothsim.mesh.generators.shapes import rectangle, sphere, tube
 from clothsim.mesh.topology import (
     border_edges,
     border_vertices,

@@ -13,10 +13,14 @@ from clothsim.base.errors import InputError
 from clothsim.mesh.checks import examine
 from clothsim.mesh.topology import border_edges, components
 from clothsim.patterns.borders import borders, enclosed_area, segments, with_necks
-from clothsim.patterns.panel_mesh import without_slivers
-from clothsim.patterns.pattern import Side
-from clothsim.patterns.pattern_mesh import PatternMesh, gather_ratios, mesh_pattern
-from clothsim.patterns.sewing import largest_gap, sewn_vertices
+from clothsim.patterns.pattern import Side, gather_ratios
+from clothsim.patterns.pattern_mesh import (
+    PatternMesh,
+    largest_gap,
+    mesh_pattern,
+    sewn_vertices,
+    without_slivers,
+)
 from clothsim.patterns.specification import pattern_of, read_specification
 
 LOOPS = dict(

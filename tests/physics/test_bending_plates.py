@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from meshes import cloth, grid
 
-from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.hinge_bending import hinge_bending
 from tests.known_answers.elastica import hanging_cantilever, pushed_cantilever, rolled_up

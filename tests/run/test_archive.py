@@ -12,10 +12,10 @@ from small_scenes import BALL, EFFECTS, RUN, small_scene
 
 from clothsim import InputError, Scene, resume, simulate
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
-from clothsim.run import archive
-from clothsim.run.archive import unpack_bundle, write_bundle
-from clothsim.run.archive_files import relocated
+from clothsim.run import export as archive
+from clothsim.run.export import unpack_bundle, write_bundle
 from clothsim.scene.assembly.scene_world import build
+from clothsim.scene.named_files import relocated
 from clothsim.scene.scene import scene_from_text
 
 PIN = {"pins": {"select": [12], "motion": {"velocity": [0.0, 0.0, -0.5]}}}

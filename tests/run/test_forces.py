@@ -66,7 +66,7 @@ def test_paraview_and_pyvista_see_the_pressure_on_the_body(rested):
 
 
 def test_a_picture_of_a_body_field_shows_the_bodies_alone(rested):
-    from clothsim.run.field_pictures import field_settings
+    from clothsim.run.pictures import field_settings
 
     (table,) = field_settings(rested, "body_pressure")["surfaces_of"](rested.trajectory, -1)
     np.testing.assert_array_equal(table.values, rested.field("body_pressure"))

@@ -5,8 +5,8 @@ import pytest
 from small_scenes import SOLVER, small_scene
 
 from clothsim import simulate
-from clothsim.run import iterate_log as module
-from clothsim.run.iterate_log import iterates_name
+from clothsim.run import recorded_run as module
+from clothsim.run.recorded_run import iterates_name
 
 KEYS = {"dts", "solve", "positions", "fraction", "speed", "residual", "energy"}
 

@@ -8,8 +8,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.record import RecordWriter, write_summary
 from clothsim.files.runs.trajectory import TrajectoryWriter
 from clothsim.mesh.body import make_body
-from clothsim.mesh.world import make_world
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import make_world, world_surfaces
 from clothsim.render.movie import movie
 from clothsim.render.picture import draw
 from clothsim.run.pictures import MOVIE_SETTINGS, PICTURE_SETTINGS

@@ -11,7 +11,7 @@ from meshes import grid
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene
 
 from clothsim import InputError, Scene, resume, simulate
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
 from clothsim.run.fields import FIELDS
 from clothsim.run.simulation import Simulation

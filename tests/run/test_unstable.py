@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from clothsim import Scene, Simulation, resume, simulate
-from clothsim.files.meshes.obj_writer import obj_text
-from clothsim.mesh.generators.sheets import rectangle
-from clothsim.run.summary import Progress
+from clothsim.files.meshes.readers.obj import obj_text
+from clothsim.mesh.generators.shapes import rectangle
+from clothsim.run.step_reports import Progress
 
 LENGTH, PRESSED = 0.5, 0.8
 FABRIC = {"thickness": 1e-3, "youngs_modulus": 1e6, "poisson_ratio": 0.0, "bending_stiffness": 1e-2}

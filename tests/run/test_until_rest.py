@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim import Scene, Simulation, open_run, resume, simulate
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 
 CLOTH = {"mesh": "rectangle", "size": [0.1, 0.1], "cells": [2, 2], "rotation_degrees": [60, 0, 0]}
 """A sheet that hangs by its left edge and swings into the vertical plane."""

@@ -6,7 +6,7 @@ from small_scenes import BALL, EFFECTS, small_scene, without
 from clothsim import InputError
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.overrides import override
+from clothsim.scene.paths import override
 
 ASKED = {"error": 1e-3, "linear": "superlu", "threads": 1}
 

@@ -13,7 +13,7 @@ from clothsim import Body, Cloth, InputError, Scene, resume, simulate
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.keys.mesh_keys import BodyKeys, ClothKeys
 from clothsim.keys.schema import keys_of
-from clothsim.run.archive import unpack_bundle, write_bundle
+from clothsim.run.export import unpack_bundle, write_bundle
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import scene_from_text
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from clothsim import load_scene
 from clothsim.base.errors import LONGEST, InputError
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.overrides import override
+from clothsim.scene.paths import override
 from clothsim.scene.scene import make_scene, scene_from_text
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # 1e308 m overflows somewhere, and is refused

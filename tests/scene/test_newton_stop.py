@@ -9,7 +9,7 @@ from clothsim import InputError, simulate
 from clothsim.keys.settings import CONVERGED
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.overrides import override
+from clothsim.scene.paths import override
 from clothsim.solve.newton.convergence import LEAST_SPEED
 
 

@@ -19,8 +19,7 @@ from clothsim.keys.settings import Solver
 from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.scene.effects import EFFECTS, Effect
-from clothsim.scene.json_schema import json_schema
-from clothsim.scene.reference import COLUMNS, markdown, row, sections
+from clothsim.scene.reference import COLUMNS, json_schema, markdown, row, sections
 from clothsim.solve.linear.linear_solvers import SOLVERS
 
 UNITS = {

@@ -7,8 +7,8 @@ import pytest
 from clothsim import Air, Pressure, Scene
 from clothsim.base.errors import InputError
 from clothsim.scene.scene import scene_from_text
-from clothsim.study.farm.identity import content_id
 from clothsim.study.farm.plan import plan
+from clothsim.study.farm.publication import content_id
 from clothsim.study.farm.recipe import Recipe
 
 CLOTH = {"mesh": "rectangle", "cells": [2, 2]}

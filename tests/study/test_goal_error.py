@@ -12,9 +12,9 @@ from clothsim import InputError, Scene, simulate
 from clothsim.cli import main
 from clothsim.gradients.losses import Height, border_sides, hem_of
 from clothsim.gradients.state_at_rest import StateAtRest
-from clothsim.mesh.generators.sheets import disk, rectangle, tube
+from clothsim.mesh.generators.shapes import disk, rectangle, tube
 from clothsim.scene.assembly.refinement import with_cells
-from clothsim.study import goal_report as goal_report_module
+from clothsim.study import pictures
 from clothsim.study.goal_report import NamedGoal, goal_error, goal_lines, goal_report
 from clothsim.study.parameters import PARAMETERS
 from clothsim.study.points import BASE, Bench, point
@@ -119,7 +119,7 @@ def test_what_has_no_error_by_triangles(tmp_path, capsys):
 
 def test_report_of_a_goal(tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(goal_report_module, "draw", lambda file, surfaces, **keys: drawn.append((file, surfaces, keys)))
+    monkeypatch.setattr(pictures, "draw", lambda file, surfaces, **keys: drawn.append((file, surfaces, keys)))
     scene, finer = SCENES["strip from an edge"], point({"cells": 1})
     bench = Bench(scene, scene, {"cells": PARAMETERS["cells"]})
     ends = {where: simulate(bench.scene(where)).positions(-1) for where in (BASE, finer)}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.mesh.generators.sheets import disk, rectangle
+from clothsim.mesh.generators.shapes import disk, rectangle
 from clothsim.study.resample import at_points_of, barycentric, material_of, point_areas
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -9,7 +9,7 @@ import pytest
 from clothsim.scene import paths
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.scene import Scene
-from clothsim.study import worker
+from clothsim.study import workers
 from clothsim.study.reference_solution import Norm
 from clothsim.study.resample import at_points_of, material_of, point_areas
 from clothsim.study.study import study_accuracy
@@ -64,12 +64,12 @@ class InProcess:
                 yield job, None
                 continue
             self.most -= 1
-            yield job, worker.answer({**asdict(job), "target": str(job.target)})
+            yield job, workers.answer({**asdict(job), "target": str(job.target)})
 
 
 @pytest.fixture(autouse=True)
 def _timed_once(monkeypatch):
-    monkeypatch.setattr(worker, "TIMES", 1)
+    monkeypatch.setattr(workers, "TIMES", 1)
 
 
 def finest(scene, folder):
@@ -81,7 +81,7 @@ def finest(scene, folder):
 
 
 def solved(scene, target):
-    found = worker.answer({"scene": scene.to_text(), "target": str(target), "seed": 0})
+    found = workers.answer({"scene": scene.to_text(), "target": str(target), "seed": 0})
     assert not found["failed"]
     with np.load(target) as arrays:
         return material_of([arrays["rest_0"]], [arrays["triangles_0"]]), arrays["positions"]

@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.garments.fit.pipeline import Task
-from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.stages import Garment
-from clothsim.mesh.generators.shapes import capsule
-from clothsim.mesh.generators.sheets import rectangle, tube
+from clothsim.garments.inputs import BodyMesh, Garment
+from clothsim.mesh.generators.shapes import capsule, rectangle, tube
 
 RADIUS = 0.1
 

@@ -45,7 +45,7 @@ def all_imports() -> tuple[Import, ...]:
 
 
 def room(module: str) -> str:
-    """The room of a module: "garments" of clothsim.garments.fit.fit; "transfer"; "clothsim" for its own names."""
+    """The room of a module: "garments" of clothsim.garments.fitted; "transfer"; "clothsim" for its own names."""
     parts = module.split(".")
     return parts[1] if parts[0] == "clothsim" and len(parts) > 1 else parts[0]
 

@@ -6,9 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats
-from clothsim.mesh.generators.mannequin.generator import template
-from clothsim.mesh.generators.mannequin.proportions import Proportions, warped, warped_joints
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS
+from clothsim.mesh.generators.mannequin.generator import JOINTS, PARENTS, Proportions, template, warped, warped_joints
 
 MEASURES: tuple[str, ...] = tuple(field.name for field in fields(Proportions))
 """What the shape parameters are: changes of these measures of a `Proportions`."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
 
 JOINTS = {
     "Hips": ("", (0, 38, 0)),

@@ -5,8 +5,7 @@ from sewing_patterns import specification, stitch
 
 from clothsim import Cloth, Scene
 from clothsim.mesh.weld import mean_of_parts
-from clothsim.patterns.pattern_mesh import PatternMesh, mesh_pattern
-from clothsim.patterns.sewing import sewn_vertices
+from clothsim.patterns.pattern_mesh import PatternMesh, mesh_pattern, sewn_vertices
 from clothsim.patterns.specification import pattern_of
 
 WAIST, HEM, LENGTH = 24.0, 30.0, 24.0

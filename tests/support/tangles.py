@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.mesh.generators.sheets import rectangle, tube
+from clothsim.mesh.generators.shapes import rectangle, tube
 
 
 def joined(*meshes):

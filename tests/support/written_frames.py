@@ -4,10 +4,8 @@ import numpy as np
 from meshes import cloth, grid
 
 from clothsim.files.runs.trajectory import TrajectoryWriter
-from clothsim.mesh.body import make_body
-from clothsim.mesh.motion import rigid_motion
-from clothsim.mesh.world import make_world
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.body import make_body, rigid_motion
+from clothsim.mesh.world import make_world, world_surfaces
 
 
 def two_of_each():

@@ -1,4 +1,9 @@
-"""Correspondence of meshes of different topology: markers matched, surfaces registered, bad markers named."""
+"""Correspondence of meshes of different topology: markers matched, surfaces registered, bad markers named.
+
+Similarities found again from points and from boxes.
+
+Closest compatible surface points against brute force, and points without one.
+"""
 
 import numpy as np
 import pytest
@@ -6,11 +11,10 @@ from capsule_bodies import person
 from real_data import DATA, needs_data
 
 from clothsim.mesh.generators.table import GENERATORS
-from transfer.correspond import correspond
+from transfer.correspond import Similarity, by_boxes, by_points, correspond, facing_surface, span_a_plane
 from transfer.deform import deformation_transfer
 from transfer.errors import TransferError
 from transfer.gradients import centroids
-from transfer.overlay import facing_surface
 from transfer.triangle_surface import triangle_normals
 
 FOLDER = DATA / "bodies"
@@ -149,7 +153,7 @@ def test_a_target_turned_inside_out_is_refused():
 @needs_data
 def test_real_bodies_of_other_topology_derive_landmarks_that_mean_the_same():
     from clothsim.files.meshes.mesh_file import read_mesh
-    from transfer.landmarks import derive_markers
+    from transfer.body_parts import derive_markers
 
     meshes = [read_mesh(FOLDER / name) for name in ("f_smpl_average_A40.obj", "mean_female.obj")]
     source, target = ((mesh.positions, mesh.triangles) for mesh in meshes)
@@ -158,3 +162,63 @@ def test_real_bodies_of_other_topology_derive_landmarks_that_mean_the_same():
     assert len(markers) == 8
     assert apart.max() < 0.2  # the hands' poses differ
     assert np.median(apart) < 0.05
+
+
+RNG = np.random.default_rng(2)
+POINTS = RNG.normal(size=(9, 3))
+TRIANGLES = np.arange(9).reshape(3, 3)
+TURN = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
+TURN *= np.sign(np.linalg.det(TURN))
+
+
+def test_points_give_the_similarity_back_also_where_they_lie_in_a_plane():
+    made = Similarity(2.3, TURN, np.array([1.0, 2.0, 3.0]))
+    for points in (POINTS, POINTS * [1, 1, 0], POINTS[:3]):
+        found = by_points(points, made.apply(points))
+        np.testing.assert_allclose(found.apply(POINTS), made.apply(POINTS), atol=1e-12)
+
+
+def test_a_mirrored_target_is_never_met_by_a_mirror():
+    found = by_points(POINTS, POINTS * [-1, 1, 1])
+    assert np.linalg.det(found.rotation) > 0
+
+
+def test_boxes_are_laid_over_one_another():
+    found = by_boxes((POINTS, TRIANGLES), (3 * POINTS + [0, 5, 0], TRIANGLES))
+    np.testing.assert_allclose(found.apply(POINTS), 3 * POINTS + [0, 5, 0], atol=1e-12)
+
+
+def test_points_on_a_line_fix_no_rotation():
+    assert span_a_plane(POINTS[:3])
+    assert not span_a_plane(POINTS[:2])
+    assert not span_a_plane(np.outer(np.arange(4.0), [1, 2, 3]))
+    assert not span_a_plane(np.ones((4, 3)))
+
+
+SMALL, SMALL_TRIANGLES = GENERATORS["sphere"](radius=0.5, subdivisions=3)
+
+
+def test_the_closest_point_is_taken_where_it_faces_the_same_way():
+    directions = SMALL[::7] / 0.5
+    triangles, points = facing_surface(SMALL, SMALL_TRIANGLES).closest_valid(1.4 * directions, directions)
+    np.testing.assert_allclose(points, SMALL[::7], atol=1e-12)
+    assert (np.einsum("ka,ka->k", triangle_normals(SMALL, SMALL_TRIANGLES)[triangles], directions) > 0).all()
+
+
+def test_a_sheet_that_faces_away_is_passed_over():
+    """Two sheets, 0.1 apart, of opposite winding: from near the wrong one the other is found."""
+    flat, faces = GENERATORS["rectangle"](size=(1.0, 1.0), cells=(8, 8))
+    positions = np.vstack([flat, flat + np.array([0, 0, 0.1])])
+    both = np.vstack([faces, faces[:, ::-1] + len(flat)])
+    up = triangle_normals(flat, faces)[0]
+    queries = centroids(flat, faces) + np.array([0, 0, 0.09])
+    triangles, points = facing_surface(positions, both).closest_valid(queries, np.tile(up, (len(queries), 1)))
+    assert (triangles < len(faces)).all()
+    np.testing.assert_allclose(np.linalg.norm(points - queries, axis=1), 0.09, atol=1e-12)
+
+
+def test_a_point_with_no_facing_surface_near_has_none():
+    flat, faces = GENERATORS["rectangle"](size=(1.0, 1.0), cells=(4, 4))
+    down = -triangle_normals(flat, faces)[:1]
+    triangles, _ = facing_surface(flat, faces).closest_valid(np.array([[0.1, 0.1, 0.3]]), down)
+    assert triangles.tolist() == [-1]

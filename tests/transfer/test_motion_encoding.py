@@ -83,7 +83,7 @@ def test_a_window_does_not_change_when_the_whole_motion_is_moved_and_turned():
 
 def test_a_training_finds_codes_that_motion_does_not_change():
     pytest.importorskip("jax")
-    from transfer.motion_encoding_training import MotionTraining, trained_motion_encoding
+    from transfer.motion_encoding import MotionTraining, trained_motion_encoding
 
     drapes, fabrics = swings()
     motions = np.tile(MOTIONS, (FABRICS, 1))

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from clothsim import InputError
-from clothsim.mesh.generators.mannequin.generator import mannequin, template
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS
-from clothsim.scene.assembly.drape_model import DrapeModel, family
-from clothsim.scene.assembly.drape_prediction import Predictor
+from clothsim.mesh.generators.mannequin.generator import JOINTS, mannequin, template
+from clothsim.scene.assembly.drape_model import DrapeModel, Predictor, family
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
 

@@ -12,9 +12,9 @@ import trimesh
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.run.colouring import PLAIN, STRETCH, Colouring
+from clothsim.run.frames import PLAIN, STRETCH, Colouring
 from clothsim.run.results import open_run
-from clothsim.viewer import view as view_module
+from clothsim.viewer import page as view_module
 from clothsim.viewer.page import as_glb, picked_vertex
 from clothsim.viewer.side_texts import legend_html, solver_text, speeds
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from clothsim.base.arrays import Floats
+from clothsim.files.characters.character import mannequin_character
 from clothsim.files.characters.clip import Clip, uniform_clip
-from clothsim.files.characters.known_bodies import mannequin_character
 from clothsim.files.characters.quaternions import from_matrices, from_rotation_vectors, to_matrices, to_rotation_vectors
 from clothsim.files.characters.skeleton import Pose, Skeleton
 

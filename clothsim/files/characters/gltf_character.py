@@ -8,9 +8,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.files.characters.character import Character
-from clothsim.files.characters.gltf_file import BROKEN, GltfFile, broken, read_gltf
-from clothsim.files.characters.gltf_skeleton import bound_skeleton, node_order
-from clothsim.mesh.degenerate import flat_triangles
+from clothsim.files.characters.gltf_file import BROKEN, GltfFile, bound_skeleton, broken, node_order, read_gltf
+from clothsim.mesh.topology import flat_triangles
 
 TRIANGLES = 4
 """The mode of a primitive of triangles."""

@@ -13,8 +13,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.files.characters.character import Character
-from clothsim.files.characters.joint_roles import joint_roles
-from clothsim.files.characters.skeleton import Pose, orthonormal
+from clothsim.files.characters.skeleton import Pose, joint_roles, orthonormal
 
 APART = 0.035
 """Vertices of a part nearer than this to another part in the first pose are adjacent to it [of the body's height]."""

@@ -7,10 +7,9 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.files.characters.clip import Clip
-from clothsim.files.characters.joint_roles import joint_roles
 from clothsim.files.characters.quaternions import from_matrices, to_matrices
-from clothsim.files.characters.skeleton import Pose, Skeleton, orthonormal
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.files.characters.skeleton import Pose, Skeleton, joint_roles, orthonormal
+from clothsim.mesh.body import rotation_matrix
 
 SNAP_DEGREES = 20.0
 """A frame of a skeleton within this angle of the axes is taken as them: rest poses lean a little."""

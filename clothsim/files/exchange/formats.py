@@ -3,7 +3,7 @@
 import importlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Protocol, cast
 
 from clothsim.base.errors import InputError
 from clothsim.files.exchange.animation import Animation
@@ -50,10 +50,10 @@ class Format:
 
 
 FORMATS: dict[str, Format] = {
-    ".obj": Format("obj_sequence", "Wavefront OBJ, a file a frame"),
-    ".ply": Format("ply_sequence", "Stanford PLY, a file a frame, with stretch and colours"),
-    ".pc2": Format("point_cache", "point cache 2 of Blender, 3ds Max and Houdini, with the mesh as OBJ"),
-    ".mdd": Format("point_cache", "point cache MDD of Blender, Houdini and LightWave, with the mesh as OBJ"),
+    ".obj": Format("sequences", "Wavefront OBJ, a file a frame"),
+    ".ply": Format("sequences", "Stanford PLY, a file a frame, with stretch and colours"),
+    ".pc2": Format("sequences", "point cache 2 of Blender, 3ds Max and Houdini, with the mesh as OBJ"),
+    ".mdd": Format("sequences", "point cache MDD of Blender, Houdini and LightWave, with the mesh as OBJ"),
     ".glb": Format("glb", "binary glTF 2.0 with morph targets", up="y", metres=True, relative=True),
     ".usdc": Format("usd", "binary USD with time samples", relative=True),
     ".usda": Format("usd", "USD as text with time samples", relative=True),
@@ -65,7 +65,6 @@ FORMATS: dict[str, Format] = {
 
 def format_of(target: Path) -> Format:
     """The format of a file by its ending. InputError for another ending."""
-    found: Any = FORMATS.get(target.suffix.lower())
-    if found is None:
+    if target.suffix.lower() not in FORMATS:
         raise InputError(f"{target.name} has an ending of no known format.", f"Known are {', '.join(FORMATS)}.")
-    return cast("Format", found)
+    return FORMATS[target.suffix.lower()]

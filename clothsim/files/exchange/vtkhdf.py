@@ -8,7 +8,7 @@ from clothsim.base.file_writing import replacing
 from clothsim.files.exchange.animation import Animation
 from clothsim.files.runs.trajectory import TrajectoryWriter
 from clothsim.files.runs.vtkhdf import FrameArray
-from clothsim.mesh.world_surfaces import Surface
+from clothsim.mesh.world import Surface
 
 STRETCH = FrameArray("stretch", "triangle")
 

@@ -1,11 +1,16 @@
-"""Polygon meshes, and their triangulation."""
+"""Polygon meshes, their triangulation, and parts of them: a group, a connected piece, a range of vertices."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints, as_count, as_positive
+from clothsim.base.errors import InputError
+from clothsim.mesh.topology import components, renumbered_groups
 
 MOST_FANS = 32
 """Corners tried as the origin of the fan of a large polygon."""
@@ -79,3 +84,124 @@ def _best_fans(points: Floats) -> tuple[Ints, NDArray[np.bool_]]:
         better = (turned < least_turned) | ((turned == least_turned) & (length < shortest * (1 - 1e-6)))
         best[better], least_turned[better], shortest[better] = fan, turned[better], length[better]
     return best, least_turned > 0
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A triangle mesh from a file.
+
+    Attributes
+    ----------
+    positions : (n, 3) ndarray
+        Vertices [m].
+    triangles : (m, 3) ndarray
+        Vertex numbers.
+    texture : (m, 3, 2) or (0, 3, 2) ndarray
+        Texture coordinates of each corner, where the file has them.
+    messages : tuple of str
+        Faces that were cut or ignored, vertices that were merged, the scale.
+    groups : dict of str to (k,) ndarray
+        Triangles of each group or object that the file names.
+    used : (n,) ndarray
+        Vertex of the file of each vertex of a part; (0,) for the whole file, whose vertices are all there.
+    """
+
+    positions: Floats
+    triangles: Ints
+    texture: Floats
+    messages: tuple[str, ...]
+    groups: Mapping[str, Ints] = field(default_factory=dict)
+    used: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a file and its unit: the keywords of `read_mesh`."""
+
+    scale: float = 1.0
+    group: str | None = None
+    component: int | None = None
+    vertices: Sequence[int] | None = None
+
+
+def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...]], part: Part) -> MeshFile:
+    """The `part` of `polygons` with the triangles `cut`, which `cut_polygons` made. InputError names `file`."""
+    factor = as_positive("scale", part.scale)
+    corner_rows, faces, messages = cut
+    messages = (*polygons.messages, *messages)
+    triangles = polygons.corners[corner_rows]
+    texture = polygons.texture[corner_rows] if len(polygons.texture) else np.zeros((0, 3, 2))
+    groups = {name: np.flatnonzero(np.isin(faces, own)) for name, own in polygons.groups.items()}
+    whole = MeshFile(polygons.positions, triangles, texture, messages, groups)
+    if sum(key is not None for key in (part.group, part.component, part.vertices)) > 1:
+        raise InputError(f"{file}: give only one of group, component and vertices.")
+    if part.group is not None:
+        mesh = _take_group(file, whole, polygons, faces, part.group)
+    elif part.component is not None:
+        mesh = _take_component(file, whole, part.component)
+    elif part.vertices is not None:
+        mesh = _take_range(file, whole, part.vertices)
+    else:
+        mesh = _note_unused(whole)
+    if factor == 1:
+        return mesh
+    return replace(mesh, positions=factor * mesh.positions, messages=(*mesh.messages, f"scaled by {factor:g}"))
+
+
+def _take_group(file: Path, whole: MeshFile, polygons: Polygons, faces: Ints, group: str) -> MeshFile:
+    names = list(polygons.groups)
+    if group not in polygons.groups:
+        near = get_close_matches(str(group), names, n=5, cutoff=0.3) or names[:5]
+        has = f"The nearest are {', '.join(map(repr, near))}." if names else "The file names no groups."
+        raise InputError(f"{file} has no group {group!r}.", has)
+    return _part(whole, np.isin(np.arange(len(faces)), whole.groups[group]), f"group {group!r}")
+
+
+def _take_component(file: Path, whole: MeshFile, component: int) -> MeshFile:
+    label = components(whole.triangles, len(whole.positions))
+    pieces, first = np.unique(label[np.sort(np.unique(whole.triangles))], return_index=True)
+    size = np.bincount(label)[pieces]
+    order = np.lexsort((first, -size))
+    number = as_count(f"{file}: component", component, least=0, most=len(pieces) - 1)
+    keep = np.equal(label[whole.triangles[:, 0]], pieces[order[number]])
+    return _part(whole, keep, f"component {number} of {len(pieces)} by decreasing number of vertices")
+
+
+def _take_range(file: Path, whole: MeshFile, vertices: Sequence[int]) -> MeshFile:
+    count = len(whole.positions)
+    if isinstance(vertices, str) or not hasattr(vertices, "__len__") or len(vertices) != 2:
+        raise InputError(f"{file}: vertices must be [lo, hi], not {vertices!r}.")
+    low = as_count(f"{file}: vertices[0]", vertices[0], least=0, most=count - 1)
+    high = as_count(f"{file}: vertices[1]", vertices[1], least=low + 1, most=count)
+    inside = np.logical_and(whole.triangles >= low, whole.triangles < high)
+    keep = np.all(inside, axis=1)
+    cut = np.flatnonzero(inside.any(axis=1) & ~keep)
+    if len(cut):
+        raise InputError(
+            f"{file}: vertices = [{low}, {high}] cuts through triangle {cut[0]} = {whole.triangles[cut[0]].tolist()} "
+            f"({len(cut)} such triangles).",
+            "Give the range of a whole part.",
+        )
+    if not keep.any():
+        raise InputError(f"{file}: vertices = [{low}, {high}] hold no triangle.")
+    return _part(whole, keep, f"vertices {low}..{high - 1}")
+
+
+def _part(whole: MeshFile, keep: np.ndarray, what: str) -> MeshFile:
+    used, triangles = np.unique(whole.triangles[keep], return_inverse=True)
+    counts = f"{len(used)} of {len(whole.positions)} vertices, {keep.sum()} of {len(keep)} triangles"
+    return MeshFile(
+        whole.positions[used],
+        triangles.reshape(-1, 3).astype(np.int64),
+        whole.texture[keep] if len(whole.texture) else whole.texture,
+        (*whole.messages, f"{what}: {counts}"),
+        renumbered_groups(whole.groups, np.flatnonzero(keep)),
+        used,
+    )
+
+
+def _note_unused(whole: MeshFile) -> MeshFile:
+    unused = len(whole.positions) - len(np.unique(whole.triangles))
+    if not unused:
+        return whole
+    return replace(whole, messages=(*whole.messages, f"{unused} vertices are in no triangle"))

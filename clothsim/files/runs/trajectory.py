@@ -29,7 +29,7 @@ from clothsim.files.runs.vtkhdf import (
     set_frame_count,
     write_frame,
 )
-from clothsim.mesh.world_surfaces import Surface, check_surfaces, same_surfaces
+from clothsim.mesh.world import Surface, check_surfaces, same_surfaces
 
 TRAJECTORY_NAME = "trajectory.vtkhdf"
 

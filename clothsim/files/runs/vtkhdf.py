@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Ints
-from clothsim.mesh.world_surfaces import Surface
+from clothsim.mesh.world import Surface
 
 _TABLE_ROWS = 256
 _INDEX_BYTES = 6_144

@@ -21,8 +21,7 @@ from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
-from clothsim.garments.stage_scenes import dress_closing, simulate_stage
-from clothsim.garments.stages import Listener
+from clothsim.garments.stages import Listener, dress_closing, simulate_stage
 from clothsim.patterns import Panel, Seam
 from transfer.signed_distance import BodySurface
 

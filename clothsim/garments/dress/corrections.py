@@ -22,6 +22,7 @@ from clothsim.garments.dress.placement import arm_line, front_of, is_of_arm, mid
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted, penetrations
+from clothsim.patterns import TOUCHING
 from transfer.signed_distance import BodySurface
 
 CLEARANCE = 0.02
@@ -52,7 +53,7 @@ def approached(state: SewingState, body: BodyMesh, surface: BodySurface) -> tupl
 
 
 def _free_distance(state: SewingState, chosen: Ints, direction: Floats, body: BodyMesh) -> float:
-    """Way [m] that the chosen vertices can move along a direction before they meet the body or the rest; or inf.
+    """Distance [m] that the chosen vertices can move along a direction before they meet the body or the rest; or inf.
 
     Measured at vertices of both sides: rays of the moving ones forward, rays of what they may meet backward.
     """
@@ -125,6 +126,13 @@ def crossing_panels(state: SewingState) -> set[str]:
     panels = np.searchsorted(starts, pairs, side="right") - 1
     names = list(state.mesh.faces)
     return {names[k] for k in np.unique(panels[panels[:, 0] != panels[:, 1]])}
+
+
+def touching_seams(state: SewingState) -> list[int]:
+    """Seams that are closed as placed, except those of panels that intersect, which must be moved apart."""
+    touching = [k for k in state.open_seams if state.gaps(state.mesh.seams[k]).max(initial=0.0) < TOUCHING]
+    crossing = crossing_panels(state.weld(touching))
+    return [k for k in touching if not crossing & {side.panel for side in state.mesh.seams[k].stitch.sides}]
 
 
 def _group_names(state: SewingState, of_panel: np.ndarray) -> list[str]:
@@ -210,7 +218,7 @@ def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[Se
 
 
 SHIFTS = np.arange(0.0, 0.301, 0.01)
-"""Ways along the arm that are tried [m]."""
+"""Distances along the arm that are tried [m]."""
 SHIFT_CLEAR = 0.02
 """Further distance beyond the least that frees the most springs [m]."""
 

@@ -20,11 +20,10 @@ from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, PlaneMap, seams_alike
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
-from transfer.part_warp import arm_axis
-from transfer.size_factors import CHEST, HIPS, WAIST, SizeFactors, size_factors
+from transfer.part_warp import CHEST, HIPS, WAIST, SizeFactors, arm_axis, size_factors
 
 LEVELS = {"hips": HIPS, "waist": WAIST, "chest": CHEST}
-"""Heights of the named girths of the trunk, as fractions of the way from crotch to armpit."""
+"""Heights of the named girths of the trunk, as fractions of the height from crotch to armpit."""
 NAMES = (*LEVELS, "thigh", "arm", "trunk_length", "leg_length", "arm_length")
 """Factors by which a pattern is graded."""
 

@@ -33,7 +33,7 @@ def level_line(values: Floats, triangles: Ints, level: float) -> tuple[Ints, Flo
     edges : (s, 2, 2) int array
         For each segment of the line the two edges of a triangle that it joins, each by its ends.
     fractions : (s, 2, 1) array
-        Way from the first end of an edge to the line, as a fraction of the edge.
+        Distance from the first end of an edge to the line, as a fraction of the edge.
     """
     above = values > level
     corners = triangles[above[triangles].any(axis=1) & ~above[triangles].all(axis=1)]
@@ -98,8 +98,8 @@ def _interpolate_length(heights: Floats, lengths: Floats, level: float, highest:
     if len(passing):
         k = passing[0]
         rise = heights[k + 1] - heights[k]
-        share = (level - heights[k]) / rise if rise > 0 else 0.0
-        return float(lengths[k] + share * (lengths[k + 1] - lengths[k]))
+        fraction = (level - heights[k]) / rise if rise > 0 else 0.0
+        return float(lengths[k] + fraction * (lengths[k + 1] - lengths[k]))
     return float(lengths[-1]) if highest and len(heights) and level > heights.max() else 0.0
 
 
@@ -180,9 +180,9 @@ def girths(state: SewingState, body: BodyMesh) -> list[Girth]:
     )
     torso = _torso_triangles(state)
     found = []
-    for name, shares in LEVELS.items():
-        both = [(torso_girth(body, low + share * (high - low)), low + share * (high - low)) for share in shares]
-        both = [each for each in both if each[0] > 0]
+    for name, fractions in LEVELS.items():
+        heights = [low + fraction * (high - low) for fraction in fractions]
+        both = [(girth, height) for height in heights if (girth := torso_girth(body, height)) > 0]
         if both:
             girth, level = min(both) if name == "waist" else max(both)
             if garment_low <= level <= garment_high:

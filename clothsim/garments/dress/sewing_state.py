@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from clothsim import Cloth, Pattern
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import Fabric, deformation_gradients, fabric_named, fabrics_of, mean_of_parts, principal_stretches
-from clothsim.garments.stages import Garment
+from clothsim.garments.inputs import Garment
 from clothsim.patterns import PatternMesh, Seam, joined_vertices
 from transfer.signed_distance import BodySurface
 

@@ -12,8 +12,16 @@ from clothsim import Run, Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import fabric_named
 from clothsim.files import write_obj
-from clothsim.garments.stage_scenes import MOTION_SECONDS, StageScene, fit_drape, fit_motion, simulate_stage
-from clothsim.garments.stages import Announcement, Garment, Listener
+from clothsim.garments.inputs import Garment
+from clothsim.garments.stages import (
+    MOTION_SECONDS,
+    Announcement,
+    Listener,
+    StageScene,
+    fit_drape,
+    fit_motion,
+    simulate_stage,
+)
 
 REST, START, BODY = "garment_rest.obj", "garment_start.obj", "body.obj"
 FRAMES = "body[0-9][0-9][0-9].obj"

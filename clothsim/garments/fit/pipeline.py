@@ -19,23 +19,13 @@ from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import facing_away, untangle
-from clothsim.garments.body_overlap import NO_OVERLAP, Overlap, carried_rows, overlaps_at
-from clothsim.garments.fit.guaranteed_path import Clearing, clearings
+from clothsim.garments.fit.guaranteed_path import NO_OVERLAP, Clearing, Overlap, carried_rows, clearings, overlaps_at
 from clothsim.garments.fit.moving_body import StageSettings, draped, moved_with_body, named_stage, near_body
 from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, Transferred, sized, transferred, worn_positions
-from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.garments.penetration import NO_ROWS, counted
-from clothsim.garments.stages import (
-    Announcement,
-    Garment,
-    Listener,
-    PlannedStage,
-    Stage,
-    StageCallback,
-    run_stages,
-    staged,
-)
+from clothsim.garments.stages import Announcement, Listener, PlannedStage, Stage, StageCallback, run_stages, staged
 from transfer.errors import TransferError
 from transfer.refine import refined_on
 from transfer.signed_distance import BodySurface, body_surface
@@ -283,10 +273,10 @@ def _untangle(
     if not done.free:
         return None
     most = 1e3 * float(np.linalg.norm(done.positions - stage.positions, axis=1).max())
-    said = f"{done.pairs_before} pairs parted in {done.rounds} rounds, by {most:.2g} mm at most"
+    description = f"{done.pairs_before} pairs parted in {done.rounds} rounds, by {most:.2g} mm at most"
     if task.layers.any():
-        said += f"; {int(task.layers.max()) + 1} layers in their order"
-    return staged(name, triangles, counted_on, lambda: (done.positions, said), task.on_stage, started)
+        description += f"; {int(task.layers.max()) + 1} layers in their order"
+    return staged(name, triangles, counted_on, lambda: (done.positions, description), task.on_stage, started)
 
 
 def _grow_body(

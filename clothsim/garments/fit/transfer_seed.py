@@ -10,16 +10,14 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.garments.fit.guaranteed_path import smoothed
-from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.stages import Garment
+from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.garments.waistband import with_waistbands
 from transfer.body_parts import BodyParts
 from transfer.correspond import correspond
 from transfer.errors import TransferError
-from transfer.garment import transfer_garment
-from transfer.keep_lengths import with_lengths
+from transfer.garment import transfer_garment, with_lengths
+from transfer.part_warp import graded_metric, size_factors
 from transfer.signed_distance import BodySurface, barycentric
-from transfer.size_factors import graded_metric, size_factors
 
 NO_MARKERS = np.zeros((0, 6))
 """No markers: they are derived from the shapes of the bodies."""
@@ -57,14 +55,14 @@ def marked_vertices(points: Floats, source: BodyMesh, target: BodyMesh) -> Ints:
     InputError for a point that is FARTHEST from its body.
     """
     matched = []
-    for figure, positions in ((source, points[:, :3]), (target, points[:, 3:])):
-        used = np.unique(figure.triangles)
-        far, nearest = cKDTree(figure.positions[used]).query(figure.scale * positions)
+    for body, positions in ((source, points[:, :3]), (target, points[:, 3:])):
+        used = np.unique(body.triangles)
+        far, nearest = cKDTree(body.positions[used]).query(body.scale * positions)
         worst = int(np.argmax(far))
         if far[worst] > FARTHEST:
             raise InputError(
-                f"Marker {worst + 1} is {1e3 * far[worst]:.0f} mm away from {figure.name}.",
-                f"It must lie on the body, in the units of its file ({figure.scale:g} m).",
+                f"Marker {worst + 1} is {1e3 * far[worst]:.0f} mm away from {body.name}.",
+                f"It must lie on the body, in the units of its file ({body.scale:g} m).",
             )
         matched.append(used[nearest])
     return np.column_stack(matched).astype(np.int64)
@@ -98,10 +96,10 @@ def transferred(garment: Garment, source: BodyMesh, target: BodyMesh, markers: F
     return Transferred(placed, body, description)
 
 
-def _parts(*figures: BodyMesh) -> tuple[BodyParts, BodyParts] | None:
+def _parts(*bodies: BodyMesh) -> tuple[BodyParts, BodyParts] | None:
     """Parts of both bodies; None where one is no standing body."""
     try:
-        source, target = (figure.parts for figure in figures)
+        source, target = (body.parts for body in bodies)
     except TransferError:
         return None
     return source, target
@@ -112,7 +110,7 @@ class Size:
     """Size of a garment on the target: positions (n, 3) [m]; kind "graded", "own" or "transferred"; its factors.
 
     rest (n, 3) [m]: its rest shape, with waistbands closed where it is graded; else `positions`.
-    "transferred": one of the figures is no standing body; the garment has the shape that the transfer gave it.
+    "transferred": one of the bodies is no standing body; the garment has the shape that the transfer gave it.
     """
 
     positions: Floats
@@ -135,7 +133,7 @@ def sized(
 ) -> Size:
     """The garment near `positions` (n, 3) [m] on the target, `body`, with its own or with graded lengths."""
     try:
-        parts = [figure.parts for figure in (source, target)]
+        parts = [each.parts for each in (source, target)]
     except TransferError:
         return Size(positions, "transferred", positions)
     triangles, given = garment.triangles, garment.positions

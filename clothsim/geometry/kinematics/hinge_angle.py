@@ -5,7 +5,7 @@ e = b - a, r = c - a, s = d - a and the normals n1 = e x r, n2 = s x e (not of u
 
     theta = atan2(-|e| n1.s, n1.n2)      in [-pi, pi], 0 where the triangles are coplanar
 
-with the sign of `mesh.hinges.dihedral_angles`: positive where the cloth folds towards its back. atan2 is as exact near
+with the sign of `mesh.cloth.dihedral_angles`: positive where the cloth folds towards its back. atan2 is as exact near
 0 and near pi as anywhere. Gradient: Bridson et al. 2003, section 4.2; Hessian: the derivative of that gradient, as in
 Tamstorf & Grinspun 2013. Points are tuples of three floats: nothing is allocated.
 

@@ -194,7 +194,7 @@ def untangle(
 
     Examples
     --------
-    >>> from clothsim.mesh.generators.sheets import rectangle
+    >>> from clothsim.mesh.generators.shapes import rectangle
     >>> points, triangles = rectangle(size=(1.0, 1.0), cells=(8, 8))
     >>> points[40, 2] = 0.01
     >>> both = np.concatenate([points, points * [0.9, 0.9, 0] + [0, 0, 0.005]])

@@ -15,19 +15,19 @@ Generator: TypeAlias = Callable[..., tuple[Floats, Ints]]
 
 _HERE = "clothsim.mesh.generators"
 _MODULES = {
-    "rectangle": "sheets",
-    "disk": "sheets",
-    "tube": "sheets",
-    "pillow": "sheets",
+    "rectangle": "shapes",
+    "disk": "shapes",
+    "tube": "shapes",
+    "pillow": "shapes",
     "sphere": "shapes",
     "slab": "shapes",
     "capsule": "shapes",
     "cone": "shapes",
     "ring": "shapes",
     "mannequin": "mannequin.generator",
-    "shirt": "garments.shirt_skirt_trousers",
-    "skirt": "garments.shirt_skirt_trousers",
-    "trousers": "garments.shirt_skirt_trousers",
+    "shirt": "garments",
+    "skirt": "garments",
+    "trousers": "garments",
 }
 """Module, below `clothsim.mesh.generators`, of the function of each name."""
 

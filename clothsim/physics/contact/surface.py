@@ -10,7 +10,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
 from clothsim.keys.typed_effects import ContactKeys
-from clothsim.mesh.motion import FrameMotion, PosedMotion
+from clothsim.mesh.body import FrameMotion, PosedMotion
 from clothsim.mesh.topology import interior_edges, unique_edges
 from clothsim.mesh.world import World
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.base.errors import InputError
 from clothsim.keys.typed_effects import Bending
-from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example

@@ -11,7 +11,7 @@ from clothsim.base.jit import kernel
 from clothsim.base.linalg import eigen_2x2
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.keys.typed_effects import Damping
-from clothsim.mesh.hinges import dihedral_angles
+from clothsim.mesh.cloth import dihedral_angles
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example

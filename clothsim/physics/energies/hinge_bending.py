@@ -23,7 +23,7 @@ from scipy import sparse
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import dot
 from clothsim.base.memo import Memo
-from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
 from clothsim.physics.energies import hinge_kernels as kernels
 from clothsim.physics.energies.base import Energy

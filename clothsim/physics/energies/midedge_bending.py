@@ -26,7 +26,7 @@ from scipy import sparse
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
 from clothsim.geometry.kinematics.curvature import bending_strains
-from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
 from clothsim.physics.energies import hinge_kernels, midedge_kernels
 from clothsim.physics.energies.base import Energy

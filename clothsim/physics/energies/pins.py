@@ -8,8 +8,8 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.keys.typed_effects import Pins
+from clothsim.mesh.body import LaterMotion, RigidMotion, prescribed_motion
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.motion import LaterMotion, RigidMotion, prescribed_motion
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Off, Prescribed
 from clothsim.physics.energies.example import Example

@@ -25,7 +25,7 @@ from scipy import sparse
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import kabsch
-from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian

@@ -5,7 +5,7 @@ of the bending model, so that a crease resists loads no more than the cloth resi
 one crease are at rest at exactly its angle, whatever the stiffness is. Angle 0 is flat; a positive angle folds the
 cloth towards its back.
 
-A line is snapped to the edges of the mesh (`mesh.edge_paths`): along rows of a grid it is exact; across a mesh it
+A line is snapped to the edges of the mesh (`mesh.lines`): along rows of a grid it is exact; across a mesh it
 zigzags, and hinges off one line cannot all rotate by the angle without stretch: draw creases along edges.
 """
 
@@ -21,7 +21,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.linalg import dot
 from clothsim.keys.effect_tables import Crease
 from clothsim.keys.typed_effects import RestAngle
-from clothsim.mesh.edge_paths import path_along
+from clothsim.mesh.lines import path_along
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step

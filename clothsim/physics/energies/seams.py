@@ -1,6 +1,6 @@
 """Seams: borders drawn together over time, then held together; the effect `seams`.
 
-Vertices are matched along the lengths of both borders (`mesh.stitches`), and each stitch is a string that shortens over
+Vertices are matched along the lengths of both borders (`mesh.lines`), and each stitch is a string that shortens over
 time . The default stiffness of a stitch is 100 times the fabric's in stretch: at a strain of 1 % the
 gap is a ten-thousandth of an edge. The summary of a run lists the final gap of each seam.
 
@@ -19,9 +19,8 @@ from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
 from clothsim.keys.effect_tables import PatternSeams, Seam, SeamLine
 from clothsim.keys.typed_effects import Seams
-from clothsim.mesh.edge_paths import path_along
-from clothsim.mesh.hinges import stiffness_in_series
-from clothsim.mesh.stitches import Line, hinges_across, line_of, nearest_stitches, stitches
+from clothsim.mesh.cloth import stiffness_in_series
+from clothsim.mesh.lines import Line, hinges_across, line_of, nearest_stitches, path_along, stitches
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step

@@ -14,7 +14,7 @@ from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
 from clothsim.keys.effect_tables import Spring
 from clothsim.keys.typed_effects import Springs
-from clothsim.mesh.motion import RigidMotion, prescribed_motion
+from clothsim.mesh.body import RigidMotion, prescribed_motion
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example, Idle

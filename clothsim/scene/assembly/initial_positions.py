@@ -1,13 +1,23 @@
-"""Initial positions of the cloths: from a file, the section [seed], or where the scene places them."""
+"""Initial positions of the cloths: of the scene, a file or a model (the section [seed]), untangled.
+
+A drape from elsewhere may intersect itself, or a body: panels that were not sewn, seams whose vertices do not match,
+layers through one another. Contact needs a start without intersections. And it may hold collapsed triangles, whose
+energy would dominate the first step. Untangling is a heuristic, and is listed in the notes of a run; the rest shape
+stays as it is.
+"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_vector
 from clothsim.base.errors import InputError
+from clothsim.files.meshes.mesh_file import read_mesh
+from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
+from clothsim.mesh.world import World
 from clothsim.scene.assembly.meshes import cloth_shape
-from clothsim.scene.assembly.placement import existing_file, placed
+from clothsim.scene.assembly.shapes import existing_file, placed
 from clothsim.scene.scene import Scene
 
 
@@ -40,8 +50,6 @@ def initial_positions(scene: Scene, counts: Sequence[int]) -> list[Floats | None
 
         positions = predicted(read_model(file), scene)
     else:
-        from clothsim.files.meshes.mesh_file import read_mesh
-
         positions = read_mesh(file, vertices=seed.vertices).positions
     if len(positions) != sum(counts):
         part = "" if seed.vertices is None else f" in {list(seed.vertices)}"
@@ -67,3 +75,83 @@ def cloths_at_start(scene: Scene) -> tuple[Floats, Ints]:
     first = np.cumsum([0, *(len(shape.positions) for shape in shapes)])
     triangles = np.concatenate([shape.triangles + k for shape, k in zip(shapes, first[:-1], strict=True)])
     return np.concatenate(starts), triangles
+
+
+STRETCHES = (0.3, 1.4)
+"""Bounds of the principal stretches of a triangle at the start."""
+INSIDE = (0.32, 1.38)
+"""Stretches to which a triangle beyond the bounds is brought back: a little inside, for the steps converge slowly."""
+
+
+def untangled(world: World) -> tuple[World, str]:
+    """Free the start of the cloths of intersections.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies; bodies are wound outwards.
+
+    Returns
+    -------
+    world : World
+        The same with other initial positions.
+    summary : str
+        The number of intersections and the displacement of vertices, in a sentence.
+
+    Raises
+    ------
+    InputError
+        With a point where the start cannot be freed.
+
+    Notes
+    -----
+    `untangling.untangle` frees it of intersections and brings triangles stretched beyond STRETCHES back to INSIDE.
+    """
+    from clothsim.geometry.untangling.untangle import untangle
+
+    before, n = world.start(), world.n_cloth
+    strained = len(_beyond(world, before))
+    edges = np.concatenate([np.zeros((len(world.triangles), 2, 1)), world.rest_shapes], axis=2).transpose(0, 2, 1)
+    body = (before[n:], world.body_triangles - n) if len(world.body_triangles) else None
+    done = untangle(before[:n], world.triangles, material=edges, body=body, limits=INSIDE if strained else None)
+    x = np.concatenate([done.positions, before[n:]])
+    beyond = _beyond(world, x)
+    if not done.free or len(beyond):
+        _refuse(x, world.triangles, done.pairs, done.rounds, done.where, beyond)
+    return _started(world, x), _summary(np.linalg.norm(x - before, axis=1), done.pairs_before, strained)
+
+
+def _beyond(world: World, x: Floats) -> Ints:
+    """The triangles stretched beyond STRETCHES, (k,)."""
+    F = np.asarray(deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses), np.float64)
+    stretches = np.linalg.svd(F, compute_uv=False)
+    return np.flatnonzero((stretches[:, 1] < STRETCHES[0]) | (stretches[:, 0] > STRETCHES[1]))
+
+
+def _refuse(x: Floats, cloth: Ints, pairs: int, rounds: int, where: Floats | None, beyond: Ints) -> None:
+    """InputError for a start that still intersects, or is strained, with a point."""
+    what = f"{pairs} pairs of triangles still intersect"
+    if where is None:
+        what, where = f"{len(beyond)} triangles still are stretched beyond {STRETCHES}", x[cloth[beyond[0], 0]]
+    at = ", ".join(f"{value:.4g}" for value in where)
+    raise InputError(
+        f"seed.untangle: {what} after {rounds} rounds, one at ({at}) m.",
+        "Start from a drape with fewer intersections.",
+    )
+
+
+def _started(world: World, x: Floats) -> World:
+    cloths = tuple(
+        replace(cloth, positions=x[rows]) for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
+    )
+    return replace(world, cloths=cloths)
+
+
+def _summary(moved: Floats, pairs: int, strained: int) -> str:
+    if not pairs and not strained:
+        return "seed.untangle: nothing intersected."
+    count, most = np.count_nonzero(moved), 1e3 * moved.max()
+    return (
+        f"seed.untangle: {pairs} pairs of triangles intersected and {strained} triangles were stretched beyond "
+        f"{STRETCHES}; {count} vertices were moved, at most {most:.2g} mm."
+    )

@@ -9,6 +9,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
+from clothsim.files.meshes.polygons import Part
 from clothsim.keys.effect_tables import Motion
 from clothsim.keys.fabric import BENDINGS, Fabric
 from clothsim.keys.fabric_table import fabric_named, fabrics_of
@@ -26,15 +28,13 @@ from clothsim.keys.mesh_keys import (
     check_cloth,
 )
 from clothsim.keys.schema import keys_of
-from clothsim.mesh.body import Body, make_body
+from clothsim.mesh.body import Body, frame_motion, make_body, rigid_motion
 from clothsim.mesh.cloth import Cloth, make_cloth
-from clothsim.mesh.degenerate import flat_triangles
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.mesh.motion import frame_motion, rigid_motion
+from clothsim.mesh.rigid_body import Joint, RigidBody, rigid_body
+from clothsim.mesh.topology import flat_triangles
 from clothsim.scene import cloth_arrays
-from clothsim.scene.assembly.placement import PART, Shape, examined, existing_file, name_of, placed
-from clothsim.scene.assembly.welding import sewn
-from clothsim.scene.assembly.winding import wound_alike
+from clothsim.scene.assembly.shapes import PART, Shape, examined, existing_file, name_of, placed, sewn, wound_alike
 from clothsim.scene.scene import Scene
 
 # Animated bodies: the frames of a sequence of files or of an array.
@@ -42,9 +42,6 @@ from clothsim.scene.scene import Scene
 
 def body_of_files(keys: Any, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table whose `frames` name a sequence of files, and notes for the user."""
-    from clothsim.files.meshes.mesh_part import Part
-    from clothsim.files.meshes.mesh_sequence import frame_files, read_frames
-
     if not keys.frames:
         raise InputError(f"{where}.frames must name files, not ''.", 'Write it as frames = "kick/shell*.obj".')
     files = frame_files(directory, keys.frames)
@@ -191,8 +188,6 @@ def mesh_shape(keys: ClothTable | BodyTable | RigidTable, where: str, directory:
         return _from_arrays(keys.mesh, keys.scale)
     if keys.mesh in GENERATORS:
         return _generated(keys.mesh, keys, where)
-    from clothsim.files.meshes.mesh_file import read_mesh
-
     mesh = read_mesh(existing_file(f"{where}.mesh", directory, keys.mesh), **{key: getattr(keys, key) for key in PART})
     return Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages, mesh.groups)
 
@@ -231,3 +226,31 @@ def fabric_of(keys: ClothTable, where: str) -> tuple[Fabric, str]:
         raise InputError(f"{where}.{error.sentence}", error.remedy) from error
     changed = f" with its own {', '.join(own)}" if own else ""
     return fabric, f"{name_of(keys, where)}: fabric {keys.fabric}{changed}."
+
+
+def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
+    """The rigid body of a [[rigid]] table, and notes for the user. InputError for a mesh that is no solid."""
+    shape = mesh_shape(keys, where, scene.directory)
+    label = name_of(keys, where)
+    notes = examined(label, shape, "body")
+    body = rigid_body(
+        label,
+        placed(keys, shape.positions),
+        shape.triangles,
+        keys.density,
+        np.array(keys.velocity, np.float64),
+        np.radians(np.array(keys.spin_degrees_per_second, np.float64)),
+        keys.stiffness,
+        _joint(keys.joint, where),
+    )
+    return body, (*notes, f"{label}: rigid, {body.mass:.4g} kg.")
+
+
+def _joint(keys: Any, where: str) -> Joint | None:
+    """The joint of `JointKeys`."""
+    if keys is None:
+        return None
+    direction = np.zeros(3) if keys.axis is None else np.array(keys.axis, np.float64)
+    if keys.axis is not None and not direction.any():
+        raise InputError(f"{where}.joint.axis is zero.", "Give a direction, or leave it out for a ball joint.")
+    return Joint(np.array(keys.point, np.float64), direction)

@@ -10,16 +10,18 @@ import numpy as np
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import table
-from clothsim.files.characters.character import Character
-from clothsim.files.characters.clip import Motion
+from clothsim.files.characters.character import Character, mannequin_character, smpl_character
+from clothsim.files.characters.clip import Motion, Timeline, timeline
 from clothsim.files.characters.gait import CLIPS, shipped_clip
+from clothsim.files.characters.gltf_character import read_character
+from clothsim.files.characters.keep_apart import kept_apart
+from clothsim.files.characters.motion_files import read_amass, read_animation, read_bvh
 from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
-from clothsim.files.characters.timeline import Timeline, timeline
 from clothsim.keys.mesh_keys import ClipKeys, ModelTable, PlacedKeys
-from clothsim.mesh.body import Body, make_body
-from clothsim.mesh.motion import PosedMotion
-from clothsim.scene.assembly.placement import Shape, examined, existing_file, name_of, placed
+from clothsim.mesh.body import Body, PosedMotion, make_body
+from clothsim.mesh.generators.mannequin.generator import turns_of
+from clothsim.scene.assembly.shapes import Shape, examined, existing_file, name_of, placed
 from clothsim.scene.scene import Scene
 
 # Motion of a body model: its clip, retargeted where it is of another skeleton, on a timeline.
@@ -44,8 +46,6 @@ def motion_of_model(
     span = (min(clip.start, end), end)
     apart = ""
     if clip.keep_apart:
-        from clothsim.files.characters.keep_apart import kept_apart
-
         motion = kept_apart(character, motion, first, span, clip.loop)
         apart = f", limbs turned by up to {np.degrees(motion.largest.max(initial=0.0)):.3g} degrees to keep apart"
     from_rest = (clip.place or ("clip" if clip.clip == OWN else "start")) == "start"
@@ -66,8 +66,6 @@ def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, chara
     ending, label = Path(clip.clip).suffix.lower(), f"motion {Path(clip.clip).name}"
     model = directory / keys.model
     if clip.clip == OWN and model.suffix.lower() in (".glb", ".gltf"):
-        from clothsim.files.characters.gltf_animation import read_animation
-
         own_clip = read_animation(model, character.skeleton, clip.animation)
         return own_clip, f"motion {own_clip.name}"
     if ending in (".bvh", ".npz"):
@@ -79,11 +77,7 @@ def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, chara
 def _of_file(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
     """The motion of a .bvh or an AMASS .npz file; that of AMASS moves a model of the SMPL family joint by joint."""
     if path.suffix.lower() == ".bvh":
-        from clothsim.files.characters.bvh import read_bvh
-
         return retargeted(read_bvh(path), character.skeleton, scale)
-    from clothsim.files.characters.amass import read_amass
-
     if model.suffix.lower() == ".npz":
         return read_amass(path, character.skeleton)
     return retargeted(read_amass(path), character.skeleton, scale)
@@ -201,17 +195,11 @@ def character_of(keys: ModelTable, where: str, directory: Path) -> Character:
     name, shape = keys.model, keys.shape
     ending = Path(name).suffix.lower()
     if name == MANNEQUIN:
-        from clothsim.files.characters.known_bodies import mannequin_character
-
         return mannequin_character(**_by_name(f"{where}.shape", shape))
     if ending in RIGS:
-        from clothsim.files.characters.gltf_character import read_character
-
         path = existing_file(f"{where}.model", directory, name)
         return read_character(path, _by_name(f"{where}.shape", shape), keys.group)
     if ending in MODELS:
-        from clothsim.files.characters.known_bodies import smpl_character
-
         if isinstance(shape, Mapping):
             raise InputError(f"{where}.shape is a table.", "Give the shape parameters (betas) as a list of numbers.")
         return smpl_character(existing_file(f"{where}.model", directory, name), [] if shape is None else shape)
@@ -231,8 +219,6 @@ def first_pose(keys: ModelTable, where: str, character: Character) -> Pose:
     if isinstance(pose, str):
         if keys.model != MANNEQUIN:
             raise InputError(f"{where}.pose is {pose!r}.", "Give a table of joints with rotation vectors [degrees].")
-        from clothsim.mesh.generators.mannequin.pose import turns_of
-
         return skeleton.turned(dict(turns_of(pose, None)))
     turns = {
         name: np.radians(as_vector(f"{where}.pose.{name}", turn)) for name, turn in table(f"{where}.pose", pose).items()

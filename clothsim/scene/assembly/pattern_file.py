@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.mesh.pattern_lines import PatternLines
+from clothsim.mesh.cloth import PatternLines
 from clothsim.mesh.weld import mean_of_parts
-from clothsim.patterns.pattern_mesh import PatternMesh, mesh_pattern, scaled_mesh
-from clothsim.patterns.sewing import TOUCHING, largest_gap, sewn_vertices
+from clothsim.patterns.pattern_mesh import TOUCHING, PatternMesh, largest_gap, mesh_pattern, scaled_mesh, sewn_vertices
 from clothsim.patterns.specification import read_specification
-from clothsim.scene.assembly.placement import Shape
+from clothsim.scene.assembly.shapes import Shape
 
 
 def shape_of_pattern(path: Path, keys: Any) -> Shape:

@@ -5,107 +5,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.keys.mesh_keys import RigidTable
-from clothsim.mesh.local_origin import with_local_origin
-from clothsim.mesh.rigid_body import RigidBody
-from clothsim.mesh.world import World, make_world
-from clothsim.physics.energies.base import Constraint, Energy, Off, Step
-from clothsim.physics.energies.protocols import Anchored, report_of
-from clothsim.scene.assembly.array_files import with_arrays
-from clothsim.scene.assembly.initial_positions import initial_positions
-from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape
-from clothsim.scene.assembly.untangle import untangled
-from clothsim.scene.assembly.warnings import scene_warnings, size_warnings
+from clothsim.mesh.world import World, make_world, with_local_origin
+from clothsim.physics.energies.base import Constraint, Energy, Off
+from clothsim.physics.energies.key_values import selected_vertices
+from clothsim.physics.energies.protocols import report_of
+from clothsim.scene.assembly.checks import refuse_unsupported, scene_warnings, size_warnings
+from clothsim.scene.assembly.initial_positions import initial_positions, untangled
+from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, rigid_body_of
 from clothsim.scene.effects import CONTACTS, EFFECTS
+from clothsim.scene.named_files import with_arrays
 from clothsim.scene.scene import Scene
-
-# Existence of a quasi-static equilibrium: a load on a cloth without any support has none.
-
-ROUND_OFF = 1e-9
-"""Fraction of the forces on a piece below which their sum counts as zero: internal forces cancel to the last digits."""
-
-
-def refuse_unsupported(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
-    """Refuse a piece of cloth under a load without pin, spring, contact with a body, inertia or damping.
-
-    Parameters
-    ----------
-    world : World
-        Cloths and bodies at the start.
-    energies : dict of str to Energy
-        The effects that are on.
-    constraints : iterable of Constraint
-        The prescribed positions.
-
-    Raises
-    ------
-    InputError
-        With the name of the piece and its load.
-
-    Notes
-    -----
-    The internal forces of a piece cancel, so that the sum of its forces is the load. With self_contact all pieces count
-    as one, as one may lie on another.
-    """
-    # Friction resists only where there is contact, whose forces are known last.
-    resisted = any(_resists(world, energy) for energy in energies.values() if not energy.begins_last)
-    if resisted or "body_contact" in energies:
-        return
-    pieces = np.zeros(world.n_cloth, np.int64) if "self_contact" in energies else _pieces(world)
-    held = np.zeros(world.n_vertices, bool)
-    for constraint in constraints:
-        held[constraint.at(0.0).vertices] = True
-    for energy in energies.values():
-        if isinstance(energy, Anchored):
-            held[energy.anchored_rows] = True
-    forces = _forces(world, energies)
-    for piece in np.setdiff1d(pieces, pieces[held[: world.n_cloth]]):
-        of_piece = np.flatnonzero(pieces == piece)
-        load = float(np.linalg.norm(forces[of_piece].sum(axis=0)))
-        if load > ROUND_OFF * np.linalg.norm(forces[of_piece], axis=1).sum():
-            label = int(world.labels[of_piece[0]])
-            own = of_piece[0] - world.cloth_slices[label].start
-            part = f"the piece of {world.names[label]} with vertex {own}" if own else world.names[label]
-            raise InputError(
-                f"Nothing supports {part} against its load of {load:.3g} N: no pin of its own, no body_contact, no "
-                "inertia.",
-                "Pin some of its vertices, put a body under it (with effects.body_contact), or add effects.inertia.",
-            )
-
-
-def _resists(world: World, energy: Energy) -> bool:
-    """True for an incremental energy with a force against a translation: damping of the strain rate has none."""
-    if not energy.incremental:
-        return False
-    start = world.start()
-    none = np.zeros_like(start)
-    bound = energy.begin(Step(0.0, 1.0, start, none, 1.0, none))
-    change = bound.gradient(start + 1.0) - bound.gradient(start)
-    return bool(np.abs(change.sum(axis=0)).max() > ROUND_OFF * np.abs(change).sum())
-
-
-def _pieces(world: World) -> Ints:
-    """The number of the connected piece of each cloth vertex, (n_cloth,)."""
-    ones = np.ones(len(world.edges))
-    graph = coo_array((ones, tuple(world.edges.T)), shape=(world.n_cloth, world.n_cloth))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
-
-
-def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
-    """Minus the gradient of the energies at the start under full load, (n_cloth, 3) [N]; without those of contact."""
-    start = world.start()
-    none = np.zeros_like(start)
-    step = Step(0.0, 1.0, start, none, 1.0, none)
-    forces = none.copy()
-    for energy in energies.values():
-        if not energy.begins_last:
-            forces -= energy.begin(step).gradient(start)
-    return forces[: world.n_cloth]
 
 
 @dataclass(frozen=True)
@@ -218,13 +130,40 @@ def build_effects(
     )
 
 
-def _rigid_energies(scene: Scene, world: World, energies: dict[str, Energy]) -> dict[str, Energy]:
-    """What comes with rigid bodies; a scene without them does not import it."""
+def _rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) -> dict[str, Energy]:
+    """The rigidity of a world's rigid bodies, and their ties.
+
+    Raises
+    ------
+    InputError
+        The scene has no inertia, a policy of pinches that does not know rigid bodies, or a tie without a stiffness.
+    """
     if not world.rigid:
         return {}
-    from clothsim.scene.assembly.rigid_bodies import rigid_energies
+    if "inertia" not in energies:
+        raise InputError("Rigid bodies need effects.inertia.", "Write [effects.inertia], or make the body a [[body]].")
+    if scene.contact_settings.pinch != "stop":
+        raise InputError('contact.pinch = "carry" does not work with rigid bodies.', "Leave the key out.")
+    from clothsim.physics.energies import rigid_bodies, seams  # a scene without rigid bodies loads none of them
 
-    return rigid_energies(scene, world, energies)
+    tied = []
+    for number, keys in enumerate(scene.rigid_bodies):
+        body = f"rigid[{number}]" if len(scene.rigid_bodies) > 1 else "rigid"
+        tie: Any
+        for k, tie in enumerate(keys.tie):
+            where = f"{body}.tie[{k}]"
+            vertices = selected_vertices(f"{where}.select", world, tie.select)
+            stiffness = seams.STIFFER * _fabric_stiffness(where, world) if tie.stiffness is None else tie.stiffness
+            tied.append(rigid_bodies.Tied(number, vertices, stiffness))
+    made: dict[str, Energy] = {"rigidity": rigid_bodies.rigidity(world)}
+    return made | ({"rigid_ties": rigid_bodies.rigid_ties(world, tied)} if tied else {})
+
+
+def _fabric_stiffness(where: str, world: World) -> float:
+    along: Floats = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft"))
+    if not along.max() > 0:
+        raise InputError(f"{where} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
+    return float(along.max())
 
 
 def _constrained(name: str, made: Any) -> tuple[World, Constraint]:
@@ -249,12 +188,6 @@ def _take_over(
         off[name] = before.off[name]
 
 
-def _rigid_body(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
-    from clothsim.scene.assembly.rigid_bodies import rigid_body_of
-
-    return rigid_body_of(keys, where, scene)
-
-
 def world_of(scene: Scene) -> World:
     """The cloths and bodies of a scene, without its effects. InputError as of `build`."""
     return _world(scene)[0]
@@ -276,7 +209,7 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
         notes.extend(body_notes)
     rigid = []
     for k, solid_keys in enumerate(scene.rigid_bodies):
-        solid, body_notes = _rigid_body(solid_keys, "rigid" if len(scene.rigid_bodies) == 1 else f"rigid[{k}]", scene)
+        solid, body_notes = rigid_body_of(solid_keys, "rigid" if len(scene.rigid_bodies) == 1 else f"rigid[{k}]", scene)
         rigid.append(solid)
         notes.extend(body_notes)
     world = make_world(cloths, bodies, rigid)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.rigid_body import CORNERS, RigidBody
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Past, Prescribed

@@ -3,23 +3,25 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from pathlib import Path
-from time import process_time
 from typing import Any
 
-from clothsim import Run, Scene, open_run
-from clothsim.base.record import SUMMARY_NAME, write_summary
-from clothsim.engine import Session
-from clothsim.study.error_control.parameter_errors import root_sum
-from clothsim.study.error_control.resolution import Resolution, Resolvable, has_cells_for, resolvable
+from clothsim import Run, Scene
+from clothsim.study.error_control.parameter_errors import COARSER, from_three, root_sum
+from clothsim.study.error_control.resolution import (
+    RefinableScene,
+    Resolution,
+    Runs,
+    Trial,
+    another_shape,
+    distance_at,
+    has_cells_for,
+    pilot,
+    refinable_scene,
+    with_estimate,
+    written_run,
+)
 from clothsim.study.error_control.search import Message
-from clothsim.study.error_control.three_runs import from_three
-from clothsim.study.error_control.trial import Runs, Trial, another_shape, distance_at, pilot
 from clothsim.study.parameters import CELLS, D_HAT, TIME, steps_per_frame
-from clothsim.study.resample import world_material
-
-COARSER = (2, 4)
-"""Factors by which the pilot runs are coarser."""
 
 
 @dataclass(frozen=True)
@@ -34,50 +36,33 @@ class Coarsened:
 def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
     """Simulate a scene, then with dt x 2, half the cells and d_hat x 2, and once more with all of them by four.
 
-    Parameters
-    ----------
-    scene : Scene
-        With solver.estimate.
-    runs : callable
-        Runs a scene with fixed settings into the output directory.
-    message : callable
-        Called with a line before each pilot run.
-
-    Returns
-    -------
-    Run
-        Its summary has the estimate; what could not be coarser is named there, and its error is not known.
+    The summary of the run that is returned has the estimate; what could not be coarser is named there, and its error
+    is not known.
     """
-    sessions: list[Session] = []
-    started = process_time()
-    run = runs(scene, sessions)
+    refinable = refinable_scene(replace(scene, solver={"integrator": scene.solver_settings.integrator, **scene.solver}))
+    run, own = written_run(runs, scene, Resolution(steps_per_frame(refinable.scene)[0]))
     if run.status != "completed":
         return run
-    ladder = resolvable(replace(scene, solver={"integrator": scene.solver_settings.integrator, **scene.solver}))
-    coarser = coarsened(ladder)
-    own = Trial(
-        Resolution(steps_per_frame(ladder.scene)[0]),
-        world_material(sessions[0].built.world),
-        run.positions(-1),
-        process_time() - started,
-    )
+    coarser = coarsened(refinable)
     trials = [own]
     for resolution in coarser.resolutions if coarser.parameters else ():
-        message(f"pilot run for the error: {ladder.text(resolution)}")
-        trials.append(pilot(ladder.at(resolution, scene.solver_settings.stop_fraction), resolution))
+        message(f"pilot run for the error: {refinable.text(resolution)}")
+        trials.append(pilot(refinable.at(resolution, scene.solver_settings.stop_fraction), resolution))
         if trials[-1].reason:
             break
-    return _annotated(run, trials, coarser)
+    newton = run.summary["certificate"]["error_estimate"]["newton"]
+    seconds = sum(trial.seconds for trial in trials)
+    return with_estimate(run, {**_estimate(trials, coarser, newton), "seconds": seconds})
 
 
-def coarsened(ladder: Resolvable) -> Coarsened:
+def coarsened(refinable: RefinableScene) -> Coarsened:
     """Return the resolutions coarser by COARSER; a parameter that cannot be coarser by all of them stays as it is."""
-    steps, fixed = steps_per_frame(ladder.scene)[0], dict(ladder.fixed)
+    steps, fixed = steps_per_frame(refinable.scene)[0], dict(refinable.fixed)
     if steps < COARSER[-1]:
         fixed[TIME] = f"a frame has {steps} step{'s' * (steps > 1)}, and {COARSER[-1]} are needed"
-    if CELLS in ladder.parameters and not has_cells_for(ladder.scene, COARSER[-1], fewest=1):
+    if CELLS in refinable.parameters and not has_cells_for(refinable.scene, COARSER[-1], fewest=1):
         fixed[CELLS] = "the cells cannot be quartered"
-    parameters = tuple(name for name in ladder.parameters if name not in fixed)
+    parameters = tuple(name for name in refinable.parameters if name not in fixed)
     resolutions = tuple(
         Resolution(
             steps // factor if TIME in parameters else steps,
@@ -87,18 +72,6 @@ def coarsened(ladder: Resolvable) -> Coarsened:
         for factor in COARSER
     )
     return Coarsened(resolutions, parameters, fixed)
-
-
-def _annotated(run: Run, trials: list[Trial], coarser: Coarsened) -> Run:
-    """The run with its estimate."""
-    summary = dict(run.summary)
-    certificate = dict(summary["certificate"])
-    estimate = dict(certificate["error_estimate"])
-    seconds = sum(trial.seconds for trial in trials)
-    estimate |= {**_estimate(trials, coarser, estimate["newton"]), "seconds": seconds}
-    summary["certificate"] = {**certificate, "error_estimate": estimate}
-    write_summary(Path(run.directory) / SUMMARY_NAME, summary)
-    return open_run(run.directory)
 
 
 def _estimate(trials: list[Trial], coarser: Coarsened, newton: Any) -> dict[str, Any]:

@@ -1,13 +1,21 @@
-"""Resolutions of a scene: steps of a frame, factor of the cells, factor of d_hat."""
+"""Resolutions of a scene (steps of a frame, factors of cells and d_hat), and the distance of runs at them."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from pathlib import Path
+from time import process_time
+from typing import Any
 
-from clothsim import Scene, engine
+import numpy as np
+
+from clothsim import Run, Scene, engine, open_run
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.engine import build, with_cells
+from clothsim.base.record import SUMMARY_NAME, write_summary
+from clothsim.engine import Session, build, last_positions, with_cells
 from clothsim.study.parameters import CELLS, D_HAT, TIME, d_hats, with_explicit_lengths
+from clothsim.study.resample import Material, at_points_of, point_areas, world_material
 
 COARSEST_STEP = 0.01
 """Longest step of the first pilot run [s]. With 20 ms a strip under compression buckled to the other side."""
@@ -35,7 +43,7 @@ class Resolution:
 
 
 @dataclass(frozen=True)
-class Resolvable:
+class RefinableScene:
     """A scene without solver.error and what can be refined of it.
 
     Parameters
@@ -102,7 +110,7 @@ class Resolvable:
         return scene if resolution.cells == 1 else with_cells(scene, resolution.cells)
 
 
-def resolvable(given: Scene) -> Resolvable:
+def refinable_scene(given: Scene) -> RefinableScene:
     """What can be refined of a scene; it takes BDF2 unless the scene names its integrator.
 
     With solver.error every step is converged.
@@ -126,7 +134,7 @@ def resolvable(given: Scene) -> Resolvable:
         missing[CELLS] = error.sentence.rstrip(".")
     if d_hats(scene):
         parameters.append(D_HAT)
-    return Resolvable(scene, frame, Resolution(steps, cells), tuple(parameters), missing)
+    return RefinableScene(scene, frame, Resolution(steps, cells), tuple(parameters), missing)
 
 
 def has_cells_for(scene: Scene, factor: int, fewest: int = FEWEST_CELLS) -> bool:
@@ -144,3 +152,76 @@ def _counts(scene: Scene) -> list[int]:
     """Cells along each side of each cloth."""
     counts = [keys["cells"] for keys in with_cells(scene, Fraction(1)).cloths]
     return [count for each in counts for count in (each if isinstance(each, list | tuple) else [each])]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run.
+
+    Parameters
+    ----------
+    resolution : Resolution
+        Its resolution.
+    material : Material
+        Its mesh at rest.
+    positions : (n, 3) float64
+        Cloth vertices at the last frame [m].
+    seconds : float
+        Processor seconds.
+    reason : str
+        Why it came to no end; empty where it did.
+    """
+
+    resolution: Resolution
+    material: Material
+    positions: Floats
+    seconds: float
+    reason: str = ""
+
+
+Runs = Callable[[Scene, list[Session]], Run]
+"""Runs a scene with fixed settings into the output directory; the list receives the session that it announces."""
+Distance = Callable[[Trial, Trial], float]
+ANOTHER_SHAPE = 0.1
+"""Distance of two runs over the size of the cloth from which no order of convergence holds between them."""
+
+
+def pilot(scene: Scene, resolution: Resolution) -> Trial:
+    """Run a scene at a resolution without writing anything."""
+    started = process_time()
+    world, positions, reason = last_positions(scene)
+    return Trial(resolution, world_material(world), positions, process_time() - started, reason)
+
+
+def written_run(runs: Runs, scene: Scene, resolution: Resolution) -> tuple[Run, Trial]:
+    """Run a scene at a resolution into the output directory."""
+    started, sessions = process_time(), list[Session]()
+    run = runs(scene, sessions)
+    seconds = process_time() - started
+    return run, Trial(resolution, world_material(sessions[0].built.world), run.positions(-1), seconds)
+
+
+def with_estimate(run: Run, entries: Mapping[str, Any], *notes: str) -> Run:
+    """The run with entries of the error estimate of its certificate, and notes, in its summary."""
+    summary, certificate = dict(run.summary), dict(run.summary["certificate"])
+    certificate["error_estimate"] = {**certificate["error_estimate"], **entries}
+    summary |= {"certificate": certificate, "notes": [*summary["notes"], *notes]}
+    write_summary(Path(run.directory) / SUMMARY_NAME, summary)
+    return open_run(run.directory)
+
+
+def another_shape(finer: Trial, moved: float) -> bool:
+    """True where a coarser run ends so far away [m] that it is another solution rather than a less accurate one."""
+    return moved > ANOTHER_SHAPE * float(np.linalg.norm(np.ptp(finer.positions, axis=0)))
+
+
+def distance_at(points: Material) -> Distance:
+    """RMS distance of two runs [m] over these material points, weighted by their areas."""
+    areas = point_areas(points)
+    weights = areas / areas.sum()
+
+    def distance(one: Trial, other: Trial) -> float:
+        here, there = (at_points_of(points, each.material, each.positions) for each in (one, other))
+        return float(np.sqrt(weights @ ((here - there) ** 2).sum(axis=1)))
+
+    return distance

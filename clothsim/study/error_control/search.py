@@ -16,8 +16,16 @@ from typing import Any
 from clothsim import Run, Scene, engine
 from clothsim.base.errors import InputError
 from clothsim.study.error_control.parameter_errors import ParameterErrors, from_all, from_path, root_sum
-from clothsim.study.error_control.resolution import Resolution, Resolvable, resolvable
-from clothsim.study.error_control.trial import Distance, Trial, another_shape, distance_at, pilot
+from clothsim.study.error_control.resolution import (
+    Distance,
+    RefinableScene,
+    Resolution,
+    Trial,
+    another_shape,
+    distance_at,
+    pilot,
+    refinable_scene,
+)
 from clothsim.study.parameters import CELLS, D_HAT, PARAMETERS, TIME
 
 NEWTON_PART = 0.2
@@ -80,7 +88,7 @@ class Found:
 class Search:
     """State of a search: the runs so far, and newton_error_fraction; `message` receives a line before each run."""
 
-    resolvable: Resolvable
+    refinable: RefinableScene
     asked: float
     budget: float
     candidate: Candidate
@@ -91,7 +99,12 @@ class Search:
     @property
     def keeps_tolerance(self) -> bool:
         """True where the scene names its tolerance, which no run but a twin changes."""
-        return "tolerance" in self.resolvable.scene.solver
+        return "tolerance" in self.refinable.scene.solver
+
+    @property
+    def coarsest_vertices(self) -> int:
+        """Vertices of the mesh of the first run."""
+        return sum(len(rest) for rest in self.trials[0].material.rest)
 
     @property
     def spent(self) -> float:
@@ -100,13 +113,13 @@ class Search:
 
     def halve_step(self) -> None:
         """Let the coarsest pilot run have half the step."""
-        coarsest = self.resolvable.coarsest
-        self.resolvable = replace(self.resolvable, coarsest=replace(coarsest, steps=2 * coarsest.steps))
+        coarsest = self.refinable.coarsest
+        self.refinable = replace(self.refinable, coarsest=replace(coarsest, steps=2 * coarsest.steps))
 
     def twin(self, resolution: Resolution) -> Trial:
         """Run a resolution with TWIN of Newton's stop, without writing anything."""
-        self.message(f"twin run: {self.resolvable.text(resolution)}, {TWIN:g} of Newton's stop")
-        scene = self.resolvable.at(resolution, TWIN * self.newton_error_fraction)
+        self.message(f"twin run: {self.refinable.text(resolution)}, {TWIN:g} of Newton's stop")
+        scene = self.refinable.at(resolution, TWIN * self.newton_error_fraction)
         if self.keeps_tolerance:
             scene = engine.replace(scene, "solver.tolerance", TWIN * scene.solver_settings.tolerance)
         self.trials.append(pilot(scene, resolution))
@@ -117,51 +130,36 @@ class Search:
         for trial in self.trials:
             if trial.resolution == resolution and not trial.reason:
                 return trial
-        self.message(f"pilot run: {self.resolvable.text(resolution)}")
-        self.trials.append(pilot(self.resolvable.at(resolution, self.newton_error_fraction), resolution))
+        self.message(f"pilot run: {self.refinable.text(resolution)}")
+        self.trials.append(pilot(self.refinable.at(resolution, self.newton_error_fraction), resolution))
         return self.trials[-1]
 
     def run(self, resolution: Resolution, expected: float | None = None) -> tuple[Run, Trial]:
         """Run a candidate into the output directory."""
         about = "" if expected is None else f", about {1e3 * expected:.2g} mm expected"
-        self.message(f"run: {self.resolvable.text(resolution)}{about}")
-        run, trial = self.candidate(self.resolvable.at(resolution, self.newton_error_fraction), resolution)
+        self.message(f"run: {self.refinable.text(resolution)}{about}")
+        run, trial = self.candidate(self.refinable.at(resolution, self.newton_error_fraction), resolution)
         self.trials.append(trial)
         return run, trial
 
 
 def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Search, Found]:
-    """Find the resolution for solver.error and run it.
-
-    Parameters
-    ----------
-    scene : Scene
-        With solver.error.
-    candidate : callable
-        Runs a scene into the output directory.
-    message : callable
-        Called with a line before each run.
-
-    Returns
-    -------
-    search : Search
-        All runs.
-    found : Found
-        The last one.
-    """
+    """Find the resolution for the solver.error of a scene and run it: all runs, and the last one."""
     settings = scene.solver_settings
     fraction = settings.stop_fraction
-    search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, fraction)
+    search = Search(refinable_scene(scene), settings.error, settings.budget, candidate, message, fraction)
     earlier: Found | None = None
     for _ in range(MOST_RETRIES):
-        coarsest, run, first = _first_pair(search)
+        coarsest = _coarsest(search)
+        finer = search.refinable.refined(coarsest.resolution, search.refinable.parameters)
+        run, first = search.run(finer)
         distance = distance_at(coarsest.material)
         if run.status != "completed":
             failed = Found(run, first, parts_of(run, {"all": 0.0}), False)
             return search, failed if earlier is None else repeated(search, earlier)
         moved = distance(coarsest, first)
         same = not another_shape(first, moved)
-        left = from_all(moved, 2.0, search.resolvable.parameters, search.resolvable.dt(coarsest.resolution))
+        left = from_all(moved, 2.0, search.refinable.parameters, search.refinable.dt(coarsest.resolution))
         found = Found(run, first, parts_of(run, {"all": left}), same)
         if same or search.spent > search.budget / 2:
             break
@@ -174,16 +172,10 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
     return search, _refined(search, found, errors, distance)
 
 
-def _first_pair(search: Search) -> tuple[Trial, Run, Trial]:
-    """The coarsest pilot run, and the run with every parameter refined by two."""
-    coarsest = _coarsest(search)
-    return coarsest, *search.run(search.resolvable.refined(coarsest.resolution, search.resolvable.parameters))
-
-
 def _coarsest(search: Search) -> Trial:
     """The first pilot run; where it fails, with shorter steps."""
     for _ in range(MOST_RETRIES):
-        trial = search.pilot(search.resolvable.coarsest)
+        trial = search.pilot(search.refinable.coarsest)
         if not trial.reason:
             return trial
         search.halve_step()
@@ -192,14 +184,14 @@ def _coarsest(search: Search) -> Trial:
 
 def _by_parameter(search: Search, coarsest: Trial, first: Trial, distance: Distance) -> ParameterErrors:
     """Errors of the first run by parameter, from a path of pilot runs that refines one parameter after the other."""
-    names = [name for name in PATH if name in search.resolvable.parameters]
+    names = [name for name in PATH if name in search.refinable.parameters]
     path = [coarsest]
     for name in names[:-1]:
-        trial = search.pilot(search.resolvable.refined(path[-1].resolution, [name]))
+        trial = search.pilot(search.refinable.refined(path[-1].resolution, [name]))
         path.append(path[-1] if trial.reason else trial)
     path.append(first)
     moved = {name: distance(path[k], path[k + 1]) for k, name in enumerate(names)}
-    return from_path(search.resolvable.sizes(first.resolution), moved, dict.fromkeys(names, 2.0))
+    return from_path(search.refinable.sizes(first.resolution), moved, dict.fromkeys(names, 2.0))
 
 
 def _refined(search: Search, found: Found, errors: ParameterErrors, distance: Distance) -> Found:
@@ -207,14 +199,14 @@ def _refined(search: Search, found: Found, errors: ParameterErrors, distance: Di
 
     Where the last of them was a pilot, it is run into the output directory at the end.
     """
-    stalled, last, ladder = 0, found.trial, search.resolvable
+    stalled, last, refinable = 0, found.trial, search.refinable
     for left in reversed(range(MOST_ROUNDS)):
         if found.met(search.asked) or stalled == MOST_STALLED:
             break
         following = _following(search, found, errors, last)
         if following is None:
             break
-        sizes = ladder.sizes(following)
+        sizes = refinable.sizes(following)
         expected, run = errors.at(sizes).total, None
         if expected > PILOT_FROM * search.asked and left and _leaves_room(search, following, last):
             trial = search.pilot(following)
@@ -236,8 +228,8 @@ def _refined(search: Search, found: Found, errors: ParameterErrors, distance: Di
 
 def _leaves_room(search: Search, following: Resolution, last: Trial) -> bool:
     """True where a pilot run leaves enough of the budget to run that resolution into the output directory."""
-    vertices = sum(len(rest) for rest in search.trials[0].material.rest)
-    more = work(search.resolvable, following, vertices) / work(search.resolvable, last.resolution, vertices)
+    vertices = search.coarsest_vertices
+    more = work(search.refinable, following, vertices) / work(search.refinable, last.resolution, vertices)
     return search.spent + 2 * more * last.seconds <= search.budget
 
 
@@ -251,11 +243,11 @@ def _following(search: Search, found: Found, errors: ParameterErrors, last: Tria
     """The next resolution within the bounds of the search; None where there is none."""
     if found.parts["newton"] > NEWTON_PART * search.asked:
         search.newton_error_fraction *= FINER
-    vertices = sum(len(rest) for rest in search.trials[0].material.rest)
+    vertices = search.coarsest_vertices
     done = [trial.resolution for trial in search.trials]
-    unit = last.seconds / work(search.resolvable, last.resolution, vertices)
+    unit = last.seconds / work(search.refinable, last.resolution, vertices)
     most = (search.budget - search.spent) / max(unit, 1e-9)
-    return chosen(search.resolvable, errors, done, search.asked, vertices, most)
+    return chosen(search.refinable, errors, done, search.asked, vertices, most)
 
 
 def parts_of(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
@@ -272,96 +264,47 @@ OVERHEAD = 100
 """Vertices whose work is that of a Newton iteration without any."""
 GROWTH = 0.85
 """Newton iterations grow with that power of the number of steps."""
-FACTORS = (
-    1,
-    Fraction(3, 2),
-    2,
-    Fraction(5, 2),
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    10,
-    12,
-    14,
-    16,
-    20,
-    24,
-    28,
-    32,
-    40,
-    48,
-    56,
-    64,
-    80,
-    96,
-    128,
-)
+HALVES = (2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 256)
+FACTORS = tuple(Fraction(count, 2) for count in HALVES)
 """Factors of the coarsest resolution."""
 
 
-def work(resolvable: Resolvable, resolution: Resolution, vertices: int) -> float:
+def work(refinable: RefinableScene, resolution: Resolution, vertices: int) -> float:
     """Expected work of a run relative to the coarsest: Newton iterations times vertices, counted so that it repeats.
 
-    Parameters
-    ----------
-    resolvable : Resolvable
-        The scene.
-    resolution : Resolution
-        Its resolution.
-    vertices : int
-        Vertices of its coarsest mesh.
+    vertices: of the coarsest mesh.
     """
-    coarsest = resolvable.coarsest
+    coarsest = refinable.coarsest
     size = vertices * float((resolution.cells / coarsest.cells) ** 2)
     contact = float(coarsest.d_hat / resolution.d_hat) ** 0.15
     return (size + OVERHEAD) / (vertices + OVERHEAD) * (resolution.steps / coarsest.steps) ** GROWTH * contact
 
 
 def chosen(
-    resolvable: Resolvable,
+    refinable: RefinableScene,
     errors: ParameterErrors,
     done: Sequence[Resolution],
     asked: float,
     vertices: int,
     most: float,
 ) -> Resolution | None:
-    """The resolution with the least work whose expected error is AIM of what is asked.
+    """The resolution with the least work whose expected error is AIM of what is asked [m].
 
-    Parameters
-    ----------
-    resolvable : Resolvable
-        The scene.
-    errors : ParameterErrors
-        Errors of the last run.
-    done : sequence of Resolution
-        All runs so far.
-    asked : float
-        Requested error [m].
-    vertices : int
-        Vertices of the coarsest mesh.
-    most : float
-        Largest admissible work.
-
-    Returns
-    -------
-    Resolution or None
-        Where none within reach is accurate enough: one of those that come nearest. None where none is new.
+    errors: of the last run; done: all runs so far; vertices: of the coarsest mesh; most: largest admissible work. Where
+    none within reach is accurate enough: one of those that come nearest. None where none is new.
     """
-    candidates = [each for each in _within_reach(resolvable, done) if each not in done]
-    candidates = [each for each in candidates if work(resolvable, each, vertices) <= most]
+    candidates = [each for each in _within_reach(refinable, done) if each not in done]
+    candidates = [each for each in candidates if work(refinable, each, vertices) <= most]
     if not candidates:
         return None
-    expected = {each: errors.at(resolvable.sizes(each)).total for each in candidates}
+    expected = {each: errors.at(refinable.sizes(each)).total for each in candidates}
     bar = max(AIM * asked, 1.2 * min(expected.values()))
     enough = [each for each in candidates if expected[each] <= bar]
-    return min(enough, key=lambda each: work(resolvable, each, vertices))
+    return min(enough, key=lambda each: work(refinable, each, vertices))
 
 
-def _within_reach(resolvable: Resolvable, done: Sequence[Resolution]) -> list[Resolution]:
-    coarsest, parameters = resolvable.coarsest, resolvable.parameters
+def _within_reach(refinable: RefinableScene, done: Sequence[Resolution]) -> list[Resolution]:
+    coarsest, parameters = refinable.coarsest, refinable.parameters
     steps = [coarsest.steps * factor for factor in FACTORS if (coarsest.steps * factor) % 1 == 0]
     cells = [Fraction(coarsest.cells * factor) for factor in FACTORS if (coarsest.cells * factor * 2) % 1 == 0]
     d_hat = [coarsest.d_hat / factor for factor in FACTORS]
@@ -371,7 +314,7 @@ def _within_reach(resolvable: Resolvable, done: Sequence[Resolution]) -> list[Re
         Resolution(int(n), c, Fraction(d))
         for n, c, d in product(
             [each for each in steps if each <= FARTHEST[TIME] * finest_steps],
-            [each for each in cells if each <= FARTHEST[CELLS] * finest_cells and resolvable.whole(each)]
+            [each for each in cells if each <= FARTHEST[CELLS] * finest_cells and refinable.whole(each)]
             if CELLS in parameters
             else [coarsest.cells],
             [each for each in d_hat if each >= least / FARTHEST[D_HAT]] if D_HAT in parameters else [coarsest.d_hat],

@@ -45,17 +45,7 @@ def worker_of(stale_after: float) -> Worker:
 
 @contextmanager
 def claimed(folder: Path, name: str, worker: Worker) -> Iterator[bool]:
-    """Claim a drape for the block; False where another process has it.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the claims.
-    name : str
-        The id of the drape.
-    worker : Worker
-        Who claims.
-    """
+    """Claim the drape with the id `name` in the folder of the claims for the block; False where another has it."""
     path = folder / name
     taken = _create(path, worker) or (_removed_stale(path, worker) and _create(path, worker))
     if not taken:

@@ -3,21 +3,19 @@
 import tempfile
 import textwrap
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 from clothsim.base.file_writing import write_atomically
 from clothsim.render import Surface, draw
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.publication import CLOTH
-from clothsim.study.farm.status import manifest
-
-if TYPE_CHECKING:
-    from clothsim.render import Surface
+from clothsim.study.farm.status import manifest, verdict_text
 
 TILE, CAPTION, COLUMNS = (300, 340), 44, 4
 """Size of a picture and height of its caption [pixels]; pictures side by side."""
@@ -29,18 +27,7 @@ STYLE = (
 
 
 def contact_sheet(farm: Farm, target: str | Path, samples: int = 12, failures: int = 4) -> Path:
-    """Write a PNG of evenly spaced usable drapes, then of failed ones.
-
-    Parameters
-    ----------
-    farm : Farm
-    target : path
-        The PNG.
-    samples, failures : int
-        Largest number of each.
-    """
-    from PIL import Image, ImageDraw
-
+    """Write a PNG of evenly spaced usable drapes, at most `samples`, then of failed ones, at most `failures`."""
     shown = _shown(farm, samples, failures)
     lines, height = -(-len(shown) // COLUMNS), TILE[1] + CAPTION
     sheet = Image.new("RGB", (COLUMNS * TILE[0], max(1, lines) * height), "white")
@@ -48,10 +35,11 @@ def contact_sheet(farm: Farm, target: str | Path, samples: int = 12, failures: i
     with tempfile.TemporaryDirectory(prefix="clothsim-sheet-") as scratch:
         for number, row in enumerate(shown):
             left, top = TILE[0] * (number % COLUMNS), height * (number // COLUMNS)
-            pen.text((left + 6, top + 2), _caption(row), fill="black" if row["usable"] else (160, 0, 0))
+            caption = "\n".join(textwrap.wrap(f"{row['id']} {verdict_text(row)}", 46)[:3])
+            pen.text((left + 6, top + 2), caption, fill="black" if row["usable"] else (160, 0, 0))
             if row["hash"] is not None:
                 picture = Path(scratch) / "drape.png"
-                _draw(farm, row, picture)
+                draw(picture, surfaces(farm, row), size=TILE, colour="plain")
                 with Image.open(picture) as image:
                     sheet.paste(image, (left, top + CAPTION))
     path = Path(target)
@@ -60,16 +48,7 @@ def contact_sheet(farm: Farm, target: str | Path, samples: int = 12, failures: i
 
 
 def contact_page(farm: Farm, target: str | Path, samples: int = 12, failures: int = 12) -> Path:
-    """Write the same drapes as one HTML file, each with its whole sentence, certificate and parameters.
-
-    Parameters
-    ----------
-    farm : Farm
-    target : path
-        The HTML file; the pictures are in it.
-    samples, failures : int
-        Largest number of each.
-    """
+    """Write the same drapes as one HTML file with their pictures, whole sentences, certificates and parameters."""
     with tempfile.TemporaryDirectory(prefix="clothsim-sheet-") as scratch:
         tiles = "\n".join(_tile(farm, row, Path(scratch) / "drape.png") for row in _shown(farm, samples, failures))
     name = escape(farm.directory.resolve().name)
@@ -83,48 +62,33 @@ def _tile(farm: Farm, row: Mapping[str, Any], scratch: Path) -> str:
     """A figure: picture, verdict and a table of the certificate and the parameters."""
     picture = ""
     if row["hash"] is not None:
-        _draw(farm, row, scratch)
+        draw(scratch, surfaces(farm, row), size=TILE, colour="plain")
         picture = f'<img alt="" src="data:image/png;base64,{b64encode(scratch.read_bytes()).decode()}">'
-    verdict = "certified" if row["usable"] else f"{row['cause']}: {row['reason']}"
     measured = {name: row[name] for name in ("minimum_gap", "stretch_max", "newton_iterations", "cpu_seconds")}
     numbers = {**row["parameters"], **{name: value for name, value in measured.items() if value is not None}}
-    lines = "".join(f"<tr><td>{escape(name)}<td>{escape(_short(value))}" for name, value in numbers.items())
+    texts = {name: f"{value:.4g}" if isinstance(value, float) else str(value) for name, value in numbers.items()}
+    lines = "".join(f"<tr><td>{escape(name)}<td>{escape(text)}" for name, text in texts.items())
     kind = "usable" if row["usable"] else "failed"
     return (
-        f'<figure class="{kind}">{picture}<figcaption><code>{row["id"]}</code> {escape(verdict)}</figcaption>'
+        f'<figure class="{kind}">{picture}<figcaption><code>{row["id"]}</code> {escape(verdict_text(row))}</figcaption>'
         f"<table>{lines}</table></figure>"
     )
-
-
-def _short(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _shown(farm: Farm, samples: int, failures: int) -> list[Mapping[str, Any]]:
     """Evenly spaced usable drapes, then failed ones."""
     rows = manifest(farm)
     usable, failed = ([row for row in rows if bool(row["usable"]) is wanted] for wanted in (True, False))
-    return [*_spaced(usable, samples), *_spaced(failed, failures)]
+    return [
+        kind[round(k)]
+        for kind, most in ((usable, samples), (failed, failures))
+        for k in np.linspace(0, len(kind) - 1, min(most, len(kind)))
+    ]
 
 
-def _spaced(rows: Sequence[Mapping[str, Any]], count: int) -> list[Mapping[str, Any]]:
-    if len(rows) <= count:
-        return list(rows)
-    return [rows[round(k)] for k in np.linspace(0, len(rows) - 1, count)]
-
-
-def _caption(row: Mapping[str, Any]) -> str:
-    text = "certified" if row["usable"] else f"{row['cause']}: {row['reason']}"
-    return "\n".join(textwrap.wrap(f"{row['id']} {text}", 46)[:3])
-
-
-def _draw(farm: Farm, row: Mapping[str, Any], path: Path) -> None:
-    draw(path, surfaces(farm, row), size=TILE, colour="plain")
-
-
-def surfaces(farm: Farm, row: Mapping[str, Any]) -> "list[Surface]":
+def surfaces(farm: Farm, row: Mapping[str, Any]) -> list[Surface]:
     """Cloths of a drape in its last frame, and bodies at the start."""
-    positions = np.asarray(np.load(farm.directory / "drapes" / row["id"] / CLOTH), np.float64)
+    positions = np.asarray(np.load(farm.folder(row["id"]) / CLOTH), np.float64)
     last = positions if positions.ndim == 2 else positions[-1]
     made, begin = [], 0
     for role in ("cloth", "body"):

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from clothsim import Scene, simulate
 from clothsim.base.errors import ClothsimError, IntersectionWarning
 from clothsim.engine import Session, World
-from clothsim.study.farm.identity import array_hash, processor
-from clothsim.study.farm.publication import store_mesh
+from clothsim.study.farm.publication import array_hash, processor, store_mesh
 
 KEPT = ("status", "reason", "steps", "newton_iterations", "vertices", "triangles", "certificate", "notes", "warnings")
 """What is kept of the summary of a run."""

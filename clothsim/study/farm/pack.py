@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import replacing, write_atomically
 from clothsim.base.text import text_table
-from clothsim.study.farm.identity import array_hash
 from clothsim.study.farm.plan import Farm
-from clothsim.study.farm.publication import CLOTH, PARAMETERS, SUMMARY
+from clothsim.study.farm.publication import CLOTH, PARAMETERS, SUMMARY, array_hash
 from clothsim.study.farm.status import manifest
 
 # Data card: what a data set holds, its licence, the statistics of its certificates, and what failed.
@@ -26,14 +26,7 @@ STATISTICS = ("minimum_gap", "stretch_min", "stretch_max", "newton_iterations", 
 
 
 def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
-    """The card of the published drapes in Markdown.
-
-    Parameters
-    ----------
-    farm : Farm
-    rows : sequence of dict
-        From `manifest`.
-    """
+    """The card of the published drapes in Markdown; rows: from `manifest`."""
     settings, used = farm.settings, [row for row in rows if row["usable"]]
     same = settings["same"]
     cut = any(key.startswith("cloth.") and other.startswith("body.") for key, other in same.items())
@@ -153,7 +146,7 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
 
 
 def _positions(farm: Farm, row: Mapping[str, Any]) -> NDArray[np.float32]:
-    return np.asarray(np.load(farm.directory / "drapes" / row["id"] / CLOTH))
+    return np.asarray(np.load(farm.folder(row["id"]) / CLOTH))
 
 
 def _mesh_names(row: Mapping[str, Any], kind: str) -> list[str]:
@@ -166,8 +159,6 @@ def _mesh(farm: Farm, name: str) -> dict[str, NDArray[Any]]:
 
 
 def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Sequence[Mapping[str, Any]]) -> Path:
-    import h5py
-
     with replacing(path) as beside, h5py.File(beside, "w") as file:
         file.attrs["licence"] = farm.settings["licence"]
         file.attrs["package"] = farm.settings["package"]
@@ -195,7 +186,7 @@ def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Seque
 def _shards(farm: Farm, folder: Path, used: Sequence[Mapping[str, Any]], size: int) -> Iterator[Path]:
     for first in range(0, len(used), size):
         files = (
-            (f"{row['id']}.{file}", (farm.directory / "drapes" / row["id"] / file).read_bytes())
+            (f"{row['id']}.{file}", (farm.folder(row["id"]) / file).read_bytes())
             for row in used[first : first + size]
             for file in (CLOTH, SUMMARY, PARAMETERS)
         )
@@ -219,8 +210,7 @@ def _tar(path: Path, files: "Iterator[tuple[str, bytes]]") -> Path:
 def _parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> list[Path]:
     """The manifest as a table with a column for each varied key, where pyarrow is installed."""
     try:
-        import pyarrow as arrow
-        from pyarrow import parquet
+        from pyarrow import Table, parquet
     except ImportError:
         return []
     flat = [
@@ -233,5 +223,5 @@ def _parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> list[Path]:
         }
         for row in rows
     ]
-    parquet.write_table(arrow.Table.from_pylist(flat), path)
+    parquet.write_table(Table.from_pylist(flat), path)
     return [path]

@@ -11,7 +11,7 @@ from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import build
-from clothsim.study.farm.identity import content_id
+from clothsim.study.farm.publication import content_id
 from clothsim.study.farm.recipe import Recipe, changed
 
 FARM_NAME, JOBS_NAME = "farm.json", "jobs.jsonl"
@@ -64,6 +64,10 @@ class Farm:
                 "Plan the recipe again in another folder.",
             )
         return scene
+
+    def folder(self, name: str) -> Path:
+        """Folder of the drape with an id, once it is published."""
+        return self.directory / "drapes" / name
 
     def published(self) -> set[str]:
         """The ids of the drapes that are done, failed ones too."""

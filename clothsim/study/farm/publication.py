@@ -1,19 +1,60 @@
-"""Publication of drapes: a folder is written beside, and renamed to its name when it is whole."""
+"""Publication of drapes by content: ids and hashes, and folders that are renamed to their name when they are whole."""
 
+import hashlib
 import io
 import json
 import os
+import platform
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clothsim import Scene, __version__
+from clothsim.engine import by_content
 from clothsim.study.farm.claims import Worker
-from clothsim.study.farm.identity import array_hash
+
+LETTERS = 16
+
+
+def content_id(scene: Scene, version: int) -> str:
+    """The first 16 hexadecimal digits of sha256 of the resolved scene, the recipe's version and the package's.
+
+    Files count by their content, not by their name, and the folder of the scene does not count.
+    """
+    data = json.loads(scene.to_text())
+    folder = Path(data.pop("directory"))
+    content = {"scene": by_content(data, folder), "recipe": version, "package": __version__}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
+
+
+def array_hash(*arrays: NDArray[Any]) -> str:
+    """sha256 of types, shapes and bytes of arrays."""
+    made = hashlib.sha256()
+    for array in arrays:
+        whole = np.ascontiguousarray(array)
+        made.update(f"{whole.dtype.str}{whole.shape}".encode())
+        made.update(whole.tobytes())
+    return made.hexdigest()
+
+
+@cache
+def processor() -> str:
+    """The name of the processor: the last bits of a drape depend on it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
 
 CLOTH, SUMMARY, PARAMETERS = "cloth.npy", "summary.json", "params.json"
 
@@ -27,19 +68,7 @@ def working_folder(farm: Path, name: str, worker: Worker) -> Path:
 
 
 def publish(farm: Path, name: str, worker: Worker, files: Mapping[str, bytes]) -> bool:
-    """Publish a drape; False where another process had published it.
-
-    Parameters
-    ----------
-    farm : Path
-        Folder of the farm.
-    name : str
-        Id of the drape.
-    worker : Worker
-        Who publishes.
-    files : dict of str to bytes
-        Content by name.
-    """
+    """Publish a drape, whose files are given by name; False where another process had published it."""
     folder = farm / "tmp" / f"{name}.{worker.token}.whole"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()

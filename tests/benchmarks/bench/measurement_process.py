@@ -173,7 +173,7 @@ def _own_solve(session: Any, report: Any) -> float | None:
 
 def fitter(job: Job) -> Callable[[], Trial]:
     """Fits a garment to another body, up to the end of the first stage that computes: the transfer."""
-    from clothsim.garments.fit.fit import fit
+    from clothsim.garments.fitted import fit
 
     class EnoughError(Exception):
         pass

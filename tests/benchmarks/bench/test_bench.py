@@ -11,7 +11,7 @@ from PIL import Image
 
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.text import text_table
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.physics.contact import candidates
 from clothsim.scene.scene import Scene
 from tests.benchmarks.bench import bench_cases, oracle

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.base.errors import InputError
-from clothsim.files.characters.character import Character
-from clothsim.files.characters.known_bodies import mannequin_character, model_character, smpl_character
+from clothsim.files.characters.character import Character, mannequin_character, model_character, smpl_character
 from clothsim.files.characters.quaternions import (
     from_matrices,
     from_rotation_vectors,
@@ -15,10 +14,9 @@ from clothsim.files.characters.quaternions import (
     to_rotation_vectors,
 )
 from clothsim.files.characters.skeleton import Pose, Skeleton
-from clothsim.mesh.generators.mannequin.generator import mannequin
-from clothsim.mesh.generators.mannequin.pose import turns_of
-from clothsim.mesh.motion import rotation_matrix
-from transfer.body_file import body_model
+from clothsim.mesh.body import rotation_matrix
+from clothsim.mesh.generators.mannequin.generator import mannequin, turns_of
+from transfer.body_model import body_model
 
 RNG = np.random.default_rng(11)
 

@@ -10,7 +10,7 @@ from glb_files import BONE, POSITIONS, TRIANGLES, WEIGHTS, two_bones
 
 from clothsim.base.errors import InputError
 from clothsim.files.characters.gltf_character import read_character
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
 
 TURNS = {"root": np.array([0.2, -0.4, 0.9]), "tip": np.array([1.1, 0.3, -0.2])}
 

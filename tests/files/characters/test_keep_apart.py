@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from clothsim.files.characters.character import mannequin_character
 from clothsim.files.characters.clip import uniform_clip
 from clothsim.files.characters.keep_apart import GAP, _least, kept_apart
-from clothsim.files.characters.known_bodies import mannequin_character
 from clothsim.files.characters.motion_check import meetings
 from clothsim.keys.mesh_keys import check_body
 from clothsim.scene.assembly.meshes import body_of

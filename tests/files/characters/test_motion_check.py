@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.cli import main
-from clothsim.files.characters.known_bodies import mannequin_character
+from clothsim.files.characters.character import mannequin_character
 from clothsim.files.characters.motion_check import fastest_turn, meetings, part_pairs, parts_of
 
 

@@ -12,8 +12,7 @@ from written_frames import TIMES, WORLD, frame, write
 
 from clothsim.base.errors import InputError
 from clothsim.files.runs.trajectory import TrajectoryWriter, read_trajectory
-from clothsim.mesh.world import make_world
-from clothsim.mesh.world_surfaces import Surface, world_surfaces
+from clothsim.mesh.world import Surface, make_world, world_surfaces
 
 HERE = Path(__file__).parent
 SUPPORT = HERE.parents[1] / "support"

@@ -6,7 +6,7 @@ import trimesh
 from capsule_bodies import person
 from sewing_patterns import panel, specification
 
-from clothsim.garments.dress.draping import drape, hangs_on_shoulders
+from clothsim.garments.dress.pipeline import drape_sewn, hangs_on_shoulders
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns.pattern_mesh import mesh_pattern
@@ -32,7 +32,7 @@ def sheet_over(body: BodyMesh, aside: float = 0.0) -> SewingState:
 
 def test_what_hangs_on_the_shoulders_is_shaken_down(ball, tmp_path):
     state = sheet_over(ball)
-    run = drape(state, ball, Fabrics("cotton"), tmp_path, None, None)
+    run = drape_sewn(state, ball, Fabrics("cotton"), tmp_path, None, None)
     assert run.status == "completed"
     shaken = open_run(tmp_path / "shaken")
     assert np.array_equal(shaken.positions(0), state.positions)
@@ -42,7 +42,7 @@ def test_what_hangs_on_the_shoulders_is_shaken_down(ball, tmp_path):
 
 def test_what_friction_alone_holds_is_draped_as_it_was_sewn(ball, tmp_path):
     state = sheet_over(ball, aside=0.05)
-    run = drape(state, ball, Fabrics("cotton"), tmp_path, None, None)
+    run = drape_sewn(state, ball, Fabrics("cotton"), tmp_path, None, None)
     assert np.array_equal(run.positions(0), state.positions)
 
 

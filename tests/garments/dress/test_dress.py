@@ -10,15 +10,15 @@ from sewing_patterns import panel, specification, stitch
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.garments.dress import pictures
+from clothsim.garments import pictures
 from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases, worst_gap
 from clothsim.garments.dress.corrections import approached, crossing_panels, lifted, separated
-from clothsim.garments.dress.dress import _closed_seams
-from clothsim.garments.dress.pictures import frames_of, seam_strokes
+from clothsim.garments.dress.pipeline import _closed_seams
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
 from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
+from clothsim.garments.pictures import frames_of, seam_strokes
 from clothsim.keys.fabric_table import fabric_named
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world

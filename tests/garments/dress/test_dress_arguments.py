@@ -3,7 +3,7 @@
 import pytest
 
 from clothsim.base.errors import InputError
-from clothsim.cli.dress_command import as_fabrics, as_factors, as_length
+from clothsim.cli.garment_command import as_fabrics, as_factors, as_length
 
 
 def test_lengths_with_their_units():

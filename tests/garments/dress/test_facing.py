@@ -6,9 +6,9 @@ from capsule_bodies import person
 from scipy.spatial.transform import Rotation
 from sewing_patterns import skirt
 
-from clothsim.garments.dress.pictures import view_of
 from clothsim.garments.dress.placement import front_of, placed_on, turn_to_front, usual_front
 from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.pictures import view_of
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of

@@ -5,7 +5,7 @@ import pytest
 from effect_builders import bending, seams
 from sewing_patterns import panel, specification, stitch
 
-from clothsim.garments.dress.draping import open_seam_tables
+from clothsim.garments.dress.pipeline import open_seam_tables
 from clothsim.garments.dress.sewing_state import SewingState, as_placed
 from clothsim.keys.fabric_table import fabric_named
 from clothsim.mesh.cloth import make_cloth

@@ -13,24 +13,24 @@ from clothsim.base.errors import InputError
 from clothsim.base.record import read_summary
 from clothsim.cli.progress import Lines
 from clothsim.files.meshes.mesh_file import read_mesh, read_polygons
-from clothsim.garments import stage_scenes
+from clothsim.garments import stages
 from clothsim.garments.fit import pipeline
 from clothsim.garments.fit import pipeline as module
-from clothsim.mesh.generators.sheets import rectangle
-from clothsim.run.summary import Progress
+from clothsim.mesh.generators.shapes import rectangle
+from clothsim.run.step_reports import Progress
 
 BODY = capsule_figure(segments=10)
 TUBE = tube_garment(0.125, height=0.12, cells=(10, 3))
 SHORT = replace(
-    stage_scenes.FIT_DRAPE,
-    effects={name: keys for name, keys in stage_scenes.FIT_DRAPE.effects.items() if name != "friction"},
+    stages.FIT_DRAPE,
+    effects={name: keys for name, keys in stages.FIT_DRAPE.effects.items() if name != "friction"},
     run={"duration": 0.05, "frames_per_second": 20},
 )
 
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    monkeypatch.setattr(stage_scenes, "FIT_DRAPE", SHORT)
+    monkeypatch.setattr(stages, "FIT_DRAPE", SHORT)
     monkeypatch.setattr(module, "FALLING", 1.0)
     tight = TUBE.positions * [0.776, 0.776, 1.0]
     return {
@@ -154,7 +154,7 @@ def test_a_growth_reports_its_steps_as_the_drape_does(files, tmp_path, monkeypat
     assert "grow" in [stage.name for stage in done.stages]
     grown = [progress for progress in seen if progress.stage == "grow"]
     assert len(grown) >= 10
-    assert grown[-1].time == pytest.approx(grown[-1].duration) == stage_scenes.MOTION_SECONDS
+    assert grown[-1].time == pytest.approx(grown[-1].duration) == stages.MOTION_SECONDS
     assert [progress.stage for progress in seen if progress.stage != "grow"] == ["simulate"] * (len(seen) - len(grown))
 
 

@@ -12,8 +12,7 @@ from clothsim.garments.fit.guaranteed_path import (
     outward_normals,
     smoothed,
 )
-from clothsim.mesh.generators.shapes import capsule, sphere
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import capsule, rectangle, sphere
 from transfer.signed_distance import body_surface
 
 BALL = body_surface(*sphere(radius=0.3, subdivisions=3))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from clothsim.garments.stages import Garment
-from clothsim.garments.wear_check import cost_of
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.garments.fit.wear_check import cost_of
+from clothsim.garments.inputs import Garment
+from clothsim.mesh.generators.shapes import rectangle
 
 GARMENT = Garment("sheet", *rectangle(size=(1.0, 1.0), cells=(5, 5)))
 

@@ -11,19 +11,19 @@ import clothsim
 from clothsim.base.errors import InputError
 from clothsim.base.record import read_summary
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.garments import stage_scenes
+from clothsim.garments import stages
 from clothsim.garments.fit import pipeline as module
-from clothsim.garments.fit.before_after import draw_fit
+from clothsim.garments.pictures import draw_fit
 from clothsim.geometry.untangling import untangle as search
-from clothsim.mesh.generators.sheets import rectangle
-from clothsim.run.archive import unpack_bundle, write_bundle
+from clothsim.mesh.generators.shapes import rectangle
+from clothsim.run.export import unpack_bundle, write_bundle
 
 BODY = capsule_figure(segments=10)
 SMALL = tube_garment(0.125, height=0.12, cells=(10, 3))
 STAGE_KEYS = {"name", "seconds", "penetrating_vertices", "intersecting_pairs"}
 SETTLED = replace(
-    stage_scenes.FIT_DRAPE,
-    effects={name: keys for name, keys in stage_scenes.FIT_DRAPE.effects.items() if name != "friction"},
+    stages.FIT_DRAPE,
+    effects={name: keys for name, keys in stages.FIT_DRAPE.effects.items() if name != "friction"},
     run={"duration": 0.04, "frames_per_second": 25},
 )
 """A short drape: the tube hangs on nothing, and has no time to fall."""
@@ -31,7 +31,7 @@ SETTLED = replace(
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    monkeypatch.setattr(stage_scenes, "FIT_DRAPE", SETTLED)
+    monkeypatch.setattr(stages, "FIT_DRAPE", SETTLED)
     monkeypatch.setattr(module, "FALLING", 1.0)
     return {
         "garment": in_file(tmp_path, "garment.obj", SMALL.positions, SMALL.triangles),
@@ -62,7 +62,7 @@ def test_a_fit_leaves_what_a_run_leaves_and_its_stages(files, tmp_path, monkeypa
     np.testing.assert_allclose(read_mesh(out / "fitted.obj").positions, done.positions, atol=1e-6)
     assert done.counts.clean
     assert done.cost.high > 1.2
-    monkeypatch.setattr("clothsim.garments.fit.before_after.SIZE", (64, 96))
+    monkeypatch.setattr("clothsim.garments.pictures.SIZE", (64, 96))
     monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
     draw_fit(done, tmp_path / "fit.png")
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
@@ -93,7 +93,7 @@ def test_without_the_other_body_a_garment_is_repaired_on_its_own(files, tmp_path
 
 def test_a_simulation_that_cannot_go_on_leaves_the_refined_garment(files, tmp_path, monkeypatch):
     hopeless = replace(SETTLED, solver={"dt": 0.01, "tolerance": 1e-12, "max_iterations": 1})
-    monkeypatch.setattr(stage_scenes, "FIT_DRAPE", hopeless)
+    monkeypatch.setattr(stages, "FIT_DRAPE", hopeless)
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
     assert done.status == "refined"
     assert done.run.status == "failed"
@@ -108,7 +108,7 @@ def test_a_simulation_that_cannot_go_on_leaves_the_refined_garment(files, tmp_pa
 
 
 def test_a_simulation_that_cannot_begin_leaves_the_refined_garment(files, tmp_path, monkeypatch):
-    monkeypatch.setattr(stage_scenes, "FIT_DRAPE", replace(SETTLED, effects={"gravity": {}, "no_such_effect": {}}))
+    monkeypatch.setattr(stages, "FIT_DRAPE", replace(SETTLED, effects={"gravity": {}, "no_such_effect": {}}))
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
     assert (done.status, done.run) == ("refined", None)
     assert done.reason.startswith("The drape could not start: ")

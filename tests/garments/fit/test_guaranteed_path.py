@@ -7,7 +7,7 @@ from fitting_cases import capsule_figure, tube_garment, wider
 from clothsim.garments.fit import guaranteed_path
 from clothsim.garments.fit.guaranteed_path import DEPTHS, clearings
 from clothsim.garments.penetration import counted
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from transfer.signed_distance import body_surface
 
 

@@ -6,8 +6,8 @@ from tangles import joined
 
 from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.pipeline import seed_fit
-from clothsim.garments.stages import Garment
-from clothsim.mesh.generators.sheets import tube
+from clothsim.garments.inputs import Garment
+from clothsim.mesh.generators.shapes import tube
 from clothsim.mesh.topology import components
 
 

@@ -6,9 +6,8 @@ from fitting_cases import capsule_figure, tube_garment
 from real_data import DATA, needs_data
 
 from clothsim.files.meshes.mesh_file import read_polygons
-from clothsim.files.meshes.obj_writer import obj_text
-from clothsim.garments.fit.original_file import NO_ORIGINAL, fitted_text
-from clothsim.garments.inputs import read_garment, worn_in_scene
+from clothsim.files.meshes.readers.obj import obj_text
+from clothsim.garments.inputs import NO_ORIGINAL, fitted_text, read_garment, worn_in_scene
 
 QUADS = """o tube
 v 0 0 0

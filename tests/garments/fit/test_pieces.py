@@ -13,7 +13,7 @@ from clothsim.garments.fit.pieces import UNDIVIDED, divided, embed
 from clothsim.garments.fit.pipeline import seed_fit
 from clothsim.garments.inputs import read_garment
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.mesh.generators.sheets import disk, rectangle, tube
+from clothsim.mesh.generators.shapes import disk, rectangle, tube
 
 HOST = RADIUS + 0.01
 SHIRT = tube(radius=HOST, height=0.3, cells=(24, 10))

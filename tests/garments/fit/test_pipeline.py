@@ -12,10 +12,9 @@ from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments.fit import pipeline
 from clothsim.garments.fit.pipeline import seed_fit
-from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.stages import Garment
+from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.geometry.untangling import untangle as search
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 
 FIGURE = capsule_figure()
 COARSE = capsule_figure(segments=8)

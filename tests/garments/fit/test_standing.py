@@ -5,10 +5,10 @@ import pytest
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.garments.fit.fit import refuse_lying
+from clothsim.garments.fitted import refuse_lying
 from clothsim.garments.inputs import BodyMesh
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.mesh.motion import rotation_matrix
 
 MANNEQUIN = GENERATORS["mannequin"]()
 RIGHT = np.pi / 2.0

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import clothsim
-from clothsim.garments import stage_scenes
+from clothsim.garments import stages
 from clothsim.garments.fit import pipeline as module
 from clothsim.garments.inputs import BodyMesh
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.mesh.motion import rotation_matrix
 from transfer.body_frame import body_frame
 
 MANNEQUIN = BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())
@@ -36,7 +36,7 @@ def fitted(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "FALLING", 10.0)
         run = {"duration": 0.1, "frames_per_second": 10}
-        patch.setattr(stage_scenes, "FIT_DRAPE", replace(stage_scenes.FIT_DRAPE, run=run))
+        patch.setattr(stages, "FIT_DRAPE", replace(stages.FIT_DRAPE, run=run))
         yield on_turned, on_turned(np.eye(3), np.zeros(3))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from fitting_cases import capsule_figure, tube_garment, wider
 
 from clothsim.garments.fit.transfer_seed import worn_positions
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
 from transfer.signed_distance import body_surface
 
 BODY = capsule_figure(segments=24)

@@ -7,8 +7,7 @@ from meshes import cloth, grid
 from clothsim.geometry.intersection.crossings import crossings
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.body import make_body
-from clothsim.mesh.world import make_world
-from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.mesh.world import make_world, world_surfaces
 
 FACES = np.array([[0, 1, 2], [3, 4, 5]])
 

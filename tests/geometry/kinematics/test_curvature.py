@@ -9,9 +9,8 @@ from scipy.spatial import Delaunay
 
 from clothsim.geometry.kinematics.curvature import bending_strains
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.generators.sheets import rectangle
-from clothsim.mesh.hinges import dihedral_angles
+from clothsim.mesh.cloth import dihedral_angles, make_cloth
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 

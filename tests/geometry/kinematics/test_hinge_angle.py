@@ -1,4 +1,4 @@
-"""Hinge angle against `mesh.hinges.dihedral_angles`, its derivatives against differences, and degenerate hinges."""
+"""Hinge angle against `mesh.cloth.dihedral_angles`, its derivatives against differences, and degenerate hinges."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from meshes import random_rotation
 
 from clothsim.base.jit import kernel
 from clothsim.geometry.kinematics import hinge_angle
-from clothsim.mesh.hinges import dihedral_angles
+from clothsim.mesh.cloth import dihedral_angles
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.hinge_kernels import angles
 

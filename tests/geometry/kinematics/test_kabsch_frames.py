@@ -6,7 +6,7 @@ from meshes import cloth, grid, irregular_grid, random_rotation
 
 from clothsim.base.errors import InputError
 from clothsim.geometry.kinematics.kabsch_frames import vertex_frames, vertex_gradients
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.topology import vertex_rings
 
 

@@ -10,8 +10,7 @@ from scipy.spatial import Delaunay
 
 from clothsim.base.errors import InputError
 from clothsim.geometry.kinematics.curvature import IsotropicPlates, OrthotropicPlates, bending_strains, plate_law
-from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.hinges import dihedral_angles
+from clothsim.mesh.cloth import dihedral_angles, make_cloth
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from tests.known_answers.plates import drooped, elastica

@@ -9,8 +9,8 @@ from meshes import deformed, random_rotation, small_world
 
 from clothsim.geometry.kinematics.deformation_gradient import area_ratios, deformation_gradients, reference_frames
 from clothsim.geometry.kinematics.stretch import polar_decomposition, principal_stretches, spatial_rotations
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.cloth import triangle_planes
-from clothsim.mesh.motion import rotation_matrix
 
 ULPS = 16
 """Round-offs of l1 by which an answer may differ; measured over 2e5 samples of each kind: l 5, R U - F 15."""

@@ -18,8 +18,7 @@ from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.geometry.untangling.untangle import untangle
 from clothsim.mesh.cloth import triangle_planes
-from clothsim.mesh.generators.shapes import sphere
-from clothsim.mesh.generators.sheets import rectangle, tube
+from clothsim.mesh.generators.shapes import rectangle, sphere, tube
 
 KINDS = {
     "folded corner": folded_corner,

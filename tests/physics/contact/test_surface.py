@@ -8,9 +8,8 @@ import pytest
 from contacts import ball, sheet
 from meshes import UNIT, cloth, random_rotation
 
-from clothsim.mesh.body import make_body
+from clothsim.mesh.body import frame_motion, make_body, rigid_motion
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.mesh.motion import frame_motion, rigid_motion
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact.surface import FLAT, cloth_body_surface, cloth_surface, flat_features

@@ -10,7 +10,7 @@ from meshes import UNIT, cloth, deformed, grid, irregular_grid, random_rotation,
 
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import kabsch
-from clothsim.mesh.hinges import dihedral_angles
+from clothsim.mesh.cloth import dihedral_angles
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off, Step
 from clothsim.physics.energies.quadratic_bending import folded

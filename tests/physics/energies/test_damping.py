@@ -11,7 +11,7 @@ from meshes import UNIT, cloth, deformed, grid, small_world
 from solving import integrator_of, run_of, step_at
 
 from clothsim.base.errors import InputError
-from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
 from clothsim.physics.energies.damping import MassDamping, past_of

@@ -11,7 +11,7 @@ from meshes import UNIT, cloth, deformed, irregular_grid, random_rotation, small
 from clothsim.base.errors import InputError
 from clothsim.geometry.kinematics.deformation_gradient import thread_axes
 from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.generators.sheets import tube
+from clothsim.mesh.generators.shapes import tube
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error, taylor_slopes
 
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
-from clothsim.mesh.motion import rotation_matrix
 from clothsim.mesh.rigid_body import Joint, rigid_body
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.rigid_bodies import Tied, functions_at, rigid_ties, rigidity

@@ -166,7 +166,7 @@ RING = {
 def ring(tmp_path_factory):
     """A strip whose ends are sewn together: bent a little at the start, so that it is clear which way it goes."""
     folder = tmp_path_factory.mktemp("ring")
-    from clothsim.mesh.generators.sheets import rectangle
+    from clothsim.mesh.generators.shapes import rectangle
 
     points, _ = rectangle([0.6, 0.05], [36, 3])
     angle = points[:, 0] / 0.6  # a radian of arc

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_scenes import EFFECTS, SHEET, small_scene
 
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.run.session import prepare

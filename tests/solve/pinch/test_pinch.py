@@ -8,9 +8,9 @@ from import_graph import FILES, reached, run_roots
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.cli import main
-from clothsim.cli.run_report import verdict
+from clothsim.cli.run_command import verdict
+from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
-from clothsim.mesh.motion import rotation_matrix
 from clothsim.physics.contact.candidate_subsets import Suspension
 from clothsim.solve.pinch.carried import Carried, attached, carried_in
 from clothsim.solve.pinch.pinch_gaps import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, nearest, pinched, sides

@@ -8,8 +8,7 @@ from effect_builders import gravity, inertia, pins
 from meshes import cloth, grid, small_world
 from solving import integrator_of
 
-from clothsim.mesh.body import make_body
-from clothsim.mesh.motion import rigid_motion
+from clothsim.mesh.body import make_body, rigid_motion
 from clothsim.mesh.world import make_world
 from clothsim.solve.stepping.integrators import LARGEST_RATIO, formula_of, prescribed
 from clothsim.solve.stepping.state import Previous, State, first_state

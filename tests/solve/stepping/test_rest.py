@@ -8,8 +8,7 @@ from effect_builders import air, damping, gravity, inertia, membrane, pins, spri
 from meshes import cloth, grid
 from solving import integrator_of, run_of
 
-from clothsim.mesh.body import make_body
-from clothsim.mesh.motion import frame_motion, rigid_motion
+from clothsim.mesh.body import frame_motion, make_body, rigid_motion
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.hessians import ElementHessian

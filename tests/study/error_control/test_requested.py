@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from clothsim import Cloth, Scene, simulate
-from clothsim.mesh.generators.sheets import rectangle
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.scene import paths
-from clothsim.study.error_control import search, trial
+from clothsim.study.error_control import resolution, search
 from clothsim.study.error_control.parameter_errors import ParameterErrors
-from clothsim.study.error_control.resolution import Resolution, resolvable
+from clothsim.study.error_control.resolution import Resolution, refinable_scene
 from clothsim.study.error_control.search import chosen, work
 
 STRIP = {"mesh": "rectangle", "size": [0.3, 0.1], "cells": [6, 2], "density": 0.15, "thickness": 3e-4}
@@ -90,7 +90,7 @@ def test_an_error_out_of_reach_of_the_budget_is_missed_and_said_so(tmp_path):
 def test_meshes_without_cells_keep_theirs():
     triangle = Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     scene = Scene(cloth=triangle, effects={"inertia": {}, "membrane": {}}, solver={"error": 1e-3}, run=RUN)
-    found = resolvable(scene)
+    found = refinable_scene(scene)
     assert found.parameters == ("dt",)
     assert set(found.fixed) == {"cells"}
 
@@ -118,29 +118,31 @@ def test_the_error_of_a_mesh_without_cells_is_not_known(tmp_path, request_):
 def test_pilot_runs_end_at_rest_like_the_run(tmp_path):
     run = {"duration": 8.0, "frames_per_second": 25, "until": "rest", "rest_speed": 0.05}
     scene = replace(strip(dt=0.01), effects={**EFFECTS, "damping": {"rate": 20.0}}, run=run)
-    ladder = resolvable(scene)
-    ended = simulate(ladder.at(Resolution(4), 0.1), tmp_path)
+    refinable = refinable_scene(scene)
+    ended = simulate(refinable.at(Resolution(4), 0.1), tmp_path)
     assert ended.summary["certificate"]["at_rest"]
     assert ended.times[-1] < 8.0
-    assert np.array_equal(trial.pilot(ladder.at(Resolution(4), 0.1), Resolution(4)).positions, ended.positions(-1))
+    assert np.array_equal(
+        resolution.pilot(refinable.at(Resolution(4), 0.1), Resolution(4)).positions, ended.positions(-1)
+    )
 
 
 def test_the_cheapest_sufficient_resolution_is_chosen():
-    ladder = resolvable(strip(error=1e-3))
-    assert ladder.coarsest == Resolution(4, Fraction(1))
-    first = ladder.refined(ladder.coarsest, ladder.parameters)
-    errors = ParameterErrors(ladder.sizes(first), {"dt": 2e-3, "cells": 1e-5})
-    taken = chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 21, np.inf)
+    refinable = refinable_scene(strip(error=1e-3))
+    assert refinable.coarsest == Resolution(4, Fraction(1))
+    first = refinable.refined(refinable.coarsest, refinable.parameters)
+    errors = ParameterErrors(refinable.sizes(first), {"dt": 2e-3, "cells": 1e-5})
+    taken = chosen(refinable, errors, [refinable.coarsest, first], 1e-3, 21, np.inf)
     assert taken.cells == 1
-    assert errors.at(ladder.sizes(taken)).total <= 1e-3
+    assert errors.at(refinable.sizes(taken)).total <= 1e-3
     cheaper = Resolution(taken.steps * 3 // 4, taken.cells)
-    assert errors.at(ladder.sizes(cheaper)).total > 0.85e-3
-    assert chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 21, 0.1) is None
-    assert work(ladder, first, 21) > work(ladder, ladder.coarsest, 21) == pytest.approx(1.0)
+    assert errors.at(refinable.sizes(cheaper)).total > 0.85e-3
+    assert chosen(refinable, errors, [refinable.coarsest, first], 1e-3, 21, 0.1) is None
+    assert work(refinable, first, 21) > work(refinable, refinable.coarsest, 21) == pytest.approx(1.0)
 
 
 def test_a_pair_that_ends_in_two_shapes_starts_again_with_half_the_step(tmp_path, monkeypatch):
-    monkeypatch.setattr(trial, "ANOTHER_SHAPE", 1e-9)
+    monkeypatch.setattr(resolution, "ANOTHER_SHAPE", 1e-9)
     run = simulate(strip(error=1.0), tmp_path)
     estimate = run.summary["certificate"]["error_estimate"]
     assert [each["dt"] for each in estimate["runs"]] == pytest.approx([0.01, 0.005, 0.005, 0.0025, 0.0025, 0.00125])
@@ -185,10 +187,10 @@ def test_a_refinement_that_fails_does_not_replace_a_completed_run(tmp_path, monk
 
 def test_cells_that_are_no_whole_numbers_are_not_chosen():
     scene = replace(strip(error=1e-3), cloth={**STRIP, "cells": [5, 3]})
-    ladder = resolvable(scene)
-    first = ladder.refined(ladder.coarsest, ladder.parameters)
-    errors = ParameterErrors(ladder.sizes(first), {"dt": 1e-5, "cells": 2.05e-3})
-    taken = chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 24, np.inf)
+    refinable = refinable_scene(scene)
+    first = refinable.refined(refinable.coarsest, refinable.parameters)
+    errors = ParameterErrors(refinable.sizes(first), {"dt": 1e-5, "cells": 2.05e-3})
+    taken = chosen(refinable, errors, [refinable.coarsest, first], 1e-3, 24, np.inf)
     assert taken.cells == 3
-    assert not ladder.whole(Fraction(5, 2))
-    assert ladder.at(taken, 0.1).cloth["cells"] == (15, 9)
+    assert not refinable.whole(Fraction(5, 2))
+    assert refinable.at(taken, 0.1).cloth["cells"] == (15, 9)

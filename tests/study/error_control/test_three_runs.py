@@ -2,7 +2,7 @@
 
 import pytest
 
-from clothsim.study.error_control.three_runs import FALL, FALL_IN_CONTACT, ORDER, ORDER_IN_CONTACT, from_three
+from clothsim.study.error_control.parameter_errors import FALL, FALL_IN_CONTACT, ORDER, ORDER_IN_CONTACT, from_three
 
 SMOOTH, CONTACT = ("dt", "cells"), ("dt", "cells", "d_hat")
 

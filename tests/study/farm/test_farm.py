@@ -14,14 +14,11 @@ from clothsim import InputError
 from clothsim.cli import main
 from clothsim.cli.farm_command import terminated_like_interrupted
 from clothsim.study.farm.claims import Worker, claimed, is_stale, worker_of
-from clothsim.study.farm.dask_work import make_one
-from clothsim.study.farm.identity import content_id
 from clothsim.study.farm.plan import open_farm, plan
-from clothsim.study.farm.publication import attempts, note_attempt, publish, read_drape
+from clothsim.study.farm.publication import attempts, content_id, note_attempt, publish, read_drape
 from clothsim.study.farm.recipe import changed, draw_of, load_recipe, make_recipe, stream_of
-from clothsim.study.farm.status import status
-from clothsim.study.farm.verify import verify
-from clothsim.study.farm.work import make, work
+from clothsim.study.farm.status import status, verify
+from clothsim.study.farm.work import make, make_one, work
 from tests.benchmarks.farm_chaos import sheet_recipe
 
 QUICK = Worker(beat=0.05, stale_after=0.5)
@@ -180,12 +177,12 @@ def test_work_publishes_all_and_a_second_worker_nothing(made):
 
 def test_verify_makes_drapes_again_and_finds_torn_ones(made):
     farm, _ = made
-    done = verify(farm, share=0.3)
+    done = verify(farm, fraction=0.3)
     assert (done.whole, done.torn, done.repeated, done.same, done.good) == (3, (), 1, 1, True)
     file = farm.directory / "drapes" / farm.jobs[0].id / "cloth.npy"
     before = file.read_bytes()
     file.write_bytes(before[:-4])
-    assert verify(farm, share=0).torn == (farm.jobs[0].id,)
+    assert verify(farm, fraction=0).torn == (farm.jobs[0].id,)
     file.write_bytes(before)
 
 
@@ -234,7 +231,7 @@ def test_a_killed_process_leaves_nothing_that_stops_the_next(tmp_path):
     (tmp_path / "claims" / farm.jobs[1].id).write_bytes(b"")  # killed between creation and content
     os.utime(tmp_path / "claims" / farm.jobs[1].id, (time.time() - 100,) * 2)
     assert work(farm, QUICK).published == 2
-    assert verify(farm, share=0).good
+    assert verify(farm, fraction=0).good
     assert [p for name in ("tmp", "claims") for p in (tmp_path / name).iterdir()] == []
 
 

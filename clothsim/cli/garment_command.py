@@ -1,0 +1,285 @@
+"""`clothsim fit` and `clothsim dress`: a garment fitted from one body to another, a sewing pattern sewn on a body."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import clothsim
+from clothsim import engine, render
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.text import length
+from clothsim.cli import on_demand, progress
+from clothsim.cli.arguments import Renamed, add_output_options, as_length, as_positive_number, as_range
+from clothsim.cli.report import Report, messages
+
+if TYPE_CHECKING:
+    from clothsim.garments.dressed import Dress
+    from clothsim.garments.fitted import Fit
+    from clothsim.garments.stages import Stage
+
+_DRESS = """\
+Sew a pattern (specification.json of GarmentCode and others, or a DXF of AAMA) on a body under contact,
+weld its seams and drape it.
+Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
+
+  clothsim dress shirt_specification.json --on body.obj -o worn
+  clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
+  clothsim dress shirt_specification.json --on hers.obj --made-for his.obj     (graded by girths and lengths)
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the commands to the parser."""
+    usage = "clothsim fit GARMENT [--made-for BODY] --to BODY [-o DIR] [options]"
+    fit = commands.add_parser("fit", description=_FIT, usage=usage)
+    fit.add_argument(
+        "garment",
+        type=Path,
+        metavar="GARMENT",
+        help="a mesh, .mhclo, or a scene: a .toml or a name",
+    )
+    fit.add_argument("--made-for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
+    fit.add_argument("--from", dest="made_for", action=Renamed, now="--made-for", type=Path)
+    fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
+    fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
+    fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
+    fit.add_argument("--scale-to", metavar="S", help="metres per unit of the body of --to (default: by height)")
+    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
+    fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
+    fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
+    fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
+    fit.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
+    size = fit.add_mutually_exclusive_group()
+    size.add_argument("--own-size", action="store_true", help="keep the size that it was cut in")
+    size.add_argument("--resize", action="store_true", help="grade it along girths and lengths (the default)")
+    size.add_argument("--grade", dest="resize", action=Renamed, now="--resize", nargs=0, const=True)
+    fit.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
+    fit.add_argument("--no-picture", action="store_true", help="draw nothing")
+    add_output_options(
+        fit, json="print the summary as JSON, the rest on stderr", quiet="print the end only", handler=_fit
+    )
+    dress = commands.add_parser("dress", description=_DRESS)
+    dress.add_argument(
+        "pattern", type=Path, metavar="PATTERN", help="a specification.json, a .dxf, or the name of an installed one"
+    )
+    dress.add_argument("--on", required=True, type=Path, metavar="BODY", help="the body: a mesh file or a scene")
+    dress.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the pattern's name)"
+    )
+    dress.add_argument("--size", default="2cm", metavar="L", help="size of the mesh: 2cm, 15mm, .01 [m] (default 2cm)")
+    dress.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
+    dress.add_argument(
+        "--fabric-of",
+        action="append",
+        default=[],
+        metavar="PANEL=NAME",
+        help="fabric of a panel, as collar=denim, or of several: '*sleeve*=wool'; may be given again",
+    )
+    dress.add_argument(
+        "--made-for", type=Path, metavar="BODY", help="the body that the pattern was cut for: grade it to --on"
+    )
+    dress.add_argument("--cut-for", dest="made_for", action=Renamed, now="--made-for", type=Path)
+    dress.add_argument(
+        "--grade",
+        action="append",
+        default=[],
+        metavar="NAME=F",
+        help="grade by this factor of girth or length, as waist=1.05; may be given again",
+    )
+    dress.add_argument(
+        "--waistband", action="store_true", help="take in upper edges that would slide to the girth of the body"
+    )
+    dress.add_argument("--hold", dest="waistband", action=Renamed, now="--waistband", nargs=0, const=True)
+    dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
+    dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
+    dress.add_argument("--seams", type=Path, metavar="TOML", help="seams and placement of a .dxf (default NAME.toml)")
+    dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
+    dress.add_argument("--body-group", metavar="NAME", help="this group of the body's file (default: the largest)")
+    dress.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
+    dress.add_argument("--no-picture", action="store_true", help="draw nothing")
+    dress.add_argument("--movie", action="store_true", help="leave movie.mp4 of the sewing, movie.gif without ffmpeg")
+    add_output_options(
+        dress, json="print the summary as JSON, the rest on stderr", quiet="print the end only", handler=_dress
+    )
+
+
+PICTURE_NAME = "fit.png"
+
+_FIT = """\
+Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Leaves what a run
+leaves, fitted.obj, and before and after in fit.png.
+
+  clothsim fit suit.mhclo --made-for base.obj --to base.obj -o fitted
+"""
+
+
+def _fit(arguments: argparse.Namespace) -> Report:
+    def named(file: Path | None) -> Path | None:
+        """The file, or the installed scene of that name."""
+        return None if file is None else engine.example_file(file)
+
+    directory = arguments.output or Path(arguments.garment.stem)
+
+    message = messages(arguments, arguments.garment)
+    with progress.shown(arguments.quiet) as listener:
+        done = clothsim.fit(
+            named(arguments.garment),
+            named(arguments.to),
+            named(arguments.made_for),
+            directory,
+            scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
+            scale_to=None if arguments.scale_to is None else as_positive_number("--scale-to", arguments.scale_to),
+            body_group=arguments.body_group,
+            part=None if arguments.part is None else as_range("--part", arguments.part),
+            weld=0.0 if arguments.weld is None else as_positive_number("--weld", arguments.weld),
+            fabric=arguments.fabric,
+            resize=not arguments.own_size,
+            markers=arguments.markers,
+            on_stage=lambda stage: message(_stage(stage)),
+            progress=listener,
+            overwrite=arguments.overwrite,
+        )
+    trouble = [] if arguments.no_picture else _picture(done)
+    lines = [*_fit_verdict(done), *trouble]
+    if done.status == "distorted":
+        lines.append(f"  worst     at {', '.join(f'{value:.3f}' for value in done.look.place)} m")
+    summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
+    return Report(summary, "\n".join(lines), 0 if done.status == "completed" else 1, verdict=True)
+
+
+def _stage(stage: "Stage") -> str:
+    note = f"; {stage.description}" if stage.description else ""
+    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
+
+
+def _fit_verdict(done: "Fit") -> list[str]:
+    cost, look = done.cost, done.look
+    return [
+        f"{done.status}: {done.reason}",
+        *(f"  note      {note}" for note in done.notes),
+        f"  fitted    {_answer(done)}{done.counts}",
+        *_carried(done),
+        f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as given)",
+        *([f"  size      {done.size}"] if str(done.size) and done.source is not done.target else []),
+        f"  look      edges {look.edge_low:.2f} to {look.edge_high:.2f} with the scale {look.scale:.2f} taken out, "
+        f"{100 * look.distorted:.1f} % of the triangles doubled or halved, hem {100 * look.hem:+.1f} %",
+        f"  moved     at most {length(cost.displacement)} from where it was worn",
+        f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
+    ]
+
+
+def _carried(done: "Fit") -> list[str]:
+    """A line on the vertices that the body carries, where it overlaps itself."""
+    if not len(done.carried):
+        return []
+    at = ", ".join(f"{value:.3f}" for value in done.positions[done.carried].mean(axis=0))
+    return [
+        f"  carried   {len(done.carried)} vertices about ({at}) m, where {done.target.name} overlaps itself: one part "
+        "carries them, and what they intersect is not counted"
+    ]
+
+
+def _answer(done: "Fit") -> str:
+    """The stage that is the result, where it is not the last one."""
+    if done.status != "failed":
+        return ""
+    return f"stage {done.answer_number + 1} of {len(done.stages)}, {done.answer.name}: "
+
+
+def _picture(done: "Fit") -> list[str]:
+    try:
+        on_demand.draw_fit(done, done.directory / PICTURE_NAME)
+    except (ClothsimError, OSError, ImportError) as error:
+        return [f"No {PICTURE_NAME}: {error}"]
+    return []
+
+
+def as_fabrics(given: list[str]) -> dict[str, str]:
+    """Named fabric by panel from "collar=denim" and the like. InputError for what is none, or a panel given twice."""
+    found: dict[str, str] = {}
+    for text in given:
+        panel, equals, fabric = text.rpartition("=")
+        if not (panel and equals and fabric):
+            raise InputError(f"--fabric-of is {text!r}.", "Write PANEL=FABRIC, as collar=denim.")
+        if panel in found:
+            raise InputError(f"--fabric-of names the panel {panel} twice.", "Give it one fabric.")
+        found[panel] = fabric
+    return found
+
+
+def as_factors(given: list[str]) -> dict[str, float]:
+    """Factor by name from "waist=1.05" and the like. InputError for what is none, or a name given twice."""
+    found: dict[str, float] = {}
+    for text in given:
+        name, equals, factor = text.partition("=")
+        if not (name and equals):
+            raise InputError(f"--grade is {text!r}.", "Write NAME=FACTOR, as waist=1.05.")
+        if name in found:
+            raise InputError(f"--grade names {name} twice.", "Give one factor.")
+        found[name] = as_positive_number("--grade", factor)
+    return found
+
+
+def _body(path: Path | None) -> Path | None:
+    """A body file, or the installed scene of that name."""
+    return None if path is None else engine.example_file(path)
+
+
+def _dress(arguments: argparse.Namespace) -> Report:
+    directory = arguments.output or Path(arguments.pattern.stem)
+
+    message = messages(arguments, arguments.pattern)
+    pattern = engine.example_file(arguments.pattern, "_specification.json")
+    body = _body(arguments.on)
+    with progress.shown(arguments.quiet) as listener:
+        done = clothsim.dress(
+            pattern,
+            body,
+            directory,
+            size=as_length("--size", arguments.size),
+            fabric=arguments.fabric,
+            fabrics=as_fabrics(arguments.fabric_of),
+            made_for=_body(arguments.made_for),
+            grade=as_factors(arguments.grade),
+            waistband=arguments.waistband,
+            origin=arguments.origin,
+            rotation_order=arguments.rotation_order,
+            seams=arguments.seams,
+            scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
+            body_group=arguments.body_group,
+            overwrite=arguments.overwrite,
+            on_stage=lambda stage: message(_stage(stage)),
+            progress=listener,
+        )
+    trouble = _pictures(done, not arguments.no_picture, arguments.movie)
+    summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
+    code = 0 if done.status == "completed" else 1
+    return Report(summary, "\n".join([*_dress_verdict(done), *trouble]), code, verdict=True)
+
+
+def _dress_verdict(done: "Dress") -> list[str]:
+    low, high = done.stretch
+    welded, seams = len(done.state.welded), len(done.state.mesh.seams)
+    return [
+        f"{done.status}: {done.reason}",
+        *(f"  note      {note}" for note in done.notes),
+        f"  garment   {done.counts}; {welded} of {seams} seams welded",
+        f"  stretch   {low:.3f} to {high:.3f} (1st to 99th percentile, against the pattern)",
+        f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
+    ]
+
+
+def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
+    """Draw pictures and movie; a line for each that could not be drawn."""
+    film, missing = render.movie_file(done.directory)
+    trouble = [missing] if movie and missing else []
+    for wanted, name, draw in (
+        (pictures, "picture", lambda: on_demand.draw_dress(done)),
+        (movie, film.name, lambda: on_demand.draw_sewing(done, film)),
+    ):
+        try:
+            if wanted:
+                draw()
+        except (ClothsimError, OSError, ImportError) as error:
+            trouble.append(f"No {name}: {error}")
+    return trouble

@@ -1,0 +1,222 @@
+"""`clothsim scenes`, `keys`, `fabrics` and `completion`: what comes with the package."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import shtab
+
+from clothsim import engine
+from clothsim.base.errors import InputError
+from clothsim.base.text import text_table
+from clothsim.cli import COMMANDS, parser_of_all
+from clothsim.cli.arguments import add_output_options
+from clothsim.cli.report import Report
+
+_SCENES = """\
+List the example scenes. `clothsim run NAME` simulates one where no file has that name.
+
+  clothsim scenes --json
+  clothsim run sphere
+"""
+_KEYS = """\
+List the sections of a scene file, or the keys of one with type, default, unit, range and meaning.
+
+  clothsim keys solver
+  clothsim keys effects.gravity
+"""
+_FABRICS = """\
+List the named fabrics, show all values of one, or draw a drape of each.
+
+  clothsim fabrics denim
+  clothsim fabrics --swatches fabrics.png
+"""
+_COMPLETION = """\
+Print a script that completes commands, options, their choices and files.
+
+  clothsim completion bash > ~/.local/share/bash-completion/completions/clothsim
+  clothsim completion zsh > ~/.zsh/_clothsim      # a folder of $fpath
+  clothsim completion fish > ~/.config/fish/completions/clothsim.fish
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the commands to the parser."""
+    scenes = commands.add_parser("scenes", description=_SCENES)
+    add_output_options(scenes, json="as JSON: {name: {file, headline, missing}}", handler=_scenes)
+    keys = commands.add_parser("keys", description=_KEYS)
+    keys.add_argument(
+        "section", nargs="?", metavar="SECTION", help="solver, cloth, gravity, rectangle, ... (default: all)"
+    )
+    keys.add_argument("--json-schema", action="store_true", help="print the JSON schema, for editors")
+    keys.add_argument("--markdown", action="store_true", help="print the reference page")
+    add_output_options(keys, json="as JSON: {section: {summary, keys}}", handler=_keys)
+    fabrics = commands.add_parser("fabrics", description=_FABRICS)
+    fabrics.add_argument("name", nargs="?", metavar="NAME", help="all values of this fabric, with their sources")
+    fabrics.add_argument(
+        "--swatches", type=Path, metavar="PNG", help="a picture of a Cusick drape of each (or of NAME)"
+    )
+    add_output_options(fabrics, json="as JSON in SI units: {name: {values, sources}}", handler=_fabrics)
+    completion = commands.add_parser("completion", description=_COMPLETION)
+    completion.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="the shell")
+    completion.add_argument("--debug", action="store_true", help="show tracebacks")
+    completion.set_defaults(handler=_completion)
+
+
+def _scenes(arguments: argparse.Namespace) -> Report:
+    scenes = engine.example_scenes()
+    fields, lines = ("file", "headline", "missing"), []
+    width = max(len(each.name) for each in scenes)
+    for each in scenes:
+        needs = f" (needs {', '.join(name.rsplit('/', 1)[-1] for name in each.missing)})" if each.missing else ""
+        lines.append(f"{each.name:<{width}}  {each.headline}{needs}")
+    document = {each.name: {key: getattr(each, key) for key in fields} for each in scenes}
+    return Report(document, "\n".join([*lines, f"\n{scenes[0].file.parent}"]))
+
+
+def _keys(arguments: argparse.Namespace) -> Report | int:
+    if arguments.section and (arguments.json_schema or arguments.markdown):
+        raise InputError("--json-schema and --markdown are of all sections.", "Leave the section out.")
+    if arguments.json_schema:
+        print(engine.reference_text("json"))
+        return 0
+    if arguments.markdown:
+        print(engine.reference_text("markdown"), end="")
+        return 0
+    text = overview() if arguments.section is None else keys_of_section(arguments.section)
+    return Report(engine.reference(arguments.section), text)
+
+
+def overview() -> str:
+    """The sections, a line each."""
+    rows = [(name, str(len(section["keys"])), section["summary"]) for name, section in engine.reference().items()]
+    return text_table(("section", "keys", "summary"), rows)
+
+
+def keys_of_section(name: str) -> str:
+    """The keys of a section, or of all whose name holds `name` as a word; "solver.dt" is one key."""
+    parts = []
+    for section, content in engine.reference(name).items():
+        head = f"[{section}]" if "=" not in section else section
+        rows = [(key, *columns.values()) for key, columns in content["keys"].items()]
+        columns = ["key", *next(iter(content["keys"].values()), {})]
+        parts.append(f"{head}: {content['summary']}\n" + (text_table(columns, rows) if rows else "It takes no keys."))
+    return "\n\n".join(parts)
+
+
+_VALUES = {
+    "density": ("kg/m2", 1.0),
+    "thickness": ("mm", 1e3),
+    "warp_stiffness": ("N/m", 1.0),
+    "weft_stiffness": ("N/m", 1.0),
+    "shear_stiffness": ("N/m", 1.0),
+    "thread_poisson_ratio": ("", 1.0),
+    "warp_extension": ("%", 1e2),
+    "weft_extension": ("%", 1e2),
+    "bending_warp": ("uN m", 1e6),
+    "bending_weft": ("uN m", 1e6),
+    "bending_bias": ("uN m", 1e6),
+    "youngs_modulus": ("MPa", 1e-6),
+    "poisson_ratio": ("", 1.0),
+    "bending_stiffness": ("uN m", 1e6),
+    "friction": ("", 1.0),
+}
+"""Rows of `clothsim fabrics NAME`: the scene's key, its unit, and the factor from SI."""
+
+
+def _fabrics(arguments: argparse.Namespace) -> Report:
+    name, file = arguments.name, arguments.swatches
+    if name is not None:
+        engine.fabric_named("NAME", name)
+    if file is not None:
+        return _swatches([name] if name is not None else list(engine.FABRICS), file)
+    names = list(engine.FABRICS) if name is None else [name]
+    document = {each: _document(each) for each in names}
+    return Report(document, table(names) if name is None else sheet(name))
+
+
+def _document(name: str) -> dict[str, Any]:
+    """Values of a fabric in SI units, null where no source gives one, and their sources."""
+    named = engine.FABRICS[name]
+    values = {key: getattr(named.fabric, key) for key in _VALUES}
+    return {"made_of": named.made_of, "values": values, "sources": dict(named.sources)}
+
+
+def _swatches(names: list[str], file: Path) -> Report:
+    if file.suffix.lower() != ".png":
+        raise InputError(f"--swatches is {str(file)!r}.", "A picture ends in .png.")
+    if not file.parent.is_dir():
+        raise InputError(f"There is no directory {file.parent}.", "Make it first, or choose another.")
+    note = engine.draw_swatches(names, file)
+    return Report({"file": str(file), "note": note}, f"{file}. {note}")
+
+
+def table(names: Sequence[str]) -> str:
+    """The fabrics in lines: weight, thickness, stiffness along warp and weft and in shear, bending, source."""
+    header = (
+        "fabric",
+        "g/m2",
+        "mm",
+        "warp N/m",
+        "weft N/m",
+        "shear N/m",
+        "bending uN m",
+        "measured by",
+        "% at 490 N/m",
+        "estimated",
+    )
+    rows = []
+    for named in (engine.FABRICS[name] for name in names):
+        fabric = named.fabric
+        numbers = (
+            f"{1e3 * fabric.density:.0f}",
+            f"{1e3 * fabric.thickness:.2f}",
+            f"{fabric.stiffness_along_warp:,.0f}",
+            f"{fabric.stiffness_along_weft:,.0f}",
+            f"{fabric.stiffness_in_shear:,.0f}",
+            f"{1e6 * fabric.bending_stiffness:.1f}",
+        )
+        extensions = f"{100 * fabric.extension_along_warp:.3g}, {100 * fabric.extension_along_weft:.3g}"
+        estimated = dict.fromkeys(key.split("_")[-1] for key in named.estimated)
+        rows.append((fabric.name, *numbers, named.measured_by, extensions, ", ".join(estimated)))
+    lines = text_table(header, rows)
+    return f"{lines}\n\nThe extensions along warp and weft act with [effects.strain_limit]."
+
+
+def sheet(name: str) -> str:
+    """All values of a fabric, a line each, with the source of each."""
+    named, rows = engine.FABRICS[name], []
+    for key, (unit, factor) in _VALUES.items():
+        value = getattr(named.fabric, key)
+        if value is not None:
+            rows.append((key, f"{factor * value:.4g}", unit, named.sources[key]))
+    silent = [key for key in _VALUES if getattr(named.fabric, key) is None]
+    lines = [f"{named.fabric.name}: {named.made_of}", text_table(("value", "", "unit", "source"), rows)]
+    lines.append(f"{named.measured_by}: {named.fabric.source}.")
+    if silent:
+        lines.append(f"No source gives: {', '.join(silent)}.")
+    return "\n\n".join(lines)
+
+
+def _completion(arguments: argparse.Namespace) -> int:
+    print(script(arguments.shell))
+    return 0
+
+
+def script(shell: str) -> str:
+    """The script for a shell; where a parser takes a path, the files there complete it."""
+    parser = parser_of_all()
+    _complete_files(parser)
+    return str(shtab.complete(parser, shell))
+
+
+def _complete_files(parser: argparse.ArgumentParser) -> None:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, each in action.choices.items():
+                _complete_files(each)
+                if name in COMMANDS:  # shtab leaves out commands without a help
+                    action._choices_actions.append(action._ChoicesPseudoAction(name, (), COMMANDS[name].summary))
+        elif action.type is Path:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]

@@ -1,0 +1,1 @@
+"""Readers of mesh files: a module a format; OBJ is written too."""

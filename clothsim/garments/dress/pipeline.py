@@ -1,0 +1,267 @@
+"""Stages of dressing: panels placed, moved apart, toward the body, their seams closed and welded, the garment draped.
+
+Friction holds the folds and strains that the closing left. A garment that hangs on the shoulders is therefore shaken
+down first, with little friction, as a person pulls a shirt straight. What is in equilibrium with it is so with more,
+as the forces that more friction can give include those of less.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from clothsim import Body, Run
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.garments.dress.closing import close, mean_edge, welded_where_closed, worst_gap
+from clothsim.garments.dress.corrections import (
+    approached,
+    lifted,
+    panels_in_contact,
+    separated,
+    sleeves_cleared,
+    touching_seams,
+)
+from clothsim.garments.dress.measurements import tight_notes
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
+from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.stages import (
+    Announcement,
+    Listener,
+    PlannedStage,
+    Stage,
+    StageCallback,
+    dress_drape,
+    simulate_stage,
+    staged,
+)
+from clothsim.garments.waistband import edges_held, slid
+from transfer.signed_distance import BodySurface
+
+SLID = 0.07
+"""Descent from the placement, as a fraction of the body's height, beyond which a note says so."""
+
+
+@dataclass(frozen=True)
+class DressTask:
+    """What all stages share: the body and its surface, fabric, directory and listeners."""
+
+    body: BodyMesh
+    surface: BodySurface
+    fabrics: Fabrics
+    waistband: bool
+    directory: Path
+    on_stage: StageCallback
+    progress: Listener | None
+    announce: Announcement | None
+
+
+@dataclass(frozen=True)
+class DressState:
+    """The garment so far; status and reason: as of `Dress`."""
+
+    state: SewingState
+    stages: tuple[Stage, ...]
+    status: str = "completed"
+    reason: str = ""
+    notes: tuple[str, ...] = ()
+    run: Run | None = None
+    closing: tuple[Run, ...] = ()
+
+    @property
+    def failure(self) -> str:
+        """Reason for a failure; empty while nothing failed."""
+        return self.reason if self.status == "failed" else ""
+
+    def failed(self, reason: str) -> "DressState":
+        """Copy that failed for a reason; as it is for none."""
+        return replace(self, status="failed", reason=reason) if reason else self
+
+
+def _add_stage(
+    task: DressTask, done: DressState, name: str, state: SewingState, description: str, started: float
+) -> DressState:
+    """The garment after a stage."""
+    made = lambda: (state.positions, description)  # noqa: E731
+    stage = staged(name, state.triangles, task.surface, made, task.on_stage, started)
+    return replace(done, state=state, stages=(*done.stages, stage))
+
+
+def _place(task: DressTask, done: DressState) -> DressState:
+    """Panels as placed; seams that touch are welded."""
+    started, state = perf_counter(), done.state
+    touching = touching_seams(state)
+    state = state.weld(touching)
+    state, lift_note = lifted(state, task.body, task.surface)
+    state, sleeve_notes = sleeves_cleared(state, task.body)
+    done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else []), *sleeve_notes))
+    panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
+    size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
+    return _add_stage(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)
+
+
+def _separate(task: DressTask, done: DressState) -> DressState:
+    """Panels moved apart where they intersect one another or the body."""
+    started = perf_counter()
+    state, description = separated(done.state, task.body, task.surface)
+    done = _add_stage(task, done, "separate", state, description, started)
+    counts = done.stages[-1].counts
+    if counts.clean:
+        return done
+    names = ", ".join(panels_in_contact(state, task.surface))
+    return done.failed(f"Placed panels intersect, and no way out was found: {names} ({counts}).")
+
+
+def _approach(task: DressTask, done: DressState) -> DressState:
+    """Panels moved toward the body."""
+    started = perf_counter()
+    return _add_stage(task, done, "approach", *approached(done.state, task.body, task.surface), started)
+
+
+def _close(task: DressTask, done: DressState) -> DressState:
+    """Seams drawn together under contact."""
+    started = perf_counter()
+    try:
+        closing = close(done.state, task.body, task.surface, task.fabrics, task.directory, task.progress)
+    except InputError as error:
+        return done.failed(f"The closing could not start: {error.sentence}")
+    done = _add_stage(task, done, "close", closing.state, closing.description, started)
+    return replace(done.failed(closing.failure), closing=closing.runs)
+
+
+def _weld(task: DressTask, done: DressState) -> DressState:
+    """Seams welded; those whose weld would intersect stay springs, and are named."""
+    started, state = perf_counter(), welded_where_closed(done.state, np.inf, task.surface)
+    springs = [state.mesh.seams[k].name for k in state.open_seams]
+    if springs:
+        note = f"stay springs, as their weld would intersect: {', '.join(springs)}"
+        done = replace(done, notes=(*done.notes, note))
+    welded = f"{len(state.welded)} seams"
+    return _add_stage(
+        task, done, "weld", state, f"{welded}, {len(springs)} stay springs" if springs else welded, started
+    )
+
+
+def _drape(task: DressTask, done: DressState) -> DressState:
+    """Drape; where it cannot start or complete, the sewn garment is the result."""
+    started, held = perf_counter(), done.state
+    if task.waistband:
+        held, notes = edges_held(done.state, task.body)
+        done = replace(done, notes=(*done.notes, *notes))
+    try:
+        run = drape_sewn(held, task.body, task.fabrics, task.directory, task.progress, task.announce)
+    except InputError as error:
+        return replace(done, status="sewn", reason=f"The drape could not start: {error.sentence}")
+    if run.status != "completed":
+        return replace(done, run=run, status="sewn", reason=run.reason)
+    ended = f"draped for {run.times[-1]:.3g} s"
+    draped = _add_stage(task, done, "drape", done.state.moved_to(run.positions(-1)), ended, started)
+    draped = replace(draped, run=run)
+    counts = draped.stages[-1].counts
+    if not counts.clean:
+        return draped.failed(f"The drape ended with {counts}, {counts.where}.")
+    levels = draped.state.positions @ task.body.up
+    moved = float(np.abs(levels - done.state.positions @ task.body.up).max())
+    height = float(np.ptp(task.body.positions @ task.body.up))
+    if moved > 0.5 * height:
+        return draped.failed(f"The garment falls off {task.body.name}: it moved by {moved:.2g} m.")
+    gap, name = worst_gap(draped.state)
+    if gap > mean_edge(draped.state):
+        return draped.failed(f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape.")
+    below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
+    if below > SLID * height:
+        note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
+        draped = replace(draped, notes=(*draped.notes, note))
+    at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(draped.state))
+    draped = replace(draped, notes=(*draped.notes, *at_rest))
+    return replace(draped, reason=_closed_seams(draped.state, task.body.name))
+
+
+def _closed_seams(state: SewingState, body: str) -> str:
+    """What was closed, in a sentence."""
+    seams, (gap, name) = len(state.mesh.seams), worst_gap(state)
+    if not state.open_seams:
+        return f"All {seams} seams are closed and the garment rests on {body}."
+    return (
+        f"{len(state.welded)} of {seams} seams are welded throughout, springs hold the rest, within {1e3 * gap:.2g} mm"
+        f" ({name}); the garment rests on {body}."
+    )
+
+
+STAGES = (
+    PlannedStage("place", _place),
+    PlannedStage("separate", _separate, lambda task, done: not done.stages[-1].counts.clean),
+    PlannedStage("approach", _approach, lambda task, done: bool(done.state.open_seams)),
+    PlannedStage("close", _close, lambda task, done: bool(done.state.open_seams)),
+    PlannedStage("weld", _weld),
+    PlannedStage("drape", _drape),
+)
+"""Stages of dressing."""
+
+
+FRICTION = 0.4
+SLIPPERY = 0.05
+"""Friction while a garment is shaken down."""
+SHOULDERS = 0.8
+"""Level above which a garment hangs on the shoulders, as a fraction of the body's height: armpits are at .76."""
+SANK = 0.03
+"""Descent of the top of a garment, as a fraction of the body's height, beyond which it was held by friction alone."""
+
+
+def open_seam_tables(state: SewingState) -> list[dict[str, Any]]:
+    """Tables of `[effects.seams]` for the pairs of seams that are not welded, also where a seam has one alone."""
+    lines = [state.pairs(state.mesh.seams[k]).T for k in state.open_seams]
+    return [
+        {"from": {"vertices": a.tolist()}, "to": {"vertices": b.tolist()}, "match": "vertices", "end": 1e-3}
+        for a, b in lines
+    ]
+
+
+def drape_sewn(
+    state: SewingState,
+    body: BodyMesh,
+    fabrics: Fabrics,
+    folder: Path,
+    listener: Listener | None,
+    announce: Announcement | None,
+) -> Run:
+    """Run of the garment under gravity until it rests.
+
+    One that hangs on the shoulders is shaken down before, in the folder `shaken`; that is left out where it sinks.
+
+    Raises
+    ------
+    InputError
+        A start that cannot be simulated.
+    """
+    if hangs_on_shoulders(state.positions, body):
+        shaken = _drape_with_friction(state, body, fabrics, folder / "shaken", SLIPPERY, listener, announce)
+        if shaken.status != "completed":
+            return shaken
+        sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
+        if sank < SANK * np.ptp(body.positions @ body.up):
+            state = state.moved_to(shaken.positions(-1))
+    return _drape_with_friction(state, body, fabrics, folder, FRICTION, listener, announce)
+
+
+def hangs_on_shoulders(positions: Floats, body: BodyMesh) -> bool:
+    """True where a garment reaches over the level of the shoulders of its body."""
+    levels = body.positions @ body.up
+    return bool((positions @ body.up).max() > levels.min() + SHOULDERS * np.ptp(levels))
+
+
+def _drape_with_friction(
+    state: SewingState,
+    body: BodyMesh,
+    fabrics: Fabrics,
+    folder: Path,
+    friction: float,
+    listener: Listener | None,
+    announce: Announcement | None,
+) -> Run:
+    scene = dress_drape(body.up, open_seam_tables(state), friction).scene(
+        cloth=sewn_cloth(state, fabrics), body=Body(body.positions, body.triangles, name="body")
+    )
+    return simulate_stage(scene, folder, listener, announce)

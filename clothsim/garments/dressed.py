@@ -1,0 +1,332 @@
+"""Dress: a sewing pattern meshed, placed, closed round a body, welded and draped; its result and its files."""
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from clothsim import Cloth, Pattern, Run
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.base.file_writing import make_directory, write_atomically
+from clothsim.base.inputs import renamed
+from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.engine import Fabric, refuse_earlier_run
+from clothsim.files import read_pattern
+from clothsim.garments.dress.closing import stretch_range
+from clothsim.garments.dress.grading import Grading, graded
+from clothsim.garments.dress.measurements import measurement_entries
+from clothsim.garments.dress.pipeline import STAGES, DressState, DressTask
+from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
+from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
+from clothsim.garments.penetration import Counts
+from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, run_stages
+from clothsim.garments.waistband import parts_for_edges
+from clothsim.patterns import joined_vertices, mesh_pattern, write_specification
+from clothsim.render import draw_pattern, laid_out
+from transfer.errors import TransferError
+from transfer.signed_distance import BodySurface, body_surface
+
+
+@dataclass(frozen=True)
+class Dress:
+    """Result of `dress`.
+
+    Attributes
+    ----------
+    directory : Path
+        Output directory.
+    status : str
+        "completed" (every seam is closed and the garment rests on the body, free of intersections), "sewn" (closed and
+        free of intersections, but its drape did not complete) or "failed".
+    reason : str
+        Reason for the status, one sentence.
+    pattern : Pattern
+        Pattern as sewn: as read, or graded.
+    placed : SewingState
+        Panels as placed.
+    state : SewingState
+        Garment at the end: positions, triangles, welded seams.
+    body : BodyMesh
+        Body that wears it.
+    stages : tuple of Stage
+        Stages in order, each with positions and penetration counts.
+    run : Run or None
+        Drape; None where none was started.
+    notes : tuple of str
+        Defaults used in reading and dressing.
+    closing : tuple of Run
+        Rounds in which the seams were closed.
+    fabrics : mapping of str to Fabric
+        Fabric of each panel.
+    grading : Grading or None
+        Factors by which the pattern was graded; None: it is as it was cut.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> worn = clothsim.dress("shirt_specification.json", on="body.obj")  # doctest: +SKIP
+    >>> worn.status, worn.counts.clean  # doctest: +SKIP
+    ('completed', True)
+    """
+
+    directory: Path
+    status: str
+    reason: str
+    pattern: Pattern
+    placed: SewingState
+    state: SewingState
+    body: BodyMesh
+    stages: tuple[Stage, ...]
+    run: Run | None
+    notes: tuple[str, ...]
+    closing: tuple[Run, ...] = ()
+    fabrics: Mapping[str, Fabric] = field(default_factory=dict)
+    grading: Grading | None = None
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of the garment at its end, (n, 3) [m]."""
+        return self.state.positions
+
+    @property
+    def counts(self) -> Counts:
+        """Penetration counts of the last stage by the exact check."""
+        return self.stages[-1].counts
+
+    @property
+    def stretch(self) -> tuple[float, float]:
+        """1st and 99th percentile of the principal stretches against the pattern."""
+        return stretch_range(self.state.stretches())
+
+
+GARMENT, PATTERN, DRAWING = "garment.obj", "pattern.json", "pattern.svg"
+GRADED = "graded_specification.json"
+REMEDY = "Look at the pattern (pattern.svg) and at the panels as placed: `clothsim check` names what intersects."
+
+
+def write_results(done: "Dress", name: str, size: float, seconds: float) -> None:
+    """Write the garment, its pattern, the drawing, and the stages in the summary."""
+    directory = done.directory
+    directory.mkdir(parents=True, exist_ok=True)
+    write_atomically(directory / GARMENT, sewn_obj(done.state).encode())
+    write_specification(directory / PATTERN, done.pattern)
+    if done.grading is not None:
+        write_specification(directory / GRADED, done.pattern)
+    draw_pattern(directory / DRAWING, done.pattern, name)
+    file = directory / SUMMARY_NAME
+    previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
+    low, high = done.stretch
+    entries: dict[str, Any] = {
+        "status": done.status,
+        "reason": done.reason,
+        "stages": [stage.as_dict() for stage in done.stages],
+        "seams": seam_entries(done.state),
+        "measurements": measurement_entries(done.state, done.body, done.fabrics),
+        "grading": None if done.grading is None else done.grading.as_dict(),
+        "vertices": len(done.state.positions),
+        "spacing": size,
+        "stretch_low": low,
+        "stretch_high": high,
+        "notes": [*done.notes, *previous["notes"]],
+        "dress_seconds": seconds,
+    }
+    if done.status == "failed":
+        position = done.counts.position
+        failed = {"cause": "dress", "sentence": done.reason, "element": str(done.counts), "position": position}
+        entries["failure"] = {**failed, "remedy": REMEDY, **dict.fromkeys(("step", "time", "dt"))}
+    write_summary(file, {**previous, **entries})
+
+
+def seam_entries(state: SewingState) -> list[Mapping[str, Any]]:
+    """Name, lengths of both sides [m], gap [m] and welded or not of each seam."""
+    entries: list[Mapping[str, Any]] = []
+    for k, seam in enumerate(state.mesh.seams):
+        first, second = (state.mesh.pattern.panels[side.panel].edge_length(side.edge) for side in seam.stitch.sides)
+        gap = float(state.gaps(seam).max(initial=0.0))
+        entries.append({"name": seam.name, "lengths": [first, second], "gap": gap, "welded": k in state.welded})
+    return entries
+
+
+def sewn_obj(state: SewingState) -> str:
+    """OBJ of the sewn garment: welded vertices, the pattern as texture coordinates, a group for each panel."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in state.positions.tolist()]
+    lines += [f"vt {u!r} {v!r}" for u, v in _texture(state).tolist()]
+    corners = np.stack([state.triangles, state.mesh.triangles], axis=2) + 1
+    for name, rows in state.mesh.faces.items():
+        lines.append(f"g {'_'.join(name.split())}")
+        lines += [f"f {' '.join(f'{v}/{t}' for v, t in face)}" for face in corners[rows].tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _texture(state: SewingState) -> Floats:
+    """Texture coordinates of each vertex of the panels, (n, 2) [m]: as laid out, y along the warp."""
+    shifts, _ = laid_out({name: panel.outline for name, panel in state.mesh.pattern.panels.items()})
+    coordinates = state.mesh.panel_coordinates.copy()
+    for name, rows in state.mesh.vertices.items():
+        coordinates[rows] += shifts[name]
+    return coordinates
+
+
+@renamed(cut_for="made_for", hold="waistband")
+def dress(
+    pattern: str | Path | Pattern,
+    on: str | Path | Any,
+    output: str | Path | None = None,
+    *,
+    size: float = 0.02,
+    fabric: str | None = None,
+    fabrics: Mapping[str, str] | None = None,
+    made_for: str | Path | Any | None = None,
+    grade: Mapping[str, float] | None = None,
+    waistband: bool = False,
+    origin: str = "auto",
+    rotation_order: str = "zyx",
+    seams: str | Path | None = None,
+    scale: float | None = None,
+    body_group: str | None = None,
+    overwrite: bool = False,
+    on_stage: StageCallback = lambda stage: None,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+) -> Dress:
+    """Sew a pattern on a body and drape it.
+
+    Parameters
+    ----------
+    pattern : str, Path or Pattern
+        A `specification.json`, a DXF drawing, or a pattern in memory.
+    on : str, Path, Body or mesh object
+        The body: a mesh file, a scene whose first body it is, or a mesh in memory in metres.
+    output : str or Path, optional
+        Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
+    size : float
+        Distance of neighbouring vertices [m].
+    fabric : str, optional
+        A named fabric; None: cotton.
+    fabrics : mapping of str to str, optional
+        Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
+    made_for : str, Path, Body or mesh object, optional
+        The body that the pattern was cut for: it is graded from its girths and lengths to those of `on`. None: as cut.
+    grade : mapping of str to float, optional
+        Factors by name (`grading.NAMES`) in place of those between both bodies; without `made_for` the others are 1.
+    waistband : bool
+        True: upper edges that would slide are taken in to the girth of the body before the drape (`held_edges`).
+    origin : str
+        Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
+    rotation_order : str
+        Order of the rotations of the panels, "zyx" or "xyz".
+    seams : str or Path, optional
+        TOML file with the seams and the placement of a DXF drawing; None: NAME.toml beside NAME.dxf.
+    scale : float, optional
+        Metres per unit of the body's file; None: from its height.
+    body_group : str, optional
+        Group of the body's file.
+    overwrite : bool
+        True: replace an earlier run in the directory.
+    on_stage : callable
+        Called with each `Stage` as it ends.
+    progress, announce : callable, optional
+        Callbacks of the drape, as in `simulate`.
+
+    Returns
+    -------
+    Dress
+        Its status is "completed", "sewn" or "failed".
+
+    Raises
+    ------
+    InputError
+        Invalid files or arguments, or a directory that holds an earlier run without `overwrite`.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.dress("shirt_specification.json", on="body.obj", output="worn").status  # doctest: +SKIP
+    'completed'
+    """
+    started = perf_counter()
+    chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
+    directory = _directory(output, overwrite)
+    if not isinstance(pattern, str | Path | Pattern):
+        raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
+    read = pattern if isinstance(pattern, Pattern) else read_pattern(pattern, rotation_order, seams)
+    of_panels = chosen.of(read)
+    name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
+    body = read_body_mesh(on, scale=scale, group=body_group) if isinstance(on, str | Path) else as_body_mesh(on)
+    refuse_unsuitable(body)
+    if waistband:
+        parts_for_edges(body)  # an error now, not after the closing
+    grading = _graded(read, body, made_for, grade or {}, origin)
+    if grading is not None:
+        read, origin = grading.pattern, grading.origin
+    mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
+    joined_vertices(mesh)  # an error now, not after the closing
+    surface = _surface(body)
+    mesh, arm_notes = turned_to_arms(mesh, body)
+    mesh, leg_notes = turned_to_legs(mesh, body, surface)
+    make_directory(directory)
+    task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce)
+    begun = DressState(
+        as_placed(mesh),
+        (),
+        notes=(
+            *mesh.pattern.notes,
+            *(grading.notes if grading else ()),
+            *placing_notes,
+            *arm_notes,
+            *leg_notes,
+            *body.notes,
+        ),
+    )
+    done = run_stages(STAGES, task, begun)
+    worn = Dress(
+        directory,
+        done.status,
+        done.reason,
+        read,
+        begun.state,
+        done.state,
+        body,
+        done.stages,
+        done.run,
+        done.notes,
+        done.closing,
+        of_panels,
+        grading,
+    )
+    write_results(worn, name, size, perf_counter() - started)
+    return worn
+
+
+def _directory(output: str | Path | None, overwrite: bool) -> Path:
+    """Output directory. InputError where it holds an earlier run."""
+    if output is None:
+        return Path(tempfile.mkdtemp(prefix="clothsim-dress-"))
+    if not isinstance(output, str | Path):
+        raise InputError(f"output is of the type {type(output).__name__}.", "Give the name of a directory.")
+    directory = Path(output)
+    refuse_earlier_run(directory, overwrite)
+    return directory
+
+
+def _graded(
+    pattern: Pattern, body: BodyMesh, made_for: Any, factors: Mapping[str, float], origin: str
+) -> Grading | None:
+    """The pattern graded for a body; None where it is sewn as cut."""
+    if made_for is None:
+        return graded(pattern, body, body, origin, factors) if factors else None
+    source = read_body_mesh(made_for, option="made_for") if isinstance(made_for, str | Path) else as_body_mesh(made_for)
+    return graded(pattern, source, body, origin, factors)
+
+
+def _surface(body: BodyMesh) -> BodySurface:
+    try:
+        return body_surface(body.positions, body.triangles)
+    except TransferError as error:
+        raise InputError(f"{body.name}: {error}") from error

@@ -1,0 +1,373 @@
+"""Fit of a garment to another body: transfer, repair and drape."""
+
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from clothsim import Body, Cloth, Run
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.base.file_writing import write_atomically
+from clothsim.base.inputs import refuse_uncallable
+from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
+from clothsim.engine import fabric_named, refuse_earlier_run
+from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
+from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
+from clothsim.garments.fit.pipeline import FitState, Task, run_fit
+from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, read_markers
+from clothsim.garments.fit.wear_check import Cost, WearCheck, check_wear, cost_of
+from clothsim.garments.inputs import (
+    BodyMesh,
+    Garment,
+    as_body_mesh,
+    fitted_text,
+    garment_of,
+    read_body_mesh,
+    read_garment,
+    worn_in_scene,
+)
+from clothsim.garments.penetration import NO_ROWS, Counts
+from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, best_stage
+from transfer.body_frame import legs_score
+from transfer.errors import TransferError
+
+LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED_NAME, REST, START, BODY, *CLOSING)
+"""Files of a fit in its directory."""
+REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Result of `fit`.
+
+    Attributes
+    ----------
+    directory : Path
+        Output directory.
+    status : str
+        "completed" (simulated to its end), "distorted" (so, but it does not look worn: see `look`), "refined" (the
+        garment is free of intersections, but its simulation did not
+        complete) or "failed".
+    reason : str
+        Reason for the status, one sentence.
+    garment : Garment
+        Garment as given.
+    source, target : BodyMesh
+        Body that the garment was made for, and body that it is fitted to.
+    stages : tuple of Stage
+        Stages in order, each with positions and penetration counts.
+    answer : Stage
+        The one that is the result: the last; of a failed fit the one with the fewest intersections on the target.
+    run : Run or None
+        Drape; None where none was started.
+    cost : Cost
+        Stretches and displacement of the garment.
+    size : Size
+        Whether it is graded, and its factors of girths and lengths.
+    look : WearCheck
+        Measures of a garment that looks worn, and the fault of one that does not.
+    notes : tuple of str
+        Defaults used in reading and fitting.
+    carried : (k,) int array
+        Rows of `positions` that the body carries where it overlaps itself, as thighs do: their intersections are left
+        out of `counts`. Empty on all other bodies.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> fit = clothsim.fit("shirt.obj", "tall.obj", made_for="small.obj")  # doctest: +SKIP
+    >>> fit.status, fit.positions.shape, fit.counts.clean  # doctest: +SKIP
+    ('completed', (4210, 3), True)
+    """
+
+    directory: Path
+    status: str
+    reason: str
+    garment: Garment
+    source: BodyMesh
+    target: BodyMesh
+    stages: tuple[Stage, ...]
+    answer: Stage
+    run: Run | None
+    cost: Cost
+    size: Size
+    look: WearCheck
+    notes: tuple[str, ...]
+    carried: Ints = field(default_factory=lambda: NO_ROWS)
+
+    @property
+    def answer_number(self) -> int:
+        """Number of the stage that is the result, from 0."""
+        return next(number for number, stage in enumerate(self.stages) if stage is self.answer)
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of the fitted garment, (n, 3) [m]: of its simulated pieces (`garment`)."""
+        return self.answer.positions
+
+    @property
+    def complete_positions(self) -> Floats:
+        """Positions of all vertices of the garment's file, also of pieces that follow others [m]."""
+        return self.garment.division.complete(self.positions)
+
+    @property
+    def counts(self) -> Counts:
+        """Penetration counts of the fitted garment by the exact check; clean unless the fit failed."""
+        return self.answer.counts
+
+
+def fit(
+    garment: str | Path | Cloth | Any,
+    to: str | Path | Body | Any,
+    made_for: str | Path | Body | Any = None,
+    output: str | Path | None = None,
+    *,
+    scale: float | None = None,
+    scale_to: float | None = None,
+    body_group: str | None = None,
+    part: tuple[int, int] | None = None,
+    weld: float = 0.0,
+    fabric: str | None = None,
+    resize: bool = True,
+    markers: str | Path | None = None,
+    on_stage: StageCallback = lambda stage: None,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+    overwrite: bool = False,
+) -> Fit:
+    """Fit a garment made for one body to another body.
+
+    The output directory holds the files of a run, `fitted.obj`, and the stages in summary.json.
+
+    Parameters
+    ----------
+    garment : str, Path, Cloth or mesh object
+        A mesh file, MakeHuman clothes (.mhclo), a scene, whose first cloth it is, or a mesh in memory in metres.
+    to : str, Path, Body or mesh object
+        The body to wear it.
+    made_for : str, Path, Body or mesh object, optional
+        The body that it lies on; None: `to` itself, on which it is repaired. A scene gives it itself.
+    output : str or Path, optional
+        Directory for what a run leaves, `fitted.obj`, and the stages in the summary; None: a new temporary one.
+    scale : float, optional
+        Metres per unit of the files of garment and body; None: from the height of the body.
+    scale_to : float, optional
+        Metres per unit of the file of the body to wear it; None: from its height, or `scale` where both bodies are one.
+    body_group : str, optional
+        Group of the body files.
+    part : (lo, hi), optional
+        Vertices of the garment's file.
+    weld : float
+        Borders closer than that are sewn [m].
+    fabric : str, optional
+        A named fabric; None: that of the `clothsim.Cloth`, else cotton.
+    resize : bool
+        True: the garment is graded along the girths and lengths of the bodies; False: it keeps the size it was cut in.
+    markers : str or Path, optional
+        File of corresponding points, six numbers a line; None: derived where the meshes of the bodies differ.
+    on_stage : callable
+        Called with each `Stage` as it ends.
+    progress : callable, optional
+        Called after each step of a stage that is a run (grow, morph, simulate), with its name in `Progress.stage`.
+    announce : callable, optional
+        Callback of the drape, as in `simulate`.
+    overwrite : bool
+        True: an earlier run or fit in `output` is replaced.
+
+    Returns
+    -------
+    Fit
+        Its status is "completed", "distorted", "refined" or "failed".
+
+    Raises
+    ------
+    InputError
+        Invalid files or arguments, or a directory that holds an earlier run without `overwrite`.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.fit("shirt.obj", "tall.obj", made_for="small.obj").status  # doctest: +SKIP
+    'completed'
+    >>> clothsim.fit("shirt.obj", "tall.obj", output="out", fabric="paper")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    clothsim.base.errors.InputError: ...
+    """
+    refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
+    started = perf_counter()
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
+    refuse_earlier_run(directory, overwrite)
+    named = fabric or (garment.fabric if isinstance(garment, Cloth) else Cloth.fabric)
+    fabric_named("fabric", named)
+    base = to if made_for is None else made_for
+    of_scene = isinstance(garment, str | Path) and Path(garment).suffix.lower() == ".toml"
+    if not isinstance(garment, str | Path):
+        if scale is not None or part is not None:
+            raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
+        source = _read_body(base, None, body_group)
+        worn = garment_of(garment, weld)
+    elif of_scene:
+        if made_for is not None or scale is not None or part is not None or weld:
+            raise InputError(
+                f"{garment} is a scene: its body, unit, part and seams are its own.",
+                "Leave --from, --scale, --part and --weld out, or give the garment's file.",
+            )
+        worn, source = worn_in_scene(garment)
+        base = garment
+    else:
+        source = _read_body(base, scale, body_group)
+        file = base if isinstance(base, str | Path) else None
+        worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
+    target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
+    if not of_scene:
+        _refuse_a_body(worn, source, target)
+    for body in (target,) if source is target else (target, source):
+        refuse_lying(body)
+    placed_markers = NO_MARKERS if markers is None else read_markers(markers)
+    _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
+    task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress, announce)
+    return _finish_fit(task, run_fit(task), started)
+
+
+def _read_body(body: Any, scale: float | None, group: str | None) -> BodyMesh:
+    """A body from a file or from memory."""
+    return read_body_mesh(body, scale=scale, group=group) if isinstance(body, str | Path) else as_body_mesh(body)
+
+
+def _target(body: Any, scale: float | None, group: str | None) -> BodyMesh:
+    """The body that shall wear the garment. InputError for a unit of what has its own."""
+    in_file = isinstance(body, str | Path)
+    if scale is not None and (not in_file or Path(body).suffix.lower() == ".toml"):
+        raise InputError(
+            "scale_to is for the mesh file of a body: a scene and a mesh in memory are in metres.",
+            "Leave --scale-to (scale_to) out.",
+        )
+    return read_body_mesh(body, scale=scale, group=group, option="--scale-to") if in_file else as_body_mesh(body)
+
+
+def _finish_fit(task: Task, state: FitState, started: float) -> Fit:
+    """Check the fitted garment and write the results."""
+    assert state.outcome is not None
+    status, reason, run, stages, carried = state.outcome
+    if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
+        status = "failed"
+    answer = stages[-1] if status != "failed" else stages[best_stage(stages, state.on_target)]
+    look = check_wear(task.garment, answer.positions, task.source, task.target)
+    if status == "completed" and look.fault:
+        status, reason = "distorted", f"The garment is intersection-free, but {look.fault}."
+    done = Fit(
+        task.folder,
+        status,
+        reason,
+        task.garment,
+        task.source,
+        task.target,
+        stages,
+        answer,
+        run,
+        cost_of(task.garment, answer.positions, state.place),
+        state.size,
+        look,
+        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *state.notes),
+        carried if answer is stages[-1] else NO_ROWS,
+    )
+    _write(done, perf_counter() - started)
+    return done
+
+
+def _write(done: Fit, seconds: float) -> None:
+    """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
+    division, positions = done.garment.division, done.complete_positions
+    whole = division.whole if division.embedded else done.garment.triangles
+    text = fitted_text(done.garment.original, positions)
+    if text:
+        write_atomically(done.directory / FITTED_NAME, text.encode())
+    else:
+        write_obj(done.directory / FITTED_NAME, positions, whole)
+    file = done.directory / SUMMARY_NAME
+    previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
+    fitted: dict[str, Any] = {
+        "status": done.status,
+        "reason": done.reason,
+        "stages": [stage.as_dict() for stage in done.stages],
+        "fitted_stage": done.answer_number,
+        "cost": done.cost.as_dict(),
+        "size": done.size.as_dict(),
+        "look": done.look.as_dict(),
+        "notes": [*done.notes, *previous["notes"]],
+        "pieces": division.as_dict(),
+        "fit_seconds": seconds,
+    }
+    if len(done.carried):
+        middle = done.positions[done.carried].mean(axis=0).tolist()
+        fitted["carried"] = {"vertices": done.carried.tolist(), "position": middle}
+    if done.status in ("failed", "distorted"):
+        position, counts = done.counts.position, str(done.counts)
+        if done.status == "distorted":
+            position, counts = np.asarray(done.look.place), done.look.fault
+        failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
+        fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
+    write_summary(file, {**previous, **fitted})
+
+
+def _same(one: Any, other: Any) -> bool:
+    """True for the same file, or the same mesh in memory."""
+    if isinstance(one, str | Path) and isinstance(other, str | Path):
+        return Path(one).resolve() == Path(other).resolve()
+    return one is other
+
+
+def _refuse_a_body(worn: Garment, *bodies: BodyMesh) -> None:
+    for body in bodies:
+        if np.array_equal(worn.positions, body.positions):
+            raise InputError(
+                f"{worn.name} and {body.name} are the same mesh: a body does not wear itself.",
+                "Name the garment first, then --from and --to its bodies; --part takes some vertices of a file only.",
+            )
+
+
+def _make_directory(directory: Path, sources: Sequence[Path]) -> None:
+    """An output directory without files of an earlier fit. InputError where one of them is among `sources`."""
+    folder = directory.resolve()
+    for source in sources:
+        if source.resolve().parent == folder and source.name in LEFT:
+            raise InputError(f"{source} would be replaced by the fit's own {source.name}.", "Choose another directory.")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name in LEFT:
+            (directory / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error
+
+
+STANDS = 0.5
+"""Least score of legs and head along an axis, as in `body_frame`."""
+CLEARLY = 0.8
+"""Least score with which a body is refused: what has no legs and head (a torso, a hand, a ball) is none of them."""
+OTHERS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
+"""Directions from legs to head in which no body stands."""
+
+
+def refuse_lying(body: BodyMesh) -> None:
+    """InputError for a body whose legs and head are clearly along x, -y or -z, and not along y or z."""
+
+    def score(axis: tuple[int, int, int]) -> float:
+        return legs_score(body.positions, body.triangles, np.array(axis, np.float64))
+
+    with suppress(TransferError):
+        _ = body.frame  # computed once for the whole fit
+        return
+    if max(score((0, 1, 0)), score((0, 0, 1))) >= STANDS:  # no feet, say
+        return
+    lies = [name for name, axis in OTHERS.items() if score(axis) >= CLEARLY]
+    if lies:
+        raise InputError(
+            f"the body {body.name} does not stand: from legs to head it is along {lies[0]}, gravity along -y or -z.",
+            "Turn it so that its head is along y or z.",
+        )

@@ -1,1 +1,0 @@
-"""Garments cut out of offset surfaces of the mannequin: they fit it in its rest pose, with a given ease."""

@@ -1,0 +1,187 @@
+"""Lines of vertices: shortest paths along mesh edges, and stitches between two lines, matched by arc length at rest."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.mesh.topology import border_edges, components, unique_edges
+
+STRAYING = 2.0
+"""Relative lengthening of an edge one median length from the polyline: paths near it become shorter."""
+
+
+def path_along(where: str, positions: Floats, edges: Ints, points: Floats) -> Ints:
+    """Find the path along edges that follows a polyline.
+
+    An edge counts longer the further its midpoint is from the polyline, so that the path stays close to it on any mesh.
+
+    Parameters
+    ----------
+    where : str
+        Key of the scene, for messages.
+    positions : (n, 3) float64
+        Vertices [m].
+    edges : (e, 2) int64
+        Edges that the path may use.
+    points : (p, 3) float64
+        Polyline [m]; each point is moved to the nearest vertex of an edge.
+
+    Returns
+    -------
+    (k,) int64
+        Vertices of the path, in order.
+
+    Raises
+    ------
+    InputError
+        Where there are fewer than two points, one is further from the mesh than an edge is long, or no path joins two.
+    """
+    if len(points) < 2:
+        raise InputError(f"{where} has {len(points)} points.", "A line has two or more: [[x, y, z], [x, y, z]].")
+    if not len(edges):
+        raise InputError(f"{where}: the mesh has no such edge.")
+    ends = positions[edges]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    usual = float(np.median(lengths))
+    stops = _nearest(where, positions, np.unique(edges), points, usual)
+    path = [stops[:1]]
+    for k in range(len(stops) - 1):
+        away = _distance_to_segment(ends.mean(axis=1), points[k], points[k + 1])
+        graph = csr_array((lengths * (1 + STRAYING * (away / usual) ** 2), tuple(edges.T)), shape=(len(positions),) * 2)
+        before = dijkstra(graph, directed=False, indices=stops[k], return_predecessors=True)[1]
+        path.append(_back(where, before, int(stops[k]), int(stops[k + 1])))
+    return np.concatenate(path)
+
+
+def _nearest(where: str, positions: Floats, vertices: Ints, points: Floats, limit: float) -> Ints:
+    """The one of `vertices` nearest to each point, (p,)."""
+    distances = np.linalg.norm(positions[vertices] - points[:, None], axis=2)
+    distant = np.flatnonzero(distances.min(axis=1) > limit)
+    if distant.size:
+        raise InputError(
+            f"{where}[{distant[0]}] is {distances[distant[0]].min():.3g} m from the mesh at rest.",
+            "Draw the line in the coordinates of the mesh before it is placed.",
+        )
+    return vertices[distances.argmin(axis=1)]
+
+
+def _distance_to_segment(points: Floats, start: Floats, end: Floats) -> Floats:
+    """Distance of each of `points (n, 3)` from the segment, (n,) [m]."""
+    along = end - start
+    squared = float(along @ along)
+    along_segment = np.clip((points - start) @ along / squared, 0.0, 1.0) if squared else np.zeros(len(points))
+    return np.asarray(np.linalg.norm(points - start - along_segment[:, None] * along, axis=1), np.float64)
+
+
+def _back(where: str, before: Ints, first: int, last: int) -> Ints:
+    """Path to `last` from the predecessor of each vertex, without `first`."""
+    path = []
+    while last != first:
+        if last < 0:
+            raise InputError(f"{where}: no path along the edges joins one point to the next.")
+        path.append(last)
+        last = int(before[last])
+    return np.array(path[::-1], np.int64)
+
+
+SAME = 1e-9
+"""Fraction of a line below which two points on it are one."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """Line of vertices (k,), k >= 2, rows of x in order; parameters (k,): arc length at rest, from 0 to 1."""
+
+    vertices: Ints
+    parameters: Floats
+
+
+def line_of(vertices: Ints, positions: Floats) -> Line:
+    """Return the line through `vertices (k,)` at rest at `positions (k, 3)` [m]."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1))])
+    return Line(vertices, lengths / (lengths[-1] or 1.0))
+
+
+def stitches(first: Line, second: Line) -> tuple[Ints, Floats]:
+    """Return stitches as rows (m, 3) and weights (m, 3) such that sum w x is the gap of each.
+
+    Every vertex of the line with more vertices meets the point of the other at the same normalised arc length: a
+    vertex, or a point between two. A stitch of a vertex with itself, where both lines start at the tip of a dart, is
+    left out.
+    """
+    fine, coarse = (first, second) if len(first.vertices) >= len(second.vertices) else (second, first)
+    after = np.clip(np.searchsorted(coarse.parameters, fine.parameters), 1, len(coarse.parameters) - 1)
+    low, high = coarse.parameters[after - 1], coarse.parameters[after]
+    fraction = np.clip((fine.parameters - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0)
+    fraction = np.where(np.abs(fraction - np.round(fraction)) * (high - low) < SAME, np.round(fraction), fraction)
+    rows = np.column_stack([fine.vertices, coarse.vertices[after - 1], coarse.vertices[after]])
+    weights = np.column_stack([np.ones(len(fraction)), fraction - 1, -fraction])
+    itself = ((rows[:, 1] == rows[:, 0]) & (fraction == 0)) | ((rows[:, 2] == rows[:, 0]) & (fraction == 1))
+    return rows[~itself], weights[~itself]
+
+
+def nearest_stitches(vertices: Ints, rest_positions: Floats, triangles: Ints) -> tuple[Ints, Floats]:
+    """Return stitches of vertices to the nearest edges, at rest, of other pieces (connected components).
+
+    Parameters
+    ----------
+    vertices : (k,) int64
+        Rows of x.
+    rest_positions : (n, 3) float64
+        All vertices at rest [m].
+    triangles : (m, 3) int64
+        All triangles.
+
+    Returns
+    -------
+    rows : (k, 3) int64
+        As of `stitches`; (0, 3) where there is one piece only.
+    weights : (k, 3) float64
+    """
+    piece, edges = components(triangles, len(rest_positions)), unique_edges(triangles)
+    rows, weights = [], []
+    for vertex in vertices.tolist():
+        others = edges[piece[edges[:, 0]] != piece[vertex]]
+        if not len(others):
+            break
+        start = rest_positions[others[:, 0]]
+        along = rest_positions[others[:, 1]] - start
+        length = np.maximum(np.einsum("ij,ij->i", along, along), np.finfo(float).tiny)
+        fraction = np.clip(np.einsum("ij,ij->i", rest_positions[vertex] - start, along) / length, 0.0, 1.0)
+        best = int(np.argmin(np.linalg.norm(start + fraction[:, None] * along - rest_positions[vertex], axis=1)))
+        rows.append([vertex, *others[best]])
+        weights.append([1.0, fraction[best] - 1.0, -fraction[best]])
+    return np.array(rows, np.int64).reshape(-1, 3), np.array(weights, np.float64).reshape(-1, 3)
+
+
+def hinges_across(first: Line, second: Line, triangles: Ints) -> tuple[Ints, Ints]:
+    """Return the hinges over the closed seam, where the lines are borders whose vertices match one to one; else none.
+
+    Returns
+    -------
+    hinges : (h, 4) int64
+        Edge and corner on the first side, corner on the second.
+    pairs : (h, 2) int64
+        The two triangles of each.
+    """
+    none = np.zeros((0, 4), np.int64), np.zeros((0, 2), np.int64)
+    if len(first.vertices) != len(second.vertices) or np.abs(first.parameters - second.parameters).max() > SAME:
+        return none
+    edges, half = border_edges(triangles)
+    at = {tuple(edge): row for row, edge in enumerate(np.sort(edges, axis=1).tolist())}
+    sides = [
+        np.array([at.get(tuple(pair), -1) for pair in np.sort(_pairs(line.vertices), axis=1).tolist()], np.int64)
+        for line in (first, second)
+    ]
+    here, there = (side[(sides[0] >= 0) & (sides[1] >= 0)] for side in sides)
+    opposite = triangles.ravel()[half // 3 * 3 + (half + 2) % 3]
+    hinges = np.column_stack([edges[here], opposite[here], opposite[there]])
+    return hinges, np.column_stack([half[here] // 3, half[there] // 3])
+
+
+def _pairs(vertices: Ints) -> Ints:
+    return np.column_stack([vertices[:-1], vertices[1:]])

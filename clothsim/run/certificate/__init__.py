@@ -1,1 +1,0 @@
-"""Certificate of a run: intersections, residuals, energies and errors."""

@@ -1,0 +1,149 @@
+"""Checkpoints of runs and of simulations: state, scene, motions set by hand, and the files that the scene names."""
+
+import atexit
+import math
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from clothsim.base.errors import InputError
+from clothsim.files.runs.checkpoint import Checkpoint
+from clothsim.physics.energies.key_values import FUNCTION, lost_function
+from clothsim.run.certificate import Certificate, certificate_from
+from clothsim.run.changes import HandMotions, hand_motions_from
+from clothsim.run.intersections import IntersectionHistory
+from clothsim.run.session import Session, prepare
+from clothsim.scene.assembly.scene_world import build
+from clothsim.scene.named_files import named_files, refuse_outside, relocated
+from clothsim.scene.scene import scene_from_text
+from clothsim.solve.stepping.state import Previous, Rest, State
+from clothsim.solve.timers import EffectCounters, Timers
+
+
+def saved_simulation(session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory) -> Checkpoint:
+    """The checkpoint of a simulation, with the files that its scene names.
+
+    Raises
+    ------
+    InputError
+        A key of an effect is a Python function, which no file holds, or a file of the scene is not there any more.
+    """
+    refuse_functions("effects", session.scene.effects)
+    saved = checkpoint_of(session, state, Certificate(intersections=history))
+    saved = replace(saved, counters={**saved.counters, "by_hand": by_hand.as_json()})
+    if not named_files(session.scene):
+        return saved
+    text, sources = relocated(session.scene)
+    return replace(saved, scene_text=text, files={name: source.read_bytes() for name, source in sources.items()})
+
+
+def restored_simulation(
+    saved: Checkpoint, name: str, here: Path
+) -> tuple[Session, State, HandMotions, IntersectionHistory]:
+    """Session, state, motions and intersections so far of a checkpoint of `saved_simulation`, or of a run.
+
+    Parameters
+    ----------
+    saved : Checkpoint
+        The state.
+    name : str
+        Of the file, for messages.
+    here : Path
+        Folder of the run, where a checkpoint of a run without its own files starts.
+
+    Raises
+    ------
+    InputError
+        The mesh of the scene is not that of the state.
+    """
+    scene = scene_from_text(saved.scene_text, _written_files(saved) if saved.files else here)
+    by_hand = hand_motions_from(saved.counters.get("by_hand", HandMotions().as_json()))
+    built = by_hand.applied(build(scene))
+    if len(saved.positions) != built.world.n_vertices:
+        raise InputError(f"{name} is of another mesh than its scene.", "Restore the mesh files of the scene.")
+    history = certificate_from(saved.counters["certificate"]).intersections
+    return prepare(scene, built), state_of(saved), by_hand, history
+
+
+def _written_files(saved: Checkpoint) -> Path:
+    """A temporary folder with the files of a checkpoint."""
+    refuse_outside(saved.scene_text, saved.files)
+    folder = Path(tempfile.mkdtemp(prefix="clothsim-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # not earlier: a changed effect reads its files again
+    for name, content in saved.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder
+
+
+def checkpoint_of(session: Session, state: State, certificate: Certificate) -> Checkpoint:
+    """The checkpoint of a run at `state`."""
+    potential = session.integrator.potential
+    counters = {
+        "memory": dict(state.memory),
+        "temporal_error": state.temporal_error,
+        "slow_steps": state.slow_steps,
+        "rest": state.rest.name,
+        "certificate": certificate.as_json(),
+        "effects": potential.effect_counters(),
+        "phases": potential.timers.phases,
+        "linear_solves": potential.timers.linear_solves,
+    }
+    before = state.previous
+    return Checkpoint(
+        time=state.time,
+        dt=state.dt,
+        frame=state.frame,
+        step=state.step,
+        positions=state.positions,
+        velocities=state.velocities,
+        scene_text=session.scene.to_text(names_of_functions=True),
+        counters=counters,
+        blocked_at=state.blocked_at,
+        blocked=state.blocked,
+        previous_positions=None if before is None else before.positions,
+        previous_velocities=None if before is None else before.velocities,
+        previous_dt=math.nan if before is None else before.dt,
+    )
+
+
+def state_of(saved: Checkpoint) -> State:
+    """The state in a checkpoint of `checkpoint_of`."""
+    x, v = saved.previous_positions, saved.previous_velocities
+    return State(
+        saved.time,
+        saved.dt,
+        saved.step,
+        saved.frame,
+        saved.positions,
+        saved.velocities,
+        saved.blocked_at,
+        saved.blocked,
+        memory=saved.counters.get("memory", {}),
+        temporal_error=saved.counters.get("temporal_error", 0.0),
+        slow_steps=saved.counters.get("slow_steps", 0),
+        rest=Rest[saved.counters.get("rest", Rest.MOVING.name)],
+        previous=None if x is None or v is None else Previous(x, v, saved.previous_dt),
+    )
+
+
+def restore(timers: Timers, counters: dict[str, Any]) -> None:
+    """Set the counters to those of the stopped run."""
+    for name, account in counters["effects"].items():
+        timers.effects[name] = EffectCounters(**account)
+    timers.phases.update(counters["phases"])
+    timers.linear_solves = counters["linear_solves"]
+
+
+def refuse_functions(where: str, keys: Mapping[str, Any]) -> None:
+    """InputError for a Python function among the keys: no file holds it."""
+    for key, value in keys.items():
+        if callable(value):
+            raise lost_function(f"{where}.{key}", {FUNCTION: getattr(value, "__qualname__", type(value).__name__)})
+        if isinstance(value, Mapping):
+            if set(value) == {FUNCTION}:
+                raise lost_function(f"{where}.{key}", value)
+            refuse_functions(f"{where}.{key}", value)

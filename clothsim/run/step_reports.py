@@ -1,0 +1,199 @@
+"""What users see of a step: the state at its end, the progress of the run, a line of the record."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
+from clothsim.mesh.world import World
+from clothsim.run.certificate import Certificate
+from clothsim.run.session import Session
+from clothsim.solve.stepping.failure import Failure
+from clothsim.solve.stepping.mechanical_energy import mechanical_energy
+from clothsim.solve.stepping.state import State, Switch
+from clothsim.solve.stepping.stepping import StepReport
+
+
+class SimulationError(ClothsimError):
+    """A step that cannot be taken.
+
+    Attributes
+    ----------
+    failure : Failure
+        The cause, the element by its name, its position, and the remedy, as in the summary of a failed run.
+    """
+
+    def __init__(self, failure: Failure) -> None:
+        self.failure = failure
+        super().__init__(failure.reason, failure.remedy)
+
+
+@dataclass(frozen=True)
+class SimulationState:
+    """The state of a scene at the end of a step, in the coordinates of the scene; its arrays are read-only.
+
+    Attributes
+    ----------
+    time : float
+        End of the step [s].
+    dt : float
+        Length of the step [s]; 0 at the start.
+    step, frame : int
+        Number of steps and of frames that are done.
+    positions, velocities : dict of str to (n, 3) array
+        Vertices of each cloth by its name [m], [m/s].
+    bodies : dict of str to (n, 3) array
+        Vertices of each body by its name [m].
+    newton_iterations : int
+        Newton iterations of the step.
+    minimum_gap : float
+        Smallest distance in contact that is below d_hat [m]; inf where nothing is that close.
+    kinetic_energy : float
+        Of all cloths [J]; 0 where the scene has no inertia.
+    at_rest : bool
+        True where the cloth was at rest at the end of the last frame, and slow since then.
+    unstable : tuple of Switch
+        Unstable equilibria in which the step ended: growth rate, vertex and displacement by which each was left.
+    energies : dict of str to float
+        Value of each energy of the step [J]; that of "inertia", "damping", "air" and "friction" belongs to the step
+        and is no stored energy. Empty at the start.
+    mechanical_energy : float
+        Kinetic and stored energy [J], also that of the springs of static friction; 0 at the start.
+    """
+
+    time: float
+    dt: float
+    step: int
+    frame: int
+    positions: Mapping[str, Floats]
+    velocities: Mapping[str, Floats]
+    bodies: Mapping[str, Floats]
+    newton_iterations: int = 0
+    minimum_gap: float = float("inf")
+    kinetic_energy: float = 0.0
+    at_rest: bool = False
+    unstable: tuple[Switch, ...] = ()
+    energies: Mapping[str, float] = field(default_factory=dict)
+    mechanical_energy: float = 0.0
+
+
+def starting_state(world: World, state: State) -> SimulationState:
+    """The state between two steps as users see it, without what belongs to the step before."""
+    return SimulationState(
+        time=state.time,
+        dt=0.0,
+        step=state.step,
+        frame=state.frame,
+        positions=_by_name(world, state.positions + world.origin, "cloth"),
+        velocities=_by_name(world, state.velocities, "cloth"),
+        bodies=_by_name(world, state.positions + world.origin, "body"),
+        at_rest=state.at_rest,
+    )
+
+
+def state_after(world: World, report: StepReport) -> SimulationState:
+    """The state at the end of a step as users see it."""
+    state, acting = report.state, report.potential.acting
+    at_end = starting_state(world, state)
+    speeds = (state.velocities[: world.n_unknowns] ** 2).sum(axis=1)
+    return replace(
+        at_end,
+        dt=report.dt,
+        newton_iterations=report.result.iterations,
+        unstable=report.switches,
+        minimum_gap=report.minimum_gap,
+        kinetic_energy=0.5 * float(world.inertial_masses @ speeds) if "inertia" in acting else 0.0,
+        energies={name: energy.value(state.positions) for name, energy in acting.items()},
+        mechanical_energy=mechanical_energy(world, report.potential, state).total,
+    )
+
+
+def _by_name(world: World, rows: Floats, role: str) -> dict[str, Floats]:
+    """The rows (N, 3) of each cloth or body by its name, read-only."""
+    things, slices = (world.cloths, world.cloth_slices) if role == "cloth" else (world.bodies, world.body_slices)
+    parts = {thing.name: rows[part] for thing, part in zip(things, slices, strict=True)}  # type: ignore[attr-defined]
+    for part in parts.values():
+        part.flags.writeable = False
+    return parts
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress after a step.
+
+    Attributes
+    ----------
+    time, duration : float
+        Simulated time and its end [s].
+    step, newton_iterations : int
+        Number of the step, and its iterations.
+    minimum_gap : float
+        Smallest distance in contact [m], inf where nothing is closer than d_hat.
+    fastest : float
+        Largest speed of a cloth vertex [m/s].
+    verdict : {"moving", "settled", "stalled", "unstable"}
+        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth; unstable: the step
+        ended in an unstable equilibrium.
+    seconds : float
+        Wall time since the start [s].
+    stage : str
+        Of a fit the stage that the run is.
+    """
+
+    time: float
+    duration: float
+    step: int
+    newton_iterations: int
+    minimum_gap: float
+    fastest: float
+    verdict: str
+    seconds: float
+    stage: str = ""
+
+
+def progress_of(report: StepReport, session: Session, seconds: float) -> Progress:
+    """The progress after a step; seconds: wall time since the run began [s]."""
+    run, integrator = session.scene.run_settings, session.integrator
+    verdict = "moving"
+    if integrator.control is None and report.dt < integrator.dt / 8:
+        verdict = "stalled"
+    elif report.fastest < 10 * integrator.settings.tolerance:
+        verdict = "settled"
+    if report.switches:
+        verdict = "unstable"
+    return Progress(
+        report.state.time,
+        run.duration,
+        report.state.step,
+        report.result.iterations,
+        report.minimum_gap,
+        report.fastest,
+        verdict,
+        seconds,
+    )
+
+
+def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
+    """A line of the record."""
+    return {
+        "step": report.state.step,
+        "time": report.state.time,
+        "dt": report.dt,
+        "newton_iterations": report.result.iterations,
+        "regional_iterations": report.result.elimination_iterations,
+        "speed": report.result.speed,
+        "residual": report.result.residual,
+        "relative_residual": report.result.relative_residual,
+        "energy": certificate.energy,
+        "stiffness_energy": certificate.stiffness.last,
+        "minimum_gap": report.minimum_gap,
+        "fastest": report.fastest,
+        "failures": list(report.failures),
+        "error": None if report.error is None else report.error.rms,
+        "largest_error": None if report.error is None else report.error.largest,
+        "rejected": report.rejected,
+        "restarted": report.restarted,
+        "unstable": [asdict(switch) for switch in report.switches],
+        **({} if certificate.carried is None else {"carried": certificate.carried.now}),
+    }

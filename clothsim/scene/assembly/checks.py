@@ -1,0 +1,291 @@
+"""Checks of a scene at its start: support of the cloth, keys without effect, unusual starts.
+
+A load on a cloth without support has no quasi-static equilibrium, and is refused; warnings are printed before a run.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.geometry.held_inside import HeldInside, held_inside
+from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
+from clothsim.mesh.body import FrameMotion
+from clothsim.mesh.topology import components
+from clothsim.mesh.winding import is_inside
+from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Constraint, Energy, Step
+from clothsim.physics.energies.protocols import Anchored, ContactGap
+from clothsim.scene.scene import Scene
+
+ROUND_OFF = 1e-9
+"""Fraction of the forces on a piece below which their sum counts as zero: internal forces cancel to the last digits."""
+
+
+def refuse_unsupported(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
+    """Refuse a piece of cloth under a load without pin, spring, contact with a body, inertia or damping.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies at the start.
+    energies : dict of str to Energy
+        The effects that are on.
+    constraints : iterable of Constraint
+        The prescribed positions.
+
+    Raises
+    ------
+    InputError
+        With the name of the piece and its load.
+
+    Notes
+    -----
+    The internal forces of a piece cancel, so that the sum of its forces is the load. With self_contact all pieces count
+    as one, as one may lie on another.
+    """
+    # Friction resists only where there is contact, whose forces are known last.
+    resisted = any(_resists(world, energy) for energy in energies.values() if not energy.begins_last)
+    if resisted or "body_contact" in energies:
+        return
+    pieces = np.zeros(world.n_cloth, np.int64) if "self_contact" in energies else _pieces(world)
+    held = np.zeros(world.n_vertices, bool)
+    for constraint in constraints:
+        held[constraint.at(0.0).vertices] = True
+    for energy in energies.values():
+        if isinstance(energy, Anchored):
+            held[energy.anchored_rows] = True
+    forces = _forces(world, energies)
+    for piece in np.setdiff1d(pieces, pieces[held[: world.n_cloth]]):
+        of_piece = np.flatnonzero(pieces == piece)
+        load = float(np.linalg.norm(forces[of_piece].sum(axis=0)))
+        if load > ROUND_OFF * np.linalg.norm(forces[of_piece], axis=1).sum():
+            label = int(world.labels[of_piece[0]])
+            own = of_piece[0] - world.cloth_slices[label].start
+            part = f"the piece of {world.names[label]} with vertex {own}" if own else world.names[label]
+            raise InputError(
+                f"Nothing supports {part} against its load of {load:.3g} N: no pin of its own, no body_contact, no "
+                "inertia.",
+                "Pin some of its vertices, put a body under it (with effects.body_contact), or add effects.inertia.",
+            )
+
+
+def _resists(world: World, energy: Energy) -> bool:
+    """True for an incremental energy with a force against a translation: damping of the strain rate has none."""
+    if not energy.incremental:
+        return False
+    start = world.start()
+    none = np.zeros_like(start)
+    bound = energy.begin(Step(0.0, 1.0, start, none, 1.0, none))
+    change = bound.gradient(start + 1.0) - bound.gradient(start)
+    return bool(np.abs(change.sum(axis=0)).max() > ROUND_OFF * np.abs(change).sum())
+
+
+def _pieces(world: World) -> Ints:
+    """The number of the connected piece of each cloth vertex, (n_cloth,)."""
+    ones = np.ones(len(world.edges))
+    graph = coo_array((ones, tuple(world.edges.T)), shape=(world.n_cloth, world.n_cloth))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+
+
+def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
+    """Minus the gradient of the energies at the start under full load, (n_cloth, 3) [N]; without those of contact."""
+    start = world.start()
+    none = np.zeros_like(start)
+    step = Step(0.0, 1.0, start, none, 1.0, none)
+    forces = none.copy()
+    for energy in energies.values():
+        if not energy.begins_last:
+            forces -= energy.begin(step).gradient(start)
+    return forces[: world.n_cloth]
+
+
+LARGEST, SMALLEST = 10.0, 0.01
+"""Longest extents of a mesh [m] beyond which its unit is doubted."""
+LYING, FLAT = 0.5, 0.1
+"""Extent along gravity, as fraction of the longest, below which a body lies, and below which it is a floor."""
+
+FAST_SPIN = 5.0
+"""Degrees in a step from which on a rigid body loses more than 1 % of its spin in a second of steps of .01 s."""
+
+INSIDE = 0.9
+"""Gap at the start, as fraction of d_hat, below which a warning is given."""
+
+
+def scene_warnings(world: World, energies: dict[str, Energy], dt: float) -> tuple[str, ...]:
+    """The warnings of a world.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies at the start.
+    energies : dict of str to Energy
+        The effects that are on.
+    dt : float
+        Longest time step [s].
+
+    Returns
+    -------
+    tuple of str
+        One sentence each.
+    """
+    return (
+        *_ignored_keys(world, energies),
+        *_skipped_frames(world, dt),
+        *_fast_spins(world, dt),
+        *_starts_inside(world, energies),
+        *_nested_bodies(world, energies),
+        *_wide_activation(world, energies),
+        *_close_starts(world, energies),
+    )
+
+
+def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) -> tuple[str, ...]:
+    """Meshes whose unit or vertical axis looks wrong, each with the key that mends it.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies at the start.
+    scene : Scene
+        Their tables. Of generated bodies a slab is taken for a floor, and none has a vertical axis of its own.
+    energies : mapping of str to Energy
+        The effects that are on.
+
+    Returns
+    -------
+    tuple of str
+        One sentence each.
+    """
+    tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
+    meshes = [(cloth.name, cloth.positions) for cloth in world.cloths]
+    meshes += [(body.name, body.positions) for body in world.bodies]
+    sentences = []
+    for (name, positions), keys in zip(meshes, tables, strict=True):
+        extent = np.ptp(positions, axis=0)
+        if not isinstance(keys, Slab):
+            sentences += _other_unit(name, float(extent.max()))
+    gravity = getattr(energies.get("gravity"), "acceleration", None)
+    for body, keys in zip(world.prescribed_bodies, scene.bodies, strict=True):
+        if gravity is not None and not isinstance(keys, tuple(GENERATOR_KEYS.values())):
+            sentences += _lying(body.name, np.ptp(body.positions, axis=0), gravity, keys.up or "z")
+    return tuple(sentences)
+
+
+def _other_unit(name: str, longest: float) -> list[str]:
+    """A mesh of more than LARGEST or less than SMALLEST."""
+    if SMALLEST <= longest <= LARGEST:
+        return []
+    factor = next((factor for factor in (1e-3, 1e-2, 10.0, 100.0, 1e3) if 0.1 <= factor * longest <= 3), None)
+    hint = "scale (metres per unit) mends a file in another unit"
+    hint += f": scale = {factor:g} makes it {factor * longest:.3g} m" if factor else ""
+    return [f"{name} is {longest:.3g} m long; {hint}."]
+
+
+def _lying(name: str, extent: Floats, gravity: Floats, up: str) -> list[str]:
+    """A body that is at least twice as long across gravity as along it; a flatter one is a floor or a table."""
+    axis, longest = int(np.argmax(np.abs(gravity))), int(np.argmax(extent))
+    if not FLAT * extent[longest] < extent[axis] < LYING * extent[longest]:
+        return []
+    mend = 'up = "y" turns a file with y up' if up == "z" and axis == 2 else "rotation_degrees turns it"
+    return [
+        f"{name} lies across gravity: it is {extent[axis]:.3g} m along it, and {extent[longest]:.3g} m along "
+        f"{'xyz'[longest]}; {mend}."
+    ]
+
+
+def _ignored_keys(world: World, energies: dict[str, Energy]) -> list[str]:
+    """Keys without effect in this scene."""
+    ignored = []
+    moving = [cloth.name for cloth in world.cloths if cloth.velocity.any()]
+    if moving and "inertia" not in energies:
+        ignored.append(f"{moving[0]}: velocity does nothing without effects.inertia.")
+    if len(world.ghosts) and "bending" not in energies:
+        ignored.append("pins: clamp does nothing without effects.bending.")
+    return ignored
+
+
+def _fast_spins(world: World, dt: float) -> list[str]:
+    """Rigid bodies that turn by more than FAST_SPIN degrees in a step of `dt` [s]."""
+    sentences = []
+    for body in world.rigid:
+        rate = body.velocities.T @ body.gradients
+        turned = float(np.degrees(np.linalg.norm(rate - rate.T) / np.sqrt(8))) * dt
+        if turned > FAST_SPIN:
+            sentences.append(
+                f"{body.name} turns by {turned:.3g} degrees in a step of {dt:g} s, and will lose spin: "
+                f"take solver.dt = {0.6 * FAST_SPIN / turned * dt:.1g}."
+            )
+    return sentences
+
+
+def _skipped_frames(world: World, dt: float) -> list[str]:
+    """Animated bodies whose frames are shorter than a step of `dt` [s]."""
+    sentences = []
+    for body in world.bodies:
+        motion = body.motion
+        if isinstance(motion, FrameMotion) and not motion.still and dt * motion.frames_per_second > 1 + 1e-9:
+            frame = 1 / motion.frames_per_second
+            sentences.append(
+                f"{body.name}: a step of {dt:g} s skips frames of {frame:g} s: it moves in straight lines."
+            )
+    return sentences
+
+
+def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
+    """Pieces of cloth that start inside a body without intersecting it: contact keeps them there."""
+    if "body_contact" not in energies:
+        return []
+    return held_sentences(held_inside(world, world.start()), "starts")
+
+
+def held_sentences(found: Sequence[HeldInside], verb: str) -> list[str]:
+    """A sentence on each piece of cloth that contact keeps inside a body, where it `verb` ("is", "starts")."""
+    return [f"{each.cloth} {verb} inside {each.body}, {each.where}: contact keeps it in." for each in found]
+
+
+def _nested_bodies(world: World, energies: dict[str, Energy]) -> list[str]:
+    """Bodies inside another one at the start, one of the two rigid: contact of their surfaces keeps them there."""
+    if not world.rigid or "body_contact" not in energies:
+        return []
+    start, sentences = world.start(), []
+    rigid = {body.name for body in world.rigid}
+    bodies = list(zip(world.bodies, (start[rows] for rows in world.body_slices), strict=True))
+    for inner, points in bodies:
+        firsts = np.unique(components(inner.triangles, len(points)), return_index=True)[1]
+        for outer, surface in bodies:
+            if inner is outer or not {inner.name, outer.name} & rigid:
+                continue
+            if any(is_inside(points[row], surface, outer.triangles) for row in firsts):
+                sentences.append(f"{inner.name} starts inside {outer.name}: contact of their surfaces keeps it in.")
+    return sentences
+
+
+def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:
+    """Activation distances above the median edge length."""
+    starts = world.start()[world.edges]
+    edge = float(np.median(np.linalg.norm(starts[:, 0] - starts[:, 1], axis=1)))
+    wide = {name: energy.d_hat for name, energy in energies.items() if isinstance(energy, ContactGap)}
+    return [
+        f"{name}: d_hat of {d_hat:g} m is more than the median edge of {edge:.2g} m: vertices close at rest "
+        "repel each other."
+        for name, d_hat in wide.items()
+        if d_hat > edge
+    ]
+
+
+def _close_starts(world: World, energies: dict[str, Energy]) -> list[str]:
+    """Contact forces at the start: a gap well inside d_hat is no equilibrium, and its energy is released."""
+    sentences = []
+    for name, energy in energies.items():
+        if not isinstance(energy, ContactGap):
+            continue
+        gap, d_hat = energy.minimum_gap(world.start()), energy.d_hat
+        if gap < INSIDE * d_hat:
+            sentences.append(
+                f"{name}: the gap at the start is {gap:.2g} m, inside d_hat of {d_hat:g} m: contact pushes at once."
+            )
+    return sentences

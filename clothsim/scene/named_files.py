@@ -1,0 +1,173 @@
+"""Files that a scene names: meshes, frames of animated bodies, arrays over the cloth, the seed."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_numbers
+from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.key_table import KeyTable
+from clothsim.scene.paths import FILES
+from clothsim.scene.scene import Scene, scene_from_text
+
+ENDING = ".npy"
+
+
+def with_arrays(where: str, value: Any, directory: Path) -> Any:
+    """A value with the arrays of the .npy files that its tables name; the value itself where they name none.
+
+    Parameters
+    ----------
+    where : str
+        Dotted name of the value, for messages.
+    value : Any
+        A section, a table, or one of its values.
+    directory : Path
+        Folder at which relative file names start.
+
+    Raises
+    ------
+    InputError
+        Where a file is missing or has no numeric data.
+    """
+    if isinstance(value, Mapping):
+        read = {key: with_arrays(f"{where}.{key}", inner, directory) for key, inner in value.items()}
+        if all(read[key] is inner for key, inner in value.items()):
+            return value
+        return type(value).parsed(where, read) if isinstance(value, KeyTable) else read
+    return _read(where, directory / value) if names_array(value) else value
+
+
+def names_array(value: Any) -> bool:
+    """True for the name of a file of numbers."""
+    return isinstance(value, str) and value.endswith(ENDING)
+
+
+def named_arrays(where: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """Each key of nested tables that names a file of numbers: what has it, its table, the key."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from named_arrays(f"{where}_{key}", value)
+        elif names_array(value):
+            yield f"{where}_{key}", table, key
+
+
+def _read(where: str, path: Path) -> Any:
+    if not path.name.isprintable():
+        raise InputError(f"{where} is {path.name!r}, which names no file.", "Name a .npy file.")
+    try:
+        return read_numbers(path)
+    except InputError as error:
+        remedy = error.remedy or f"Its path starts at {path.parent}/: correct {where}."
+        raise InputError(f"{where}: {error.sentence}", remedy) from error
+
+
+def by_content(value: Any, folder: Path, key: str = "") -> Any:
+    """Tables whose names of files are replaced by hashes of their content."""
+    if isinstance(value, dict):
+        return {name: by_content(inner, folder, name) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [by_content(inner, folder, key) for inner in value]
+    if isinstance(value, str) and key in FILES and "." in value and (folder / value).is_file():
+        file = folder / value
+        return _file_hash(file, file.stat().st_mtime_ns)
+    return value
+
+
+@cache
+def _file_hash(file: Path, changed: int) -> str:
+    """sha256 of a file; changed: time of its last change, so that a process reads it once."""
+    return f"sha256:{hashlib.sha256(file.read_bytes()).hexdigest()}"
+
+
+FOLDER = "meshes"
+"""The folder of an archive that holds them."""
+
+
+def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
+    """The scene as text with its files in FOLDER, and the present path of each file by its new name.
+
+    InputError where the scene names a file that does not exist.
+    """
+    data = json.loads(scene.to_text())
+    files: dict[str, Path] = {}
+    for owner, table, key in named_keys(data):
+        if key == "frames":
+            files.update(_frames(scene.directory, table[key], f"{FOLDER}/{owner}"))
+            table[key] = f"{FOLDER}/{owner}/*"
+        else:
+            source = scene.directory / table[key]
+            table[key] = f"{FOLDER}/{owner}/{_plain(source.name)}"
+            files[table[key]] = source
+    for source in files.values():
+        if not source.is_file():
+            raise InputError(f"The scene's file {source} is not there.", "Put it back where the scene names it.")
+    return json.dumps({**data, "directory": "."}), files
+
+
+def named_files(scene: Scene) -> list[str]:
+    """The files that a scene names, as it names them; of an animation the pattern."""
+    return [str(table[key]) for _, table, key in named_keys(json.loads(scene.to_text(names_of_functions=True)))]
+
+
+def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
+    """InputError for a text that is no scene, or that names a file outside of its own folder, or for such `files`."""
+    try:
+        scene_from_text(text)
+        data = json.loads(text)
+        named = [str(table[key]) for _, table, key in named_keys(data)]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError(f"The scene in the archive is broken ({error}).") from error
+    if data.get("directory") != ".":
+        raise InputError("The scene in the archive does not start at its own folder.")
+    for name in (*named, *files):
+        paths = PurePosixPath(name), PureWindowsPath(name)
+        if any(path.is_absolute() or path.drive or ".." in path.parts for path in paths):
+            raise InputError(f"The scene in the archive names {name}, which is outside of it.")
+
+
+def named_keys(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """Each key of a scene that names files: a name for its owner, its table, the key."""
+    for section in ("cloth", "body"):
+        tables = data[section]
+        for k, table in enumerate([tables] if isinstance(tables, dict) else tables):
+            if isinstance(table.get("mesh"), str) and table["mesh"] not in GENERATOR_KEYS:  # else in the text
+                yield f"{section}{k}", table, "mesh"
+            if "model" in table and table["model"] != "mannequin":
+                yield f"{section}{k}", table, "model"
+            if "model" in table:
+                yield from _named_clip(f"{section}{k}_motion", table)
+            if "frames" in table:
+                yield f"{section}{k}", table, "frames"
+    for name, keys in data["effects"].items():
+        yield from named_arrays(f"effect_{name}", keys)
+    if data["seed"].get("file"):
+        yield "seed", data["seed"], "file"
+
+
+def _named_clip(owner: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """The file of the motion of a body model."""
+    from clothsim.files.characters.gait import CLIPS
+
+    motion = table.get("motion")
+    keyed = (motion, "clip") if isinstance(motion, dict) else (table, "motion")
+    if motion and keyed[0][keyed[1]] not in (*CLIPS, "own"):
+        yield owner, *keyed
+
+
+def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
+    """The files of an animation by new names, numbered in their order."""
+    from clothsim.files.meshes.mesh_file import frame_files
+
+    files = frame_files(directory, pattern)
+    return {f"{folder}/{k:06d}_{_plain(file.name)}": file for k, file in enumerate(files)}
+
+
+def _plain(name: str) -> str:
+    """A file name that is valid on every system."""
+    return re.sub(r"[^\w.\-]", "_", name)

@@ -1,1 +1,0 @@
-"""Drapes learned from a data set."""

@@ -1,0 +1,44 @@
+"""Local origin of a world far from the origin."""
+
+import numpy as np
+import pytest
+from contacts import ball, sheet
+
+from clothsim import InputError
+from clothsim.mesh.body import make_body, rigid_motion
+from clothsim.mesh.world import make_world, with_local_origin
+
+FAR = np.array([3e5, -2e5, 1e6])
+
+
+def world_at(place):
+    cloth = sheet(0.4)
+    positions, triangles = ball().positions + place, ball().triangles
+    motion = rigid_motion(velocity=(1, 2, 3), rotate_degrees_per_second=(0, 0, 40), centre=place)
+    moved = cloth.__class__(**{**vars(cloth), "positions": cloth.positions + place})
+    return make_world([moved], [make_body("ball", positions, triangles, motion)])
+
+
+def test_near_the_origin_nothing_changes():
+    world = world_at(np.array([1.0, 2.0, 3.0]))
+    assert with_local_origin(world) is world
+    assert not world.origin.any()
+
+
+def test_far_away_every_position_is_relative_and_every_motion_the_same():
+    world = world_at(FAR)
+    local = with_local_origin(world)
+    assert np.abs(local.start()[: local.n_cloth]).max() < 1.0
+    assert np.abs(local.start() + local.origin - world.start()).max() < 1e-9
+    here, there = local.bodies[0].at(0.7), world.bodies[0].at(0.7)
+    assert np.abs(here + local.origin - there).max() < 1e-9
+
+
+@pytest.mark.parametrize(("distance", "is_refused"), [(1e8, False), (1e10, True), (1e15, True), (1e300, True)])
+def test_where_coordinates_do_not_resolve_the_cloth_it_is_refused(distance, is_refused):
+    world = world_at(np.array([0.0, -distance, 0.0]))
+    if is_refused:
+        with pytest.raises(InputError, match=r" m from the origin"):
+            with_local_origin(world)
+    else:
+        assert with_local_origin(world).origin[1] == pytest.approx(-distance)

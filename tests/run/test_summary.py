@@ -1,0 +1,127 @@
+"""Warnings of a completed run."""
+
+import numpy as np
+import pytest
+from small_scenes import BALL, EFFECTS, RUN, SHEET, small_scene, without
+
+from clothsim import resume, simulate
+from clothsim.cli import main
+from clothsim.run.certificate import Pinches, pinched_vertices
+from clothsim.run.summary import LARGEST_STRETCH
+
+SHORT = RUN | {"duration": 0.04}
+SMALL = SHEET | {"size": [0.2, 0.2], "position": [0, 0, 0]}
+
+
+def plates(below, above):
+    """Two slabs whose faces are so far below and above z = 0 [m]."""
+    sizes = {"mesh": "slab", "size": [2, 2, 0.1], "cells": [3, 3, 1]}
+    faces = {"table": -0.05 - below, "press": 0.05 + above}
+    return [sizes | {"name": name, "position": [0.01, 0.02, z]} for name, z in faces.items()]
+
+
+def pressed(below, above, d_hat=0.01):
+    effects = without("gravity") | {"body_contact": {"d_hat": d_hat}}
+    return small_scene(SMALL, plates(below, above), effects, run=SHORT)
+
+
+def test_a_cloth_inside_a_body_is_in_the_certificate(tmp_path):
+    run = simulate(small_scene(SMALL, BALL, EFFECTS, run=SHORT), tmp_path)
+    (inside,) = run.summary["certificate"]["held_inside"]
+    assert (inside["cloth"], inside["body"], inside["pieces"], inside["of"]) == ("cloth", "ball", 1, 1)
+    assert run.intersection_free
+    assert len(run.summary["warnings"]) == 1
+
+
+def test_a_cloth_on_a_body_is_as_it_should_be(tmp_path):
+    run = simulate(small_scene(), tmp_path)
+    certificate = run.summary["certificate"]
+    assert certificate["held_inside"] == []
+    assert certificate["pinched"] == {"frames": 0, "most_vertices": 0, "first_time": None, "first_vertex": ""}
+    assert run.summary["warnings"] == []
+
+
+def test_a_cloth_between_two_plates_is_pinched_and_on_one_it_is_not(tmp_path):
+    run = simulate(pressed(0.004, 0.004), tmp_path / "both")
+    pinched = run.summary["certificate"]["pinched"]
+    assert pinched["frames"] == len(run.times) - 1
+    assert pinched["most_vertices"] == 25
+    assert pinched["first_time"] == pytest.approx(0.04)
+    assert len(run.summary["warnings"]) == 1
+    for name, gaps in {"below": (0.004, 0.5), "above": (0.5, 0.004), "none": (0.02, 0.02)}.items():
+        one = simulate(pressed(*gaps), tmp_path / name)
+        assert one.summary["certificate"]["pinched"]["frames"] == 0
+
+
+def test_a_stopped_run_keeps_its_pinches(tmp_path):
+    class StoppedError(Exception):
+        pass
+
+    def stop(state):
+        if state.step == 3:
+            raise StoppedError
+
+    scene = small_scene(SMALL, plates(0.004, 0.004), without("gravity") | {"body_contact": {"d_hat": 0.01}}, run=RUN)
+    with pytest.raises(StoppedError):
+        simulate(scene, tmp_path, on_step=stop)
+    assert resume(tmp_path).summary["certificate"]["pinched"]["frames"] == 4
+
+
+class Forces:
+    """Contact of one point on one side of a body vertex, or on two."""
+
+    stiffness = 1.0
+
+    def __init__(self, *lines, force=1.0):
+        self.lines, self.force = lines, force
+
+    def distinct(self, x):
+        return None
+
+    def normal_forces(self, x, stiffness):
+        n = len(self.lines)
+        rows = np.tile([0, 25, 26, 27], (n, 1))
+        weights = np.tile([1.0, -0.2, -0.3, -0.5], (n, 1))
+        return rows, weights, np.array(self.lines, float), np.full(n, self.force)
+
+
+@pytest.mark.parametrize(
+    ("lines", "pinched"),
+    [
+        ([[0, 0, 1]], 0),
+        ([[0, 0, 1], [0, 0, 3]], 0),
+        ([[0, 0, 1], [1, 0, 0]], 0),
+        ([[0, 0, 1], [0, 0, -2]], 1),
+        ([[1, 0, 0.1], [-1, 0, 0.1]], 1),
+    ],
+)
+def test_opposed_forces_pinch_a_vertex_and_those_of_a_corner_do_not(lines, pinched):
+    from clothsim.scene.assembly.scene_world import build
+
+    world = build(small_scene()).world
+    rows = pinched_vertices(world, [Forces(*lines)], world.start())
+    assert rows.tolist() == [0] * pinched
+    assert len(pinched_vertices(world, [Forces(*lines, force=0.0)], world.start())) == 0
+    after = Pinches().after(world, [Forces(*lines)], world.start(), 0.5)
+    assert after.first_vertex == ("vertex 0 of cloth" if pinched else "")
+
+
+def test_an_overstretched_cloth_is_named(tmp_path):
+    pins = {
+        "group": [{"select": side, "motion": {"velocity": [s * 10, 0, 0]}} for side, s in (("left", -1), ("right", 1))]
+    }
+    effects = without("body_contact", "gravity") | {"pins": pins}
+    run = simulate(small_scene(body=(), effects=effects, run=RUN | {"duration": 0.08}), tmp_path)
+    assert run.summary["certificate"]["stretch_max"] > LARGEST_STRETCH
+    assert len(run.summary["warnings"]) == 1
+
+
+def test_the_warnings_are_printed_under_quiet(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "inside.toml").write_text(
+        '[cloth]\nmesh = "rectangle"\nsize = [0.2, 0.2]\ncells = [3, 3]\n[[body]]\nname = "ball"\nmesh = "sphere"\n'
+        "[effects.inertia]\n[effects.membrane]\n[effects.body_contact]\n"
+        '[solver]\nlinear = "superlu"\n[run]\nduration = 0.04\n'
+    )
+    assert main(["run", "inside.toml", "--quiet", "--no-picture"]) == 0
+    assert "cloth is inside ball" in capsys.readouterr().out

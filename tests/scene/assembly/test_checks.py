@@ -1,0 +1,257 @@
+"""Checks of a scene at its start: support, warnings, sizes."""
+
+import re
+
+import numpy as np
+import pytest
+from small_scenes import BALL, SHEET, small_scene
+
+from clothsim import Body, Cloth, InputError, Scene
+from clothsim.run.session import prepare
+from clothsim.scene.assembly.checks import FLAT, LARGEST, LYING, SMALLEST
+from clothsim.scene.assembly.scene_world import build
+
+LOADED = {"membrane": {}, "bending": {}, "gravity": {}}
+TWO = [{**SHEET, "name": "a", "position": [0.0, 0.0, 0.4]}, {**SHEET, "name": "b"}]
+
+
+def built(effects, cloth=SHEET, body=()):
+    return build(Scene(cloth=cloth, body=body, effects=effects, solver={"linear": "superlu"}))
+
+
+@pytest.mark.parametrize(
+    ("effects", "cloth", "body", "name"),
+    [
+        (LOADED, SHEET, (), "cloth"),
+        (LOADED, SHEET, BALL, "cloth"),  # a body that nothing lets it touch
+        (LOADED | {"pins": {"select": []}}, SHEET, (), "cloth"),
+        (LOADED | {"damping": {"rate": 0, "strain_rate": 1.0}}, SHEET, (), "cloth"),  # it resists strain alone
+        (LOADED | {"air": {}}, SHEET, (), "cloth"),  # still air resists what moves already
+        (LOADED | {"pins": {"select": [3]}}, TWO, (), "b"),
+        (LOADED | {"self_contact": {}, "friction": {}}, TWO, (), "a"),
+    ],
+)
+def test_a_loaded_cloth_that_nothing_holds_is_refused(effects, cloth, body, name):
+    with pytest.raises(InputError, match=rf"{name}.*\d N") as refusal:
+        built(effects, cloth, body)
+    assert "effects.inertia" in refusal.value.remedy
+    assert "\n" not in refusal.value.sentence
+
+
+def test_its_load_is_its_weight():
+    with pytest.raises(InputError, match=f"{0.15 * 9.81:.3g} N"):
+        built({"membrane": {}, "gravity": {}}, {**SHEET, "density": 0.15})
+
+
+@pytest.mark.parametrize(
+    ("effects", "cloth", "body"),
+    [
+        (LOADED | {"pins": {"select": [0]}}, SHEET, ()),
+        (LOADED | {"inertia": {}}, SHEET, ()),
+        (LOADED | {"damping": {}}, SHEET, ()),
+        (LOADED | {"body_contact": {}}, SHEET, BALL),
+        (LOADED | {"self_contact": {}, "pins": {"select": [3]}}, TWO, ()),  # b may come to lie on a
+        ({"membrane": {}, "bending": {}}, SHEET, ()),
+    ],
+)
+def test_what_is_held_resisted_or_not_loaded_is_built(effects, cloth, body):
+    assert built(effects, cloth, body).energies
+
+
+def test_a_piece_of_a_cloth_is_named_by_its_first_vertex(tmp_path):
+    corners = [f"v {x + far} {y} 0" for far in (0, 5) for x, y in ((0, 0), (1, 0), (0, 1), (1, 1))]
+    faces = [f"f {a} {b} {c}" for a, b, c in ((1, 2, 3), (3, 2, 4), (5, 6, 7), (7, 6, 8))]
+    (tmp_path / "two.obj").write_text("\n".join(corners + faces))
+    effects = {"membrane": {}, "gravity": {}, "pins": {"select": [0]}}
+    with pytest.raises(InputError, match=r"cloth.*\b4\b"):
+        build(Scene(cloth={"mesh": "two.obj"}, effects=effects, directory=tmp_path))
+
+
+CLOTH = {"mesh": "rectangle", "cells": [2, 2]}
+HELD = {"membrane": {}, "pins": {"select": "left"}}
+
+
+def notes(cloth=CLOTH, effects=HELD, solver=None):
+    scene = Scene(cloth=cloth, effects=effects, solver={"linear": "superlu", **(solver or {})})
+    return " ".join(prepare(scene, build(scene)).notes)
+
+
+def test_velocity_without_inertia():
+    fast = {**CLOTH, "velocity": [1, 0, 0]}
+    assert "velocity" in notes(fast)
+    assert "velocity" not in notes(fast, {**HELD, "inertia": {}})
+
+
+def test_a_clamp_without_bending():
+    clamped = {"membrane": {}, "pins": {"select": "left", "clamp": True}}
+    assert "clamp" in notes(effects=clamped)
+    assert "clamp" not in notes(effects={**clamped, "bending": {}})
+
+
+def test_steps_longer_than_a_frame():
+    assert re.search(r"0\.04 s.*0\.1 s", notes(solver={"dt": 0.1}))
+    assert "Steps are" not in notes(solver={"dt": 0.04})
+
+
+def test_a_body_that_leaps_through_the_cloth_is_refused():
+    """Half a turn in a step: on straight ways a blade would pass through its own axis, and never meet the cloth."""
+    cloth = {**CLOTH, "size": [0.1, 0.1], "position": [0, 0, 0.3]}
+    blade = {"name": "blade", "mesh": "slab", "size": [0.02, 0.3, 0.1], "position": [0, 0.3, 0]}
+    blade["motion"] = {"rotate_degrees_per_second": [9000, 0, 0], "centre": [0, 0, 0]}
+    solver = {"dt": 0.02, "linear": "superlu"}
+    scene = Scene(cloth=cloth, body=blade, effects={"inertia": {}, "body_contact": {}}, solver=solver)
+    with pytest.raises(InputError, match=r"blade.* 180 degrees") as refusal:
+        prepare(scene, build(scene))
+    assert "below 0.005 s" in refusal.value.remedy
+
+
+def contact_notes(cloth, effects, body):
+    scene = Scene(
+        cloth=cloth, body=body, effects={"membrane": {}, "inertia": {}, **effects}, solver={"linear": "superlu"}
+    )
+    return " ".join(prepare(scene, build(scene)).notes)
+
+
+BALL = {"name": "ball", "mesh": "sphere", "radius": 0.5}
+SMALL = {**CLOTH, "size": [0.1, 0.1]}
+
+
+def test_cloth_wholly_inside_a_body_is_reported():
+    inside = contact_notes(SMALL, {"body_contact": {}}, BALL)
+    assert "cloth starts inside ball, all of it, such as vertex 0: contact keeps it in" in inside
+    above = {**SMALL, "position": [0, 0, 0.6]}
+    assert "starts inside" not in contact_notes(above, {"body_contact": {}}, BALL)
+    assert "starts inside" not in contact_notes(SMALL, {}, BALL)
+
+
+def nested(rigid, body=()):
+    above = {**SMALL, "position": [0, 0, 2.0]}
+    effects = {"membrane": {}, "inertia": {}, "body_contact": {}}
+    scene = Scene(cloth=above, body=body, rigid=rigid, effects=effects, solver={"linear": "superlu"})
+    return " ".join(prepare(scene, build(scene)).notes)
+
+
+def test_a_rigid_body_inside_another_body_is_reported():
+    outer = {"name": "outer", "mesh": "sphere", "radius": 0.5}
+    inner = {"name": "inner", "mesh": "sphere", "radius": 0.1, "subdivisions": 1}
+    assert "inner starts inside outer" in nested([outer, inner])
+    assert "inner starts inside outer" in nested([inner], [outer])
+    assert "outer starts inside" not in nested([outer, inner])
+    assert "starts inside" not in nested([outer, {**inner, "position": [0, 0, 0.7]}])
+    ring = {"name": "ring", "mesh": "ring", "radius": 0.5, "position": [0, 0, 0]}
+    assert "starts inside" not in nested([ring, inner])  # in its hole
+
+
+def test_a_d_hat_wider_than_the_edges_is_reported_and_one_wider_than_the_cloth_refused():
+    above = {**SMALL, "position": [0, 0, 0.7]}
+    assert "more than the median edge" in contact_notes(above, {"body_contact": {"d_hat": 0.06}}, BALL)
+    assert "median edge" not in contact_notes(above, {"body_contact": {"d_hat": 0.01}}, BALL)
+    with pytest.raises(InputError, match=r"effects\.body_contact\.d_hat.* 0\.2 m.* 0\.1 m"):
+        contact_notes(above, {"body_contact": {"d_hat": 0.2}}, BALL)
+
+
+def test_two_coefficients_for_one_pair_are_refused():
+    above = {**SMALL, "position": [0, 0, 0.7]}
+    effects = {"body_contact": {}, "friction": {"pairs": [["cloth", "ball", 0.2], ["ball", "cloth", 0.4]]}}
+    with pytest.raises(InputError, match=r"pairs\[1\] .*ball and cloth"):
+        contact_notes(above, effects, BALL)
+
+
+def test_a_start_inside_d_hat_is_reported():
+    near = {**SMALL, "position": [0, 0, 0.501]}
+    assert "inside d_hat of 0.005 m" in contact_notes(near, {"body_contact": {}}, BALL)
+    far = {**SMALL, "position": [0, 0, 0.6]}
+    assert "inside d_hat" not in contact_notes(far, {"body_contact": {}}, BALL)
+
+
+FALL = {"inertia": {}, "gravity": {}}
+TOP = {"inertia": {}, "gravity": {"acceleration": [0, -9.81, 0]}}
+
+
+def box(extent):
+    """A closed box of that extent."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = [[a, b, c] for q in quads for a, b, c in ((q[0], q[1], q[2]), (q[0], q[2], q[3]))]
+    return corners * extent, triangles
+
+
+def size_notes(word, **sections):
+    return [note for note in build(small_scene(**sections)).notes if word in note]
+
+
+def body_notes(extent, effects=FALL, **keys):
+    body = Body(*box(extent), name="figure", **{"position": [0, 0, -5], **keys})
+    scene = Scene(cloth=SHEET, body=body, effects=effects)
+    return [note for note in build(scene).notes if note.startswith("figure")]
+
+
+@pytest.mark.parametrize(
+    ("size", "factor"),
+    [(60.0, "0.01"), (LARGEST * 1.01, "0.1"), (1700.0, "0.001"), (SMALLEST * 0.99, "100"), (0.001, "100")],
+)
+def test_a_sheet_in_another_unit_is_named_with_the_factor_that_mends_it(size, factor):
+    found = size_notes(" long;", cloth=SHEET | {"size": [size, size / 2]}, effects=FALL, body=())
+    assert len(found) == 1
+    assert found[0].startswith("cloth")
+    assert f"{size:.3g} m" in found[0]
+    if factor not in ("0.1",):
+        assert f"scale = {factor} " in found[0]
+
+
+@pytest.mark.parametrize("size", [LARGEST, SMALLEST, 1.0])
+def test_a_sheet_of_usual_size_is_not(size):
+    assert size_notes(" long;", cloth=SHEET | {"size": [size, size]}, effects=FALL, body=()) == []
+
+
+def test_a_body_of_172_m_is_named_and_a_floor_is_not():
+    assert len(body_notes([172, 50, 172])) == 1
+    floor = {"name": "floor", "mesh": "slab", "size": [40, 40, 0.1], "position": [0, 0, -1]}
+    assert size_notes(" long;", body=floor, effects=FALL) == []
+
+
+@pytest.mark.parametrize("extent", [[1.2, 1.7, 0.3], [1.7, 0.4, 0.5], [1.7, 1.7, 0.3]])
+def test_a_body_that_lies_across_gravity_is_named_with_the_key(extent):
+    found = body_notes(extent)
+    assert len(found) == 1
+    assert 'up = "y"' in found[0]
+    assert body_notes(extent, effects={"inertia": {}}) == []
+
+
+@pytest.mark.parametrize(
+    ("extent", "effects"),
+    [
+        ([1.2, 0.3, 1.7], FALL),
+        ([1.2, 1.7, 0.3], TOP),
+        ([1, 1, LYING], FALL),
+        ([2, 2, 0.99 * FLAT * 2], FALL),
+        ([0.3, 0.3, 0.3], FALL),
+    ],
+)
+def test_a_body_that_stands_and_a_floor_are_not(extent, effects):
+    assert body_notes(extent, effects) == []
+
+
+def test_with_y_up_a_body_stands():
+    assert body_notes([1.2, 1.7, 0.3], up="y") == []
+    world = build(Scene(cloth=SHEET, body=Body(*box([1.2, 1.7, 0.3]), up="y", position=[0, 0, -5]), effects=FALL)).world
+    assert np.ptp(world.bodies[0].positions, axis=0) == pytest.approx([1.2, 0.3, 1.7])
+    top = box([1.2, 1.7, 0.3])[0][:, 1] == 1.7
+    assert (world.bodies[0].positions[top, 2] + world.origin[2]) == pytest.approx(1.7 - 5)
+
+
+def test_y_up_comes_before_the_rotation_and_is_a_rotation():
+    vertices = np.random.default_rng(0).normal(size=(3, 3))
+    scenes = [
+        Scene(cloth=Cloth(vertices, [[0, 1, 2]], position=[1, 2, 3], **keys), effects=FALL)
+        for keys in ({"up": "y", "rotation_degrees": [0, 0, 30]}, {"rotation_degrees": [90, 0, 30]}, {})
+    ]
+    turned, same, _ = (build(scene).world for scene in scenes)
+    assert turned.cloths[0].positions + turned.origin == pytest.approx(
+        same.cloths[0].positions + same.origin, abs=1e-15
+    )
+
+
+def test_another_axis_is_refused():
+    with pytest.raises(InputError, match="up"):
+        small_scene(body=BALL | {"up": "w"})
