@@ -10,7 +10,7 @@ from small_scenes import SHEET, SOLVER
 
 from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
-from clothsim.physics.energies.woven_membrane import Curve
+from clothsim.physics.energies.measured_membrane import Curve
 
 WARP = [[0.02, 4.0], [0.05, 20.0], [0.10, 60.0]]
 WEFT = [[0.10, 3.0], [0.30, 30.0]]
