@@ -25,19 +25,8 @@ def read_regular_file(path: str | Path, most: int = MOST_BYTES, remedy: str = ""
 
     A pipe that nobody writes to would be waited for without end, and a device (/dev/zero) has none.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    most : int
-        Largest size [bytes].
-    remedy : str
-        What to do where there is no file.
-
-    Raises
-    ------
-    InputError
-        It is missing, no regular file, too large, or cannot be opened.
+    remedy: what to do where there is no file. InputError: it is missing, no regular file, too large, or cannot be
+    opened.
     """
     file = Path(path)
     try:
@@ -61,10 +50,8 @@ MOST_HEADER = 10_000
 def read_numbers(path: str | Path) -> NDArray[np.number]:
     """The array of a .npy file.
 
-    Raises
-    ------
-    InputError
-        It is missing, no NumPy file, holds no real numbers, or fewer than its header says; its name is in the sentence.
+    InputError: it is missing, no NumPy file, holds no real numbers, or fewer than its header says; its name is in the
+    sentence.
     """
     content = BytesIO(read_regular_file(path))
     try:
@@ -92,10 +79,7 @@ MOST_UNPACKED = 4 << 30
 def read_arrays(path: Path, names: list[str]) -> dict[str, NDArray]:
     """The arrays of real numbers of these names that an archive has; others, also pickled ones, are not touched.
 
-    Raises
-    ------
-    InputError
-        There is no such file, it is no archive, or one of the arrays is pickled, broken or too large.
+    InputError: there is no such file, it is no archive, or one of the arrays is pickled, broken or too large.
     """
     try:
         with zipfile.ZipFile(path) as archive:

@@ -17,10 +17,7 @@ def require_space(path: Path, size: int) -> None:
 
     HDF5 leaves a file that cannot be opened again where a write fails half way, so it must not fail there.
 
-    Raises
-    ------
-    InputError
-        The disk, the quota or the limit on the size of files does not leave so much.
+    InputError: the disk, the quota or the limit on the size of files does not leave so much.
     """
     try:
         handle = os.open(path, os.O_WRONLY)

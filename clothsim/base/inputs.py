@@ -55,10 +55,7 @@ def shown(value: Any) -> str:
 def refuse_uncallable(**callbacks: Any) -> None:
     """InputError for a callback that is neither None nor callable.
 
-    Parameters
-    ----------
-    **callbacks
-        Each by the name of its argument.
+    **callbacks: each by the name of its argument.
     """
     for name, value in callbacks.items():
         if value is not None and not callable(value):

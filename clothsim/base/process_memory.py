@@ -40,12 +40,7 @@ def peak_memory() -> int:
 def held_bytes(thing: object, others: Iterable[object] = ()) -> int:
     """Sum the bytes of all arrays that an object refers to, each counted once.
 
-    Parameters
-    ----------
-    thing : object
-        Visited through its fields, mappings and sequences.
-    others : iterable
-        Objects whose arrays are not counted.
+    thing: visited through its fields, mappings and sequences; others: objects whose arrays are not counted.
     """
     known = set().union(*(_arrays(other) for other in others))
     return sum(size for owner, size in _arrays(thing).items() if owner not in known)

@@ -213,8 +213,8 @@ def existing_files_note(directory: Path) -> str:
 
 def resumption_note(directory: Path) -> str:
     """A note on the time and frame of a run that is resumed."""
-    saved = files.read_checkpoint(directory / files.CHECKPOINT_NAME)
-    return f"Continues at {saved.time:g} s, after frame {saved.frame}."
+    state = files.read_checkpoint(directory / files.CHECKPOINT_NAME).state
+    return f"Continues at {state.time:g} s, after frame {state.frame}."
 
 
 def settings(session: "Session", directory: Path, before: str) -> str:
@@ -284,11 +284,11 @@ def verdict(run: "Run", trouble: list[str]) -> str:
 def _after_failure(run: "Run") -> list[str]:
     """The remedy, the last good state, and the commands that examine and pack the failure."""
     failure = run.summary["failure"]
-    saved = files.read_checkpoint(run.directory / files.CHECKPOINT_NAME)
+    state = files.read_checkpoint(run.directory / files.CHECKPOINT_NAME).state
     directory = shlex.quote(str(run.directory))
     return [
         failure["remedy"],
-        f"The last good state is step {saved.step} at {saved.time:g} s; the last frame is number {len(run.times) - 1}.",
+        f"The last good state is step {state.step} at {state.time:g} s; the last frame is number {len(run.times) - 1}.",
         f"To examine it: {program()} resume {directory} --dump-iterates {failure['step']}",
         f"To report it: {program()} bundle {directory}",
     ]

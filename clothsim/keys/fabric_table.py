@@ -175,7 +175,7 @@ class NamedFabric:
         return tuple(key for key, source in self.sources.items() if source.startswith("estimated"))
 
 
-def _of_wang(name: str, row: _Row) -> NamedFabric:
+def _convert_wang(name: str, row: _Row) -> NamedFabric:
     made_of, density, (c11, c12, c22, c33), (across, bias, along) = row
     nu = c12 / sqrt(c11 * c22)
     weft, warp = (2 * c * (1 - nu**2) for c in (c11, c22))
@@ -214,7 +214,7 @@ def _of_wang(name: str, row: _Row) -> NamedFabric:
     return NamedFabric(fabric, made_of, _WANG_IS, sources)
 
 
-def _of_penava(name: str, row: tuple[str, float, float, float, float]) -> NamedFabric:
+def _convert_penava(name: str, row: tuple[str, float, float, float, float]) -> NamedFabric:
     made_of, density, thickness, youngs_modulus, nu = row
     sources = dict.fromkeys(("density", "thickness", "youngs_modulus", "poisson_ratio"), _PENAVA_IS)
     if name == "cotton":
@@ -238,7 +238,7 @@ FRICTION: Mapping[str, tuple[float, str]] = {
 """Coefficients of friction, where one is published."""
 
 
-def _completed(name: str, named: NamedFabric) -> NamedFabric:
+def _complete(name: str, named: NamedFabric) -> NamedFabric:
     """The fabric with its extensions, and what other sources than its row have."""
     warp, weft, source = EXTENSIONS[name]
     values = {"warp_extension": (warp, source), "weft_extension": (weft, source)}
@@ -251,10 +251,10 @@ def _completed(name: str, named: NamedFabric) -> NamedFabric:
     return replace(named, fabric=fabric, sources={**named.sources, **{key: text for key, (_, text) in values.items()}})
 
 
-_MEASURED = {name: _of_penava(name, row) for name, row in PENAVA.items()} | {
-    name: _of_wang(name, row) for name, row in WANG.items()
+_MEASURED = {name: _convert_penava(name, row) for name, row in PENAVA.items()} | {
+    name: _convert_wang(name, row) for name, row in WANG.items()
 }
-TABLE: Mapping[str, NamedFabric] = {name: _completed(name, named) for name, named in _MEASURED.items()}
+TABLE: Mapping[str, NamedFabric] = {name: _complete(name, named) for name, named in _MEASURED.items()}
 
 
 FABRICS = {name: named.fabric for name, named in TABLE.items()}

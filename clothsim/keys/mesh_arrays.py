@@ -24,10 +24,7 @@ PANELS, PANEL_OF = "panels", "panel_of"
 def checked_groups(where: str, groups: Mapping[str, ArrayLike], n_triangles: int) -> dict[str, Ints]:
     """Read-only triangles of each panel.
 
-    Raises
-    ------
-    InputError
-        For what is no table of whole numbers, a triangle out of range, and one in two panels.
+    InputError for what is no table of whole numbers, a triangle out of range, and one in two panels.
     """
     if not isinstance(groups, Mapping):
         raise InputError(f"{where} is of the type {type(groups).__name__}.", "Give a table of triangles by name.")
@@ -110,10 +107,7 @@ class MeshArrays:
     ) -> Self:
         """The mesh of arrays.
 
-        Raises
-        ------
-        InputError
-            For another shape, a number that is not finite or an index out of range: it names array and index.
+        InputError for another shape, a number that is not finite or an index out of range: it names array and index.
         """
         name = f"{where}.vertices"
         points = _locked(as_points(name, vertices))

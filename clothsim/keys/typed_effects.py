@@ -276,10 +276,7 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
 def effects_by_name(effects: Any) -> Any:
     """Effects by name, of typed effects or as they are in a table; anything else as it is.
 
-    Raises
-    ------
-    InputError
-        For an entry of the list that is no effect, and for an effect that is given twice.
+    InputError for an entry of the list that is no effect, and for an effect that is given twice.
     """
     if isinstance(effects, EffectKeys):
         return {effects.name: effects}

@@ -160,10 +160,7 @@ Limits = tuple[float, float]
 def limits_of(given: Any) -> Limits | None:
     """The two numbers of a range fixed by hand, ascending; None where nothing is given.
 
-    Raises
-    ------
-    InputError
-        For other than two finite numbers, the first below the second, or a range that no bar can label.
+    InputError for other than two finite numbers, the first below the second, or a range that no bar can label.
     """
     if given is None:
         return None

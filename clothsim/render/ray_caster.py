@@ -48,10 +48,7 @@ class PixelGeometry:
 def pixel_geometry(surfaces: Sequence[Surface], camera: Camera, size: tuple[int, int]) -> PixelGeometry:
     """Cast one ray through the middle of each pixel of `size` (width, height).
 
-    Raises
-    ------
-    MissingPackageError
-        Without embreex.
+    MissingPackageError: without embreex.
     """
     triangles = np.concatenate([each.triangles for each in surfaces])
     owner = np.repeat(np.arange(len(surfaces)), [len(each.triangles) for each in surfaces])
@@ -89,10 +86,7 @@ def pixel_geometry(surfaces: Sequence[Surface], camera: Camera, size: tuple[int,
 def caster_over(corners: Floats) -> Any:
     """Embree's ray caster over triangles (m, 3, 3).
 
-    Raises
-    ------
-    MissingPackageError
-        Without embreex.
+    MissingPackageError: without embreex.
     """
     try:
         from embreex.mesh_construction import TriangleMesh

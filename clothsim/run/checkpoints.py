@@ -1,7 +1,6 @@
 """Checkpoints of runs and of simulations: state, scene, motions set by hand, and the files that the scene names."""
 
 import atexit
-import math
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -19,17 +18,15 @@ from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.named_files import named_files, refuse_outside, relocated
 from clothsim.scene.scene import scene_from_text
-from clothsim.solve.stepping.state import Previous, Rest, State
+from clothsim.solve.stepping.state import State
 from clothsim.solve.timers import EffectCounters, Timers
 
 
 def saved_simulation(session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory) -> Checkpoint:
     """The checkpoint of a simulation, with the files that its scene names.
 
-    Raises
-    ------
-    InputError
-        A key of an effect is a Python function, which no file holds, or a file of the scene is not there any more.
+    InputError: a key of an effect is a Python function, which no file holds, or a file of the scene is not there any
+    more.
     """
     refuse_functions("effects", session.scene.effects)
     saved = checkpoint_of(session, state, Certificate(intersections=history))
@@ -45,27 +42,16 @@ def restored_simulation(
 ) -> tuple[Session, State, HandMotions, IntersectionHistory]:
     """Session, state, motions and intersections so far of a checkpoint of `saved_simulation`, or of a run.
 
-    Parameters
-    ----------
-    saved : Checkpoint
-        The state.
-    name : str
-        Of the file, for messages.
-    here : Path
-        Folder of the run, where a checkpoint of a run without its own files starts.
-
-    Raises
-    ------
-    InputError
-        The mesh of the scene is not that of the state.
+    name: of the file, for messages; here: folder of the run, where a checkpoint of a run without its own files starts.
+    InputError: the mesh of the scene is not that of the state.
     """
     scene = scene_from_text(saved.scene_text, _written_files(saved) if saved.files else here)
     by_hand = hand_motions_from(saved.counters.get("by_hand", HandMotions().as_json()))
     built = by_hand.applied(build(scene))
-    if len(saved.positions) != built.world.n_vertices:
+    if len(saved.state.positions) != built.world.n_vertices:
         raise InputError(f"{name} is of another mesh than its scene.", "Restore the mesh files of the scene.")
     history = certificate_from(saved.counters["certificate"]).intersections
-    return prepare(scene, built), state_of(saved), by_hand, history
+    return prepare(scene, built), saved.state, by_hand, history
 
 
 def _written_files(saved: Checkpoint) -> Path:
@@ -83,51 +69,12 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
     """The checkpoint of a run at `state`."""
     potential = session.integrator.potential
     counters = {
-        "memory": dict(state.memory),
-        "temporal_error": state.temporal_error,
-        "slow_steps": state.slow_steps,
-        "rest": state.rest.name,
         "certificate": certificate.as_json(),
         "effects": potential.effect_counters(),
         "phases": potential.timers.phases,
         "linear_solves": potential.timers.linear_solves,
     }
-    before = state.previous
-    return Checkpoint(
-        time=state.time,
-        dt=state.dt,
-        frame=state.frame,
-        step=state.step,
-        positions=state.positions,
-        velocities=state.velocities,
-        scene_text=session.scene.to_text(names_of_functions=True),
-        counters=counters,
-        blocked_at=state.blocked_at,
-        blocked=state.blocked,
-        previous_positions=None if before is None else before.positions,
-        previous_velocities=None if before is None else before.velocities,
-        previous_dt=math.nan if before is None else before.dt,
-    )
-
-
-def state_of(saved: Checkpoint) -> State:
-    """The state in a checkpoint of `checkpoint_of`."""
-    x, v = saved.previous_positions, saved.previous_velocities
-    return State(
-        saved.time,
-        saved.dt,
-        saved.step,
-        saved.frame,
-        saved.positions,
-        saved.velocities,
-        saved.blocked_at,
-        saved.blocked,
-        memory=saved.counters.get("memory", {}),
-        temporal_error=saved.counters.get("temporal_error", 0.0),
-        slow_steps=saved.counters.get("slow_steps", 0),
-        rest=Rest[saved.counters.get("rest", Rest.MOVING.name)],
-        previous=None if x is None or v is None else Previous(x, v, saved.previous_dt),
-    )
+    return Checkpoint(state, session.scene.to_text(names_of_functions=True), counters)
 
 
 def restore(timers: Timers, counters: dict[str, Any]) -> None:

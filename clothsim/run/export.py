@@ -341,7 +341,7 @@ def _readme(name: str, saved: Checkpoint, summary: dict) -> str:
         summary.get("reason", ""),
         failure.get("remedy", ""),
         "",
-        f"Replay it from its last good state, step {saved.step} at {saved.time:g} s, with one command:",
+        f"Replay it from its last good state, step {saved.state.step} at {saved.state.time:g} s, with one command:",
         "",
         f"  clothsim resume {name}",
         "",

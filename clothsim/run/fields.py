@@ -218,21 +218,8 @@ def at_start(name: str, world: World) -> Floats:
 def field(name: str, configuration: Configuration) -> NDArray[np.floating]:
     """Values of the field `name`.
 
-    Parameters
-    ----------
-    name : str
-        A key of `FIELDS`.
-    configuration : Configuration
-
-    Returns
-    -------
-    ndarray
-        (m, ...) for a field of the triangles, (n, ...) for one of the vertices.
-
-    Raises
-    ------
-    InputError
-        For a name that is not in the table, or a field that needs an effect that is off.
+    name: a key of `FIELDS`. Returns (m, ...) for a field of the triangles, (n, ...) for one of the vertices. InputError
+    for a name that is not in the table, or a field that needs an effect that is off.
     """
     return known_field(name).compute(configuration)
 

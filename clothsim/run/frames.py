@@ -16,10 +16,9 @@ from clothsim.files.runs.vtkhdf import STRETCHES
 from clothsim.mesh.cloth import Cloth
 from clothsim.render.colour_scale import Quantity, Scale, colour_range, log_stretch, per_vertex, stretch_colours
 from clothsim.render.picture import scale_of
-from clothsim.render.run_frames import frame_surfaces
 from clothsim.render.surface_look import FABRICS, Surface, vertex_values
 from clothsim.run.fields import FIELDS
-from clothsim.run.pictures import field_settings
+from clothsim.run.pictures import field_settings, frame_surfaces
 from clothsim.run.results import Run
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import scene_from_text

@@ -108,16 +108,8 @@ def intersection_check_of(
 ) -> IntersectionCheck:
     """Make the check of a scene.
 
-    Parameters
-    ----------
-    surfaces : sequence of Surface
-        Cloths and bodies.
-    effects : mapping
-        The scene's; `exclude` of a contact lists pairs of names.
-    on : collection of str
-        Effects that are on.
-    proofs : ProvedSeparations, optional
-        For the states of a run, one after another.
+    effects: the scene's; `exclude` of a contact lists pairs of names; on: effects that are on; proofs: for the states
+    of a run, one after another.
     """
     pairs = [pair for name in _EFFECT_OF_ROLE.values() if name in effects for pair in effects[name].exclude]
     acting = frozenset(_EFFECT_OF_ROLE.values()) & set(on)
@@ -132,6 +124,15 @@ OPTIONAL = ("carried", "rigid")
 bodies with bodies."""
 
 ALL_KINDS = (*KINDS, *OPTIONAL)
+
+SURFACES_OF_KIND = {
+    "cloth_body": "cloth and body",
+    "cloth_cloth": "cloth and cloth",
+    "excluded": "excluded pairs",
+    "carried": "carried vertices",
+    "rigid": "rigid bodies and bodies",
+}
+"""What intersects, in words."""
 
 _EFFECT = {"cloth_body": "body_contact", "cloth_cloth": "self_contact", "rigid": "body_contact"}
 
@@ -204,16 +205,8 @@ class IntersectionHistory:
     def after(self, check: "IntersectionCheck", found: "Sequence[Crossing]", state: "State", is_frame: bool) -> Self:
         """Return the history after one more checked state.
 
-        Parameters
-        ----------
-        check : IntersectionCheck
-            The check that found them.
-        found : sequence of Crossing
-            Its result, in the coordinates of the scene.
-        state : State
-            The checked state.
-        is_frame : bool
-            True where it is a recorded frame.
+        check: the check that found them; found: its result, in the coordinates of the scene; is_frame: True where it is
+        a recorded frame.
         """
         if not found:
             return self
@@ -332,14 +325,8 @@ def checked_step(
 def warn_of(intersections: Mapping[str, Mapping[str, Any]], on: Collection[str] = (), stacklevel: int = 3) -> None:
     """Give a Python warning for each kind of intersection that occurred, but for pairs that the scene lets cross.
 
-    Parameters
-    ----------
-    intersections : mapping
-        As in the certificate.
-    on : collection of str
-        Effects that are on.
-    stacklevel : int
-        As of `warnings.warn`: the line of the user's code.
+    intersections: as in the certificate; on: effects that are on; stacklevel: as of `warnings.warn`: the line of the
+    user's code.
     """
     unwanted = {kind: intersections[kind] for kind in intersections if kind not in ("excluded", "carried")}
     for sentence in intersection_warnings(unwanted, on):

@@ -1,10 +1,10 @@
-"""Pictures and movies of a run, coloured by a field or by its stretches."""
+"""Pictures and movies of a run: its frames as surfaces, coloured by a field or by their stretches."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -17,15 +17,75 @@ from clothsim.base.process_memory import peak_memory
 from clothsim.base.record import GIF_NAME, MOVIE_NAME, SUMMARY_NAME, write_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
-from clothsim.mesh.world import World
+from clothsim.mesh.world import World, world_surfaces
 from clothsim.render.colour_scale import Quantity, per_vertex
-from clothsim.render.run_frames import Frames, frame_surfaces, state_surfaces
 from clothsim.render.surface_look import Surface, crosses, evenly_spaced, spacing_of
 from clothsim.run.fields import FIELDS, known_field, world_stretches
 from clothsim.scene.scene import scene_from_text
 
 if TYPE_CHECKING:
     from clothsim.run.results import Run
+
+
+def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
+    """The cloths, then the bodies of a frame; cloths without stretches where the run wrote none."""
+    positions = trajectory.positions(frame)
+    cloths = [surface for surface in trajectory.surfaces if surface.role == "cloth"]
+    ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
+    stretches = np.split(_stretches(trajectory, frame), ends[:-1])
+    first = trajectory.positions(0)
+    made = [
+        Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part, material=first[cloth.rows])
+        for cloth, part in zip(cloths, stretches, strict=True)
+    ]
+    none = np.zeros((0, 2))
+    return made + [
+        Surface(name, points, triangles, "body", none) for name, points, triangles in trajectory.bodies(frame)
+    ]
+
+
+def state_surfaces(world: World, x: Floats, stretches: Floats) -> list[Surface]:
+    """The cloths, then the bodies of a state: x (N, 3) [m] and the principal stretches (m, 2) of all cloths."""
+    parts = world_surfaces(world)
+    of_cloths = np.split(stretches, np.cumsum([len(part.triangles) for part in parts if part.role == "cloth"]))
+    none = np.zeros((0, 2))
+    return [
+        Surface(part.name, x[part.rows], part.own_triangles, part.role, of_cloths[k] if part.role == "cloth" else none)
+        for k, part in enumerate(parts)
+    ]
+
+
+class Frames(Sequence[list[Surface]]):
+    """All frames of a run, each read when it is asked for; surfaces_of: the surfaces of a frame."""
+
+    def __init__(
+        self, trajectory: Trajectory, surfaces_of: Callable[[Trajectory, int], list[Surface]] = frame_surfaces
+    ) -> None:
+        self._trajectory, self._surfaces_of = trajectory, surfaces_of
+
+    def __len__(self) -> int:
+        return len(self._trajectory.times)
+
+    @overload
+    def __getitem__(self, frame: int) -> list[Surface]: ...
+
+    @overload
+    def __getitem__(self, frame: slice) -> list[list[Surface]]: ...
+
+    def __getitem__(self, frame: int | slice) -> list[Surface] | list[list[Surface]]:
+        if isinstance(frame, slice):
+            return [self._surfaces_of(self._trajectory, k) for k in range(*frame.indices(len(self)))]
+        if not -len(self) <= frame < len(self):
+            raise IndexError(frame)
+        return self._surfaces_of(self._trajectory, frame)
+
+
+def _stretches(trajectory: Trajectory, frame: int) -> Floats:
+    try:
+        return np.asarray(trajectory.stretches(frame), np.float64)
+    except InputError:  # a trajectory written without them
+        return np.zeros((0, 2))
+
 
 Drawing = Callable[[Trajectory, int], list[Surface]]
 """The surfaces of a frame."""
@@ -36,22 +96,19 @@ def field_settings(run: "Run", name: str) -> dict[str, Any]:
 
     Principal stretches are the usual colours; principal directions are strokes over them.
 
-    Raises
-    ------
-    InputError
-        For an unknown name.
+    InputError for an unknown name.
     """
     scalar, unit = known_field(name).scalar, FIELDS[name].unit
     if name == "principal_stretches":
         return {"colour": "stretch"}
     if name == "principal_directions":
-        return {"colour": "stretch", "surfaces_of": _with_strokes(run)}
+        return {"colour": "stretch", "surfaces_of": _add_strokes(run)}
     title = " ".join([name.replace("_", " "), scalar.name]).strip()
     quantity = Quantity(title, unit if scalar.unit is None else scalar.unit, scalar.stretch)
-    return {"colour": quantity, "surfaces_of": _with_values(run, name)}
+    return {"colour": quantity, "surfaces_of": _colour_by_values(run, name)}
 
 
-def _with_values(run: "Run", name: str) -> Drawing:
+def _colour_by_values(run: "Run", name: str) -> Drawing:
     """Surfaces with the scalar of a field at the vertices; that of a triangle goes to its corners, by area."""
 
     @cache  # a movie asks for each frame several times
@@ -76,7 +133,7 @@ def _with_values(run: "Run", name: str) -> Drawing:
     return surfaces
 
 
-def _with_strokes(run: "Run") -> Drawing:
+def _add_strokes(run: "Run") -> Drawing:
     """Surfaces with the principal directions of evenly spaced triangles, the same ones in all frames."""
     start = run.positions(0)
     spacing = spacing_of(start, run.triangles)
@@ -202,7 +259,7 @@ def draw_failure(directory: Path, failure: dict[str, Any], world: World, target:
     """Write a PNG of the place where a run failed, in its last good state; returns the line that names the renderer."""
     from clothsim.render.marks import draw_closeup
 
-    x = read_checkpoint(directory / CHECKPOINT_NAME).positions
+    x = read_checkpoint(directory / CHECKPOINT_NAME).state.positions
     surfaces = state_surfaces(world, x, world_stretches(world, x))
     title = f"{failure['time']:.4g} s, {failure['cause']}: {failure['element']}"
     return draw_closeup(target, surfaces, np.array(failure["position"]) - world.origin, title=title, up=up)

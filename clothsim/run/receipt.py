@@ -114,7 +114,7 @@ def explain_run(directory: Path) -> Receipt:
     if "effects" not in counters or "phases" not in counters:
         raise InputError(f"The summary in {directory} has no receipt.", "Run the scene with this version.")
     named = scene_from_text(saved.scene_text).effects
-    steps = run.summary.get("steps", saved.step)
+    steps = run.summary.get("steps", saved.state.step)
     source = f"{steps} steps of a run that is {run.status}, with the time to load and compile their kernels."
     return _receipt(named, counters.get("off", {}), counters["effects"], counters["phases"], source)
 

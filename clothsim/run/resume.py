@@ -15,11 +15,11 @@ from clothsim.files.runs.run_lock import locked
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 from clothsim.physics.energies.protocols import ContactGap
 from clothsim.run.certificate import Certificate, certificate_from
-from clothsim.run.checkpoints import restore, state_of
+from clothsim.run.checkpoints import restore
 from clothsim.run.intersections import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
-from clothsim.run.session import prepare, refuse_flights
+from clothsim.run.session import check_displacement_per_step, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.solve.stepping.state import first_state
@@ -90,7 +90,7 @@ def begun_run(
     if not force:
         built, dt = session.built, session.integrator.dt
         contact = any(isinstance(energy, ContactGap) for energy in built.energies.values())
-        refuse_flights(built.world, built.constraints.values(), dt, contact)
+        check_displacement_per_step(built.world, built.constraints.values(), dt, contact)
     with new_output(directory, overwrite):
         for announce in announcements:
             if announce is not None:
@@ -149,10 +149,10 @@ def _continued(
     started = perf_counter()
     saved = read_checkpoint(folder / CHECKPOINT_NAME)
     scene = scene_from_text(saved.scene_text, folder)
-    session, log = watched(prepare(scene, build(scene)), dump_iterates, saved.step)
-    if len(saved.positions) != session.built.world.n_vertices:
+    session, log = watched(prepare(scene, build(scene)), dump_iterates, saved.state.step)
+    if len(saved.state.positions) != session.built.world.n_vertices:
         raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
-    state = state_of(saved)
+    state = saved.state
     restore(session.integrator.potential.timers, saved.counters)
     certificate = certificate_from(saved.counters["certificate"])
     if announce is not None:

@@ -55,7 +55,7 @@ def turns(built: Built) -> dict[str, float]:
     return {name: float(np.degrees(np.linalg.norm(speed))) for name, speed in {**rigid, **pinned}.items()}
 
 
-def refuse_leaps(built: Built, dt: float) -> None:
+def check_rotation_per_step(built: Built, dt: float) -> None:
     """InputError for a body or a group of pins that turns so far in a step that its straight path is far from its arc.
 
     At a full turn a step it would not move at all.
@@ -69,7 +69,7 @@ def refuse_leaps(built: Built, dt: float) -> None:
             )
 
 
-def refuse_flights(world: World, constraints: Collection[Constraint], dt: float, contact: bool) -> None:
+def check_displacement_per_step(world: World, constraints: Collection[Constraint], dt: float, contact: bool) -> None:
     """InputError for what moves by many sizes of the scene in a step of `dt` [s].
 
     Pins drag the cloth along a straight path. With contact, bodies and cloth sweep over everything on theirs.
@@ -202,7 +202,7 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
             f"Steps of {dt:.2g} s, the least of solver.dt, run.duration and a frame, are below {SHORTEST_STEP:g} s.",
             "Set a longer one.",
         )
-    refuse_leaps(built, dt)
+    check_rotation_per_step(built, dt)
     if settings.error:
         _refuse_error(built)
     control = ErrorControl(settings.error, run.duration, dt) if settings.error else None

@@ -8,7 +8,7 @@ from clothsim.base.process_memory import peak_memory
 from clothsim.base.text import length, many
 from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.physics.energies.protocols import report_of
-from clothsim.run.intersections import IntersectionCheck, intersection_warnings
+from clothsim.run.intersections import SURFACES_OF_KIND, IntersectionCheck, intersection_warnings
 from clothsim.scene.assembly.checks import held_sentences
 
 if TYPE_CHECKING:
@@ -96,15 +96,6 @@ def _end_of(session: "Session", state: "State") -> str:
     return f"{state.time:g} s were simulated, the limit, and the cloth is not at rest: {state.rest.value}."
 
 
-_PAIRS = {
-    "cloth_body": "cloth and body",
-    "cloth_cloth": "cloth and cloth",
-    "excluded": "excluded pairs",
-    "carried": "carried vertices",
-    "rigid": "rigid bodies and bodies",
-}
-
-
 def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """Names and texts of what a summary certifies, with its warnings."""
     certificate = summary["certificate"]
@@ -123,11 +114,11 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
     parts = ["no body"] if certificate["cloth_body"] == "no body" else []
     for kind, each in certificate["intersections"].items():
         if each["states"]:
-            parts.append(f"{_PAIRS[kind]} INTERSECT in {many(each['states'], 'state')}")
+            parts.append(f"{SURFACES_OF_KIND[kind]} INTERSECT in {many(each['states'], 'state')}")
         elif kind != "excluded" and not (parts and kind == "cloth_body"):
-            parts.append(f"{_PAIRS[kind]} never intersect")
+            parts.append(f"{SURFACES_OF_KIND[kind]} never intersect")
     if "rigid" in certificate and "rigid" not in certificate["intersections"]:
-        parts.append(f"{_PAIRS['rigid']} never intersect")
+        parts.append(f"{SURFACES_OF_KIND['rigid']} never intersect")
     if certificate["intersection_free"] is None:
         parts.append("earlier steps were NOT CHECKED")
     gap = certificate["minimum_gap"]

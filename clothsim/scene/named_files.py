@@ -21,19 +21,8 @@ ENDING = ".npy"
 def with_arrays(where: str, value: Any, directory: Path) -> Any:
     """A value with the arrays of the .npy files that its tables name; the value itself where they name none.
 
-    Parameters
-    ----------
-    where : str
-        Dotted name of the value, for messages.
-    value : Any
-        A section, a table, or one of its values.
-    directory : Path
-        Folder at which relative file names start.
-
-    Raises
-    ------
-    InputError
-        Where a file is missing or has no numeric data.
+    where: dotted name of the value, for messages; value: a section, a table, or one of its values; directory: folder at
+    which relative file names start. InputError where a file is missing or has no numeric data.
     """
     if isinstance(value, Mapping):
         read = {key: with_arrays(f"{where}.{key}", inner, directory) for key, inner in value.items()}

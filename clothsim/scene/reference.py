@@ -91,13 +91,7 @@ def row(key: SceneKey) -> tuple[str, ...]:
 
 
 def markdown() -> str:
-    """The reference page: a table of the keys for each section.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """The reference page: a table of the keys for each section."""
     parts = ["# Scene reference", "Every key that a scene takes; `clothsim keys SECTION` prints the same."]
     for section in sections().values():
         title = section.name if section.name.startswith("mesh") else f"[{section.name}]"

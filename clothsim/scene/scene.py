@@ -217,17 +217,7 @@ SECTIONS = ("cloth", "body", "rigid", "effects", "solver", "contact", "run", "se
 def make_scene(data: Table, directory: Path) -> Scene:
     """A scene from the tables of a file.
 
-    Parameters
-    ----------
-    data : dict
-        Tables by section.
-    directory : Path
-        Folder at which relative file names start.
-
-    Raises
-    ------
-    InputError
-        For an unknown section or key.
+    directory: folder at which relative file names start. InputError for an unknown section or key.
     """
     for name in data:
         if name not in SECTIONS:
@@ -240,10 +230,7 @@ def make_scene(data: Table, directory: Path) -> Scene:
 def scene_from_text(text: str, here: Path = Path()) -> Scene:
     """The scene that `Scene.to_text` wrote; a relative directory, as in an archive, starts at `here`.
 
-    Raises
-    ------
-    InputError
-        Where the text is none of a scene.
+    InputError where the text is none of a scene.
     """
     try:
         data = json.loads(text)

@@ -98,7 +98,7 @@ def compilation_report(functions: Sequence[Compiled], seconds: float, cpu: float
 def _run(scene: Path, directory: Path) -> None:
     """Work of `clothsim run`: a run and its picture."""
     from clothsim.render.picture import draw
-    from clothsim.render.run_frames import frame_surfaces
+    from clothsim.run.pictures import frame_surfaces
     from clothsim.run.simulate import simulate
     from clothsim.scene.toml_file import load_scene
 

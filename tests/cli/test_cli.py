@@ -175,7 +175,7 @@ def test_stopped_by_hand_then_resumed_gives_the_same_frames(capsys, tmp_path, mo
         patch.setattr(Lines, "__call__", interrupt)
         assert main(["run", "free.toml", "--no-picture"]) == 130
     assert capsys.readouterr().err.splitlines()[-1].endswith("clothsim resume free")
-    assert read_checkpoint(tmp_path / "free/checkpoint.npz").frame == 2
+    assert read_checkpoint(tmp_path / "free/checkpoint.npz").state.frame == 2
     assert main(["resume", "free", "--no-picture"]) == 0
     assert "0.02 s" in capsys.readouterr().out
     again, whole = open_run(tmp_path / "free"), open_run(free)

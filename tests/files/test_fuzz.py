@@ -25,6 +25,7 @@ from clothsim.files.runs.checkpoint import Checkpoint, read_checkpoint, write_ch
 from clothsim.files.runs.trajectory import TrajectoryWriter, read_trajectory
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.world import Surface
+from clothsim.solve.stepping.state import State
 
 FEW = settings(
     max_examples=50,
@@ -50,7 +51,7 @@ FORMS = {
     "glb": None,
 }
 PROMISES = [10**12, 3 * 10**8, 2**31 - 1, 2**63 - 1]
-CHECKPOINT = Checkpoint(0.1, 0.01, 1, 2, np.ones((4, 3)), np.zeros((4, 3)), '{"cloth": {}}', {"steps": 1})
+CHECKPOINT = Checkpoint(State(0.1, 0.01, 2, 1, np.ones((4, 3)), np.zeros((4, 3))), '{"cloth": {}}', {"steps": 1})
 
 
 def ending_of(form):
@@ -272,7 +273,7 @@ def test_a_spoilt_checkpoint_is_refused_or_the_same(tmp_path, data):
     path.write_bytes(data.draw(spoilt(path.read_bytes())))
     read = end(read_checkpoint, path)
     if read is not None:
-        assert np.array_equal(read.positions, CHECKPOINT.positions)
+        assert np.array_equal(read.state.positions, CHECKPOINT.state.positions)
         assert read.scene_text == CHECKPOINT.scene_text
 
 

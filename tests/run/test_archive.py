@@ -69,8 +69,8 @@ def test_the_archive_replays_the_failure_where_the_scenes_files_are_not(failed, 
         assert again.summary["steps"] == run.summary["steps"]
         assert len(again.times) == 1
         saved, first = (read_checkpoint(each.directory / CHECKPOINT_NAME) for each in (again, run))
-        assert np.array_equal(saved.positions, first.positions)
-        assert saved.time == again.times[0] == first.time
+        assert np.array_equal(saved.state.positions, first.state.positions)
+        assert saved.state.time == again.times[0] == first.state.time
 
 
 def test_it_has_the_listed_files_and_no_path_of_this_machine(failed, tmp_path):

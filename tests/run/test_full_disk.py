@@ -64,7 +64,7 @@ def test_a_run_at_the_limit_on_the_size_of_files_goes_on_from_whole_files(tmp_pa
     assert f"clothsim resume {tmp_path}" in remedy
     saved = read_checkpoint(tmp_path / CHECKPOINT_NAME)
     if limit > 100_000:
-        assert len(open_run(tmp_path).times) == saved.frame + 1 > 1
+        assert len(open_run(tmp_path).times) == saved.state.frame + 1 > 1
     resumed = resume(tmp_path)
     assert resumed.status == "completed"
     assert np.array_equal(frames(resumed), frames(whole))

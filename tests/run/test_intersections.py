@@ -204,7 +204,7 @@ def test_a_resumed_run_has_the_counts_of_one_that_was_not_stopped(crossed, tmp_p
 
     with pytest.raises(StoppedError):
         simulate(flaps(), tmp_path, progress=stop)
-    assert read_checkpoint(tmp_path / CHECKPOINT_NAME).step > 0
+    assert read_checkpoint(tmp_path / CHECKPOINT_NAME).state.step > 0
     with pytest.warns(IntersectionWarning):
         again = resume(tmp_path)
     assert again.intersections == crossed.intersections

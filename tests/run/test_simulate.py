@@ -146,7 +146,7 @@ def test_a_resumed_run_of_bdf2_has_the_bits_of_one_that_never_stopped(tmp_path, 
     assert whole.summary["certificate"]["energy_drift"] < ALLOWED
     assert whole.summary["certificate"]["step_energy_rise"] < 1e-12
     stopped_after(tmp_path / "part", scene, steps)
-    assert (read_checkpoint(tmp_path / "part" / CHECKPOINT_NAME).previous_positions is None) == (steps == 1)
+    assert (read_checkpoint(tmp_path / "part" / CHECKPOINT_NAME).state.previous is None) == (steps == 1)
     resumed = resume(tmp_path / "part")
     assert np.array_equal(frames(resumed), frames(whole))
     assert resumed.summary["certificate"] == whole.summary["certificate"]
@@ -159,7 +159,7 @@ def test_a_killed_run_goes_on_from_the_checkpoint_that_was_written_in_time(run, 
     monkeypatch.setattr(recorded_run, "SECONDS_BETWEEN_CHECKPOINTS", seconds)
     monkeypatch.setattr(recorded_run._Checkpoints, "__exit__", lambda *error: None)
     stopped_after(tmp_path, small_scene(), 5)
-    assert read_checkpoint(tmp_path / CHECKPOINT_NAME).frame == frame
+    assert read_checkpoint(tmp_path / CHECKPOINT_NAME).state.frame == frame
     assert len(open_run(tmp_path)) == 3
     monkeypatch.undo()
     resumed = resume(tmp_path)
@@ -240,7 +240,7 @@ def test_a_finished_run_resumed_stays_as_it_is(tmp_path):
 
 
 def test_the_checkpoint_is_the_last_frame(run):
-    saved = read_checkpoint(run.directory / CHECKPOINT_NAME)
+    saved = read_checkpoint(run.directory / CHECKPOINT_NAME).state
     assert (saved.frame, saved.step, saved.time) == (4, 8, 0.16)
     assert np.array_equal(saved.positions[:25], run.positions(-1))
 

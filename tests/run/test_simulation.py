@@ -100,12 +100,12 @@ def test_a_wind_changed_half_way_has_the_bits_of_two_runs_joined(tmp_path):
     write_checkpoint(tmp_path / CHECKPOINT_NAME, replace(saved, scene_text=second.to_text()))
     joined = resume(tmp_path)
     simulation = Simulation(first)
-    end(simulation, saved.step)
+    end(simulation, saved.state.step)
     simulation.change("air", drag=2.0)
     simulation.wind = (-3.0, 1.0, 0.0)
     for state in simulation:
-        assert state.time > saved.time
-    assert saved.step == 4
+        assert state.time > saved.state.time
+    assert saved.state.step == 4
     assert np.array_equal(state.positions["cloth"], joined.positions(-1))
     assert not np.array_equal(state.positions["cloth"], simulate(first).positions(-1))
 

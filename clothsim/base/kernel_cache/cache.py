@@ -324,10 +324,7 @@ class KernelCache(NullCache):
     def stem(self, target_context: Any) -> Path | None:
         """Common prefix of the paths of this kernel's files; None where no folder can be chosen.
 
-        Raises
-        ------
-        UnnameableError
-            As `digest`.
+        UnnameableError as `digest`.
         """
         root = storage.root(config.CACHE_DIR)
         if root is None:

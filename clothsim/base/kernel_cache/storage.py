@@ -122,17 +122,7 @@ def remove_unused(folder: Path, now: float | None = None) -> list[Path]:
 
     Only files of this module in folders of this module are removed, and no link is followed.
 
-    Parameters
-    ----------
-    folder : Path
-        As `root` gives it.
-    now : float, optional
-        The time [s] since 1970; the clock's by default.
-
-    Returns
-    -------
-    list of Path
-        The removed files.
+    folder: as `root` gives it; now: the time [s] since 1970; the clock's by default.
     """
     now = time.time() if now is None else now
     marker = folder / _SWEPT

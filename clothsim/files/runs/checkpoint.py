@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
+from clothsim.solve.stepping.state import Previous, Rest, State
 
 CHECKPOINT_NAME = "checkpoint.npz"
 _FORMAT, _EARLIER = "clothsim checkpoint 3", "clothsim checkpoint 2"
@@ -22,47 +22,23 @@ _FORMAT, _EARLIER = "clothsim checkpoint 3", "clothsim checkpoint 2"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """The state of a run between two steps.
+    """What a run needs to go on.
 
     Parameters
     ----------
-    time : float
-        Simulated time [s].
-    dt : float
-        Length of the next step [s].
-    frame, step : int
-        Number of frames and steps that are done.
-    positions, velocities : (N, 3) ndarray
-        All rows of x [m], [m/s].
+    state : State
+        Its state between two steps.
     scene_text : str
         The scene, by `Scene.to_text`.
     counters : dict
         Sums of the summary so far, as JSON values.
-    blocked_at : float
-        Time at which the last tries of a prescribed motion were blocked [s]; nan where none was.
-    blocked : int
-        Number of tries that were blocked there.
-    previous_positions, previous_velocities : (N, 3) ndarray, optional
-        The state a step earlier, for BDF2.
-    previous_dt : float
-        The step since then [s].
     files : mapping of str to bytes
         Files that the scene names, by their names in it; empty where they are not kept in the checkpoint.
     """
 
-    time: float
-    dt: float
-    frame: int
-    step: int
-    positions: Floats
-    velocities: Floats
+    state: State
     scene_text: str
     counters: dict[str, Any]
-    blocked_at: float = math.nan
-    blocked: int = 0
-    previous_positions: Floats | None = None
-    previous_velocities: Floats | None = None
-    previous_dt: float = math.nan
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
@@ -73,22 +49,29 @@ def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
 
 def packed(checkpoint: Checkpoint) -> bytes:
     """The bytes of the NumPy archive that holds a checkpoint."""
-    counters = json.dumps(checkpoint.counters, default=lambda number: number.tolist())
+    state, previous = checkpoint.state, checkpoint.state.previous
+    history = {
+        "memory": dict(state.memory),
+        "temporal_error": state.temporal_error,
+        "slow_steps": state.slow_steps,
+        "rest": state.rest.name,
+    }
+    counters = json.dumps({**history, **checkpoint.counters}, default=lambda number: number.tolist())
     archive = BytesIO()
     more: dict[str, Any] = dict(_packed_files(checkpoint.files))
-    if checkpoint.previous_positions is not None and checkpoint.previous_velocities is not None:
+    if previous is not None:
         more |= {
-            "previous_positions": np.asarray(checkpoint.previous_positions, np.float64),
-            "previous_velocities": np.asarray(checkpoint.previous_velocities, np.float64),
-            "previous_dt": np.array([checkpoint.previous_dt]),
+            "previous_positions": np.asarray(previous.positions, np.float64),
+            "previous_velocities": np.asarray(previous.velocities, np.float64),
+            "previous_dt": np.array([previous.dt]),
         }
     np.savez(
         archive,
         format=_text(_FORMAT),
-        times=np.array([checkpoint.time, checkpoint.dt, checkpoint.blocked_at]),
-        counts=np.array([checkpoint.frame, checkpoint.step, checkpoint.blocked], np.int64),
-        positions=np.asarray(checkpoint.positions, np.float64),
-        velocities=np.asarray(checkpoint.velocities, np.float64),
+        times=np.array([state.time, state.dt, state.blocked_at]),
+        counts=np.array([state.frame, state.step, state.blocked], np.int64),
+        positions=np.asarray(state.positions, np.float64),
+        velocities=np.asarray(state.velocities, np.float64),
         scene_text=_text(checkpoint.scene_text),
         counters=_text(counters),
         **more,
@@ -138,21 +121,27 @@ def _from_arrays(arrays: Any) -> Checkpoint:
     scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
     if not isinstance(counters, dict):
         raise ValueError("its counters are no table")
-    state = time, dt, frame, step, positions, velocities
-    previous, files = _previous(arrays, positions.shape), _files(arrays)
-    return Checkpoint(*state, scene_text, counters, blocked_at, blocked, *previous, files)
+    state = State(
+        *(time, dt, step, frame, positions, velocities, blocked_at, blocked),
+        memory=counters.pop("memory", {}),
+        previous=_previous(arrays, positions.shape),
+        temporal_error=counters.pop("temporal_error", 0.0),
+        slow_steps=counters.pop("slow_steps", 0),
+        rest=Rest[counters.pop("rest", Rest.MOVING.name)],
+    )
+    return Checkpoint(state, scene_text, counters, _files(arrays))
 
 
-def _previous(arrays: Any, shape: tuple[int, ...]) -> tuple[Floats | None, Floats | None, float]:
-    """The state a step earlier; None, None and nan where there is none."""
+def _previous(arrays: Any, shape: tuple[int, ...]) -> Previous | None:
+    """The state a step earlier, where there is one."""
     if "previous_positions" not in arrays:
-        return None, None, math.nan
+        return None
     positions, velocities, dts = (arrays[f"previous_{key}"] for key in ("positions", "velocities", "dt"))
     if any(a.dtype != np.float64 for a in (positions, velocities, dts)) or not 0 < (dt := float(dts[0])) < math.inf:
         raise ValueError("the step before it is broken")
     if positions.shape != shape or velocities.shape != shape:
         raise ValueError(f"the step before it has positions {positions.shape}, not {shape}")
-    return positions, velocities, dt
+    return Previous(positions, velocities, dt)
 
 
 def _packed_files(files: Mapping[str, bytes]) -> dict[str, np.ndarray]:

@@ -28,24 +28,11 @@ ROUND_OFF = 1e-9
 def refuse_unsupported(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
     """Refuse a piece of cloth under a load without pin, spring, contact with a body, inertia or damping.
 
-    Parameters
-    ----------
-    world : World
-        Cloths and bodies at the start.
-    energies : dict of str to Energy
-        The effects that are on.
-    constraints : iterable of Constraint
-        The prescribed positions.
-
-    Raises
-    ------
-    InputError
-        With the name of the piece and its load.
-
-    Notes
-    -----
     The internal forces of a piece cancel, so that the sum of its forces is the load. With self_contact all pieces count
     as one, as one may lie on another.
+
+    world: cloths and bodies at the start; energies: the effects that are on. InputError with the name of the piece and
+    its load.
     """
     # Friction resists only where there is contact, whose forces are known last.
     resisted = any(_resists(world, energy) for energy in energies.values() if not energy.begins_last)
@@ -118,19 +105,7 @@ INSIDE = 0.9
 def scene_warnings(world: World, energies: dict[str, Energy], dt: float) -> tuple[str, ...]:
     """The warnings of a world.
 
-    Parameters
-    ----------
-    world : World
-        Cloths and bodies at the start.
-    energies : dict of str to Energy
-        The effects that are on.
-    dt : float
-        Longest time step [s].
-
-    Returns
-    -------
-    tuple of str
-        One sentence each.
+    world: cloths and bodies at the start; energies: the effects that are on; dt: longest time step [s].
     """
     return (
         *_ignored_keys(world, energies),
@@ -146,19 +121,8 @@ def scene_warnings(world: World, energies: dict[str, Energy], dt: float) -> tupl
 def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) -> tuple[str, ...]:
     """Meshes whose unit or vertical axis looks wrong, each with the key that mends it.
 
-    Parameters
-    ----------
-    world : World
-        Cloths and bodies at the start.
-    scene : Scene
-        Their tables. Of generated bodies a slab is taken for a floor, and none has a vertical axis of its own.
-    energies : mapping of str to Energy
-        The effects that are on.
-
-    Returns
-    -------
-    tuple of str
-        One sentence each.
+    world: cloths and bodies at the start; scene: their tables. Of generated bodies a slab is taken for a floor, and
+    none has a vertical axis of its own; energies: the effects that are on.
     """
     tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
     meshes = [(cloth.name, cloth.positions) for cloth in world.cloths]

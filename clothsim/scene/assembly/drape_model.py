@@ -90,10 +90,7 @@ class DrapeModel:
 def predicted(model: DrapeModel, scene: Scene) -> Floats:
     """The positions (n, 3) that a model predicts for a scene [m].
 
-    Raises
-    ------
-    InputError
-        For another garment or body family than the model's, or without one of its inputs.
+    InputError for another garment or body family than the model's, or without one of its inputs.
     """
     inputs, same, same_as = (names.tolist() for names in (model.inputs, model.same, model.same_as))
     varied = [*inputs, *same]

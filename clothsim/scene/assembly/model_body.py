@@ -70,11 +70,11 @@ def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, chara
         return own_clip, f"motion {own_clip.name}"
     if ending in (".bvh", ".npz"):
         path = existing_file(f"{where}.motion", directory, clip.clip)
-        return _of_file(path, model, character, clip.scale), label
+        return _read_motion(path, model, character, clip.scale), label
     raise InputError(f"{where}.motion is {clip.clip!r}.", f"Known: {', '.join(CLIPS)}; or a .bvh or .npz file.")
 
 
-def _of_file(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
+def _read_motion(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
     """The motion of a .bvh or an AMASS .npz file; that of AMASS moves a model of the SMPL family joint by joint."""
     if path.suffix.lower() == ".bvh":
         return retargeted(read_bvh(path), character.skeleton, scale)
@@ -143,10 +143,7 @@ class PlacedCharacter:
 def body_of_model(keys: ModelTable, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table with a `model`, and notes for the user.
 
-    Raises
-    ------
-    InputError
-        For a bad file, shape, pose or motion, in one sentence.
+    InputError for a bad file, shape, pose or motion, in one sentence.
     """
     label = name_of(keys, where)
     made = placed_character(keys, where, directory)

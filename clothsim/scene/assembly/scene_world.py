@@ -133,10 +133,8 @@ def build_effects(
 def _rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) -> dict[str, Energy]:
     """The rigidity of a world's rigid bodies, and their ties.
 
-    Raises
-    ------
-    InputError
-        The scene has no inertia, a policy of pinches that does not know rigid bodies, or a tie without a stiffness.
+    InputError: the scene has no inertia, a policy of pinches that does not know rigid bodies, or a tie without a
+    stiffness.
     """
     if not world.rigid:
         return {}

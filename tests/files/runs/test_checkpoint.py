@@ -6,6 +6,7 @@ import pytest
 
 from clothsim.base.errors import InputError
 from clothsim.files.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from clothsim.solve.stepping.state import Previous, Rest, State
 
 
 def odd_floats(seed, n):
@@ -17,12 +18,17 @@ def odd_floats(seed, n):
 
 
 CHECKPOINT = Checkpoint(
-    time=0.1 + 0.2,
-    dt=1 / 300,
-    frame=7,
-    step=2**40 + 1,
-    positions=odd_floats(0, 50),
-    velocities=odd_floats(1, 50),
+    State(
+        time=0.1 + 0.2,
+        dt=1 / 300,
+        frame=7,
+        step=2**40 + 1,
+        positions=odd_floats(0, 50),
+        velocities=odd_floats(1, 50),
+        memory={"body_contact": 0.3},
+        slow_steps=3,
+        rest=Rest.CHANGING,
+    ),
     scene_text='[cloth]\nname = "Röckchen 👗"\n\0',
     counters={"newton_iterations": 41, "seconds": 0.1 + 0.2, "effects": {"membrane": {"hessians": 12, "worst": None}}},
 )
@@ -38,9 +44,16 @@ def bits(value):
 
 
 def assert_same(one, other):
-    for field in fields(Checkpoint):
+    assert (one.scene_text, one.counters, one.files) == (other.scene_text, other.counters, other.files)
+    same_fields(one.state, other.state)
+
+
+def same_fields(one, other):
+    for field in fields(other):
         a, b = getattr(one, field.name), getattr(other, field.name)
-        if isinstance(b, float | np.ndarray):
+        if isinstance(b, Previous):
+            same_fields(a, b)
+        elif isinstance(b, float | np.ndarray):
             assert bits(a) == bits(b), field.name
             assert np.shape(a) == np.shape(b)
         else:
@@ -51,16 +64,18 @@ def test_a_checkpoint_comes_back_to_the_last_bit(path):
     write_checkpoint(path, CHECKPOINT)
     read = read_checkpoint(path)
     assert_same(read, CHECKPOINT)
-    assert read.positions.dtype == np.float64
-    assert read.positions.flags.c_contiguous
-    assert read.positions.flags.writeable
-    assert isinstance(read.time, float)
-    assert isinstance(read.step, int)
+    assert read.state.positions.dtype == np.float64
+    assert read.state.positions.flags.c_contiguous
+    assert read.state.positions.flags.writeable
+    assert isinstance(read.state.time, float)
+    assert isinstance(read.state.step, int)
 
 
-EARLIER = replace(
-    CHECKPOINT, previous_positions=odd_floats(2, 50), previous_velocities=odd_floats(3, 50), previous_dt=1 / 7
-)
+def with_state(checkpoint, **changes):
+    return replace(checkpoint, state=replace(checkpoint.state, **changes))
+
+
+EARLIER = with_state(CHECKPOINT, previous=Previous(odd_floats(2, 50), odd_floats(3, 50), 1 / 7))
 
 
 def test_the_step_before_comes_back_to_the_last_bit(path):
@@ -68,29 +83,27 @@ def test_the_step_before_comes_back_to_the_last_bit(path):
     assert_same(read_checkpoint(path), EARLIER)
 
 
-@pytest.mark.parametrize(
-    "change", [{"previous_dt": np.nan}, {"previous_dt": 0.0}, {"previous_positions": np.zeros((49, 3))}]
-)
+@pytest.mark.parametrize("change", [{"dt": np.nan}, {"dt": 0.0}, {"positions": np.zeros((49, 3))}])
 def test_a_broken_step_before_is_refused(path, change):
-    write_checkpoint(path, replace(EARLIER, **change))
+    write_checkpoint(path, with_state(EARLIER, previous=replace(EARLIER.state.previous, **change)))
     with pytest.raises(InputError, match=re.escape(path.name)):
         read_checkpoint(path)
 
 
 def test_numpy_numbers_and_views_are_taken_too(path):
     counters = {"pairs": np.int64(3), "seconds": np.float64(0.1), "each": np.arange(3)}
-    fortran = np.asfortranarray(CHECKPOINT.positions)
-    write_checkpoint(path, replace(CHECKPOINT, counters=counters, positions=fortran, time=np.float64(0.25)))
+    fortran = np.asfortranarray(CHECKPOINT.state.positions)
+    write_checkpoint(path, with_state(replace(CHECKPOINT, counters=counters), positions=fortran, time=np.float64(0.25)))
     read = read_checkpoint(path)
     assert read.counters == {"pairs": 3, "seconds": 0.1, "each": [0, 1, 2]}
-    assert bits(read.positions) == bits(CHECKPOINT.positions)
-    assert read.time == 0.25
+    assert bits(read.state.positions) == bits(CHECKPOINT.state.positions)
+    assert read.state.time == 0.25
 
 
 def test_the_new_checkpoint_takes_the_place_of_the_old_one(path, tmp_path):
     write_checkpoint(path, CHECKPOINT)
-    write_checkpoint(path, replace(CHECKPOINT, step=8))
-    assert read_checkpoint(path).step == 8
+    write_checkpoint(path, with_state(CHECKPOINT, step=8))
+    assert read_checkpoint(path).state.step == 8
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -102,7 +115,7 @@ def test_the_old_checkpoint_outlives_a_write_that_fails(path, tmp_path, monkeypa
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(InputError, match=re.escape(path.name)):
-        write_checkpoint(path, replace(CHECKPOINT, step=8))
+        write_checkpoint(path, with_state(CHECKPOINT, step=8))
     assert_same(read_checkpoint(path), CHECKPOINT)
     assert list(tmp_path.iterdir()) == [path]
 
@@ -119,8 +132,8 @@ def test_a_truncated_checkpoint_is_refused_wherever_it_ends(path):
 def test_no_changed_byte_goes_unnoticed_in_the_state(path):
     write_checkpoint(path, CHECKPOINT)
     content = path.read_bytes()
-    state = content.index(CHECKPOINT.positions.tobytes())
-    for place in (state, state + 600, state + CHECKPOINT.positions.nbytes - 1):
+    state = content.index(CHECKPOINT.state.positions.tobytes())
+    for place in (state, state + 600, state + CHECKPOINT.state.positions.nbytes - 1):
         path.write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
         with pytest.raises(InputError, match=re.escape(path.name)):
             read_checkpoint(path)
@@ -151,7 +164,7 @@ def npy(directory):
     [{"positions": np.zeros((4, 2))}, {"velocities": np.zeros((49, 3))}, {"positions": np.zeros(3)}],
 )
 def test_arrays_of_the_wrong_shape_are_refused(path, change):
-    write_checkpoint(path, replace(CHECKPOINT, **change))
+    write_checkpoint(path, with_state(CHECKPOINT, **change))
     with pytest.raises(InputError, match=re.escape(path.name)):
         read_checkpoint(path)
 

@@ -171,7 +171,7 @@ def test_a_resumed_run_restores_its_folds_bit_for_bit(tmp_path):
 
     with pytest.raises(StoppedError):
         simulate(scene, tmp_path / "part", progress=stop)
-    kept = read_checkpoint(tmp_path / "part" / CHECKPOINT_NAME).counters["memory"]["plastic_bending"]
+    kept = read_checkpoint(tmp_path / "part" / CHECKPOINT_NAME).state.memory["plastic_bending"]
     assert np.abs(kept).max() > 1e-3
     assert np.array_equal(frames(resume(tmp_path / "part")), frames(whole))
 
