@@ -38,20 +38,8 @@ class Drape:
 def drape(scene: Scene, folder: Path, farm: Path | None = None, frames: str = "last") -> Drape:
     """Simulate a scene in a folder of its own; what it refuses or fails at is the reason of a failed drape.
 
-    Parameters
-    ----------
-    scene : Scene
-    folder : Path
-        For the files of the run, which are deleted.
-    farm : Path, optional
-        Where the meshes are stored.
-    frames : {"last", "all"}
-        What is kept.
-
-    Raises
-    ------
-    OSError, MemoryError, KeyboardInterrupt
-        Faults of the machine, which are not those of the drape.
+    folder: of the files of the run, which are deleted; farm: where the meshes are stored; frames: "last" or "all", what
+    is kept. OSError, MemoryError and KeyboardInterrupt are faults of the machine, and are raised.
     """
     started, cpu = perf_counter(), process_time()
     try:

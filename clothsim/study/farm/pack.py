@@ -30,6 +30,7 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
     settings, used = farm.settings, [row for row in rows if row["usable"]]
     same = settings["same"]
     cut = any(key.startswith("cloth.") and other.startswith("body.") for key, other in same.items())
+    reasons = {row["cause"]: str(row["reason"]) for row in reversed(rows) if not row["usable"]}
     cause = Counter(row["cause"] for row in rows if not row["usable"])
     lines = [
         f"# Drapes of {farm.directory.name}",
@@ -56,7 +57,7 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         "",
         "## Left out",
         "",
-        *([f"* {count} {name}: {_first(rows, name)}" for name, count in sorted(cause.items())] or ["Nothing."]),
+        *([f"* {count} {name}: {reasons[name]}" for name, count in sorted(cause.items())] or ["Nothing."]),
         "",
     ]
     return "\n".join(lines)
@@ -77,10 +78,6 @@ def _statistics(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     if not values:
         return [name, "", "", ""]
     return [name, *(f"{value:.4g}" for value in (min(values), float(np.median(values)), max(values)))]
-
-
-def _first(rows: Sequence[Mapping[str, Any]], cause: str) -> str:
-    return str(next(row["reason"] for row in rows if not row["usable"] and row["cause"] == cause))
 
 
 SHARD = 1000
