@@ -12,12 +12,7 @@ from clothsim.mesh.world import World, make_world, with_local_origin
 from clothsim.physics.energies.base import Constraint, Energy, Off
 from clothsim.physics.energies.key_values import selected_vertices
 from clothsim.physics.energies.protocols import report_of
-<<<<<<< HEAD
-from clothsim.scene.assembly.checks import refuse_unsupported, scene_warnings, size_warnings
-=======
-from clothsim.physics.energies.selection import selected_vertices
 from clothsim.scene.assembly.checks import refuse_start_inside, refuse_unsupported, scene_warnings, size_warnings
->>>>>>> main
 from clothsim.scene.assembly.initial_positions import initial_positions, untangled
 from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, rigid_body_of
 from clothsim.scene.effects import CONTACTS, EFFECTS
