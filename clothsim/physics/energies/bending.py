@@ -31,13 +31,14 @@ def bending(world: World, keys: Bending) -> Energy | Off:
     Raises
     ------
     InputError
-        For an angle that the model does not take.
+        For a key that the model does not take.
     """
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
-    if turned and keys.model != "midedge":
-        raise InputError(
-            f'effects.bending.angle_degrees has no effect with model = "{keys.model}".', 'It is for "midedge".'
-        )
+    for key, given in {"angle_degrees": turned, "curvature_jumps": keys.curvature_jumps != 0}.items():
+        if given and keys.model != "midedge":
+            raise InputError(
+                f'effects.bending.{key} has no effect with model = "{keys.model}".', 'It is for "midedge".'
+            )
     hinges = world.hinges
     if not len(hinges.vertices):
         return Off("the cloth has no interior edge")
@@ -50,7 +51,7 @@ def bending(world: World, keys: Bending) -> Energy | Off:
     if keys.model != "midedge":
         return build(stiff_hinges, world)
     angles = over_cloth("effects.bending.angle_degrees", keys.angle_degrees, world)
-    return build(stiff_hinges, world, np.radians(angles))
+    return build(stiff_hinges, world, np.radians(angles), keys.curvature_jumps)
 
 
 EXAMPLE = Example(zero={}, zero_scene={"cloth": {"bending_stiffness": 0}})
