@@ -212,16 +212,14 @@ def legs_score(points: Floats, triangles: Ints, axis: Floats) -> float:
     floor, height = heights.min(), np.ptp(heights)
     if height == 0:
         return 0.0
-    pairs = []
-    for fraction in LEGS:
+    pairs, heads = [], []
+    for fraction in (*LEGS, *HEAD):
         pieces = loops(level_set(points, triangles, heights, floor + fraction * height), triangles)
-        lengths = [float(piece.lengths.sum()) for piece in pieces]
-        pairs.append(len(lengths) > 1 and lengths[1] > SIMILAR * lengths[0] and [*lengths, 0.0][2] < lengths[1] / 2)
-    heads = []
-    for fraction in HEAD:
-        pieces = loops(level_set(points, triangles, heights, floor + fraction * height), triangles)
-        lengths = [float(piece.lengths.sum()) for piece in pieces]
-        heads.append(len(lengths) > 0 and [*lengths, 0.0][1] < SIMILAR * lengths[0])
+        first, second, third = [*(float(piece.lengths.sum()) for piece in pieces), 0.0, 0.0, 0.0][:3]
+        if fraction in LEGS:
+            pairs.append(second > SIMILAR * first and third < second / 2)
+        else:
+            heads.append(first > 0 and second < SIMILAR * first)
     return float(np.mean(pairs) * np.mean(heads))
 
 

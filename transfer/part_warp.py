@@ -166,10 +166,7 @@ def size_factors(source: BodyParts, target: BodyParts) -> SizeFactors:
     """Size factors from one body to another, smoothed along each part and bounded by WIDEST about their mean."""
     trunk = profile(source.trunk, target.trunk, heights_onto(source, target, source.trunk.levels))
     legs = np.mean(
-        [
-            profile(a, b, heights_onto(source, target, a.levels))
-            for a, b in zip(*both_legs(source, target), strict=True)
-        ],
+        [profile(a, b, heights_onto(source, target, a.levels)) for a, b in zip(source.legs, target.legs, strict=True)],
         0,
     )
     arms = np.mean([profile(a, b, a.levels) for a, b in zip(source.arms, target.arms, strict=True)], axis=0)
@@ -200,11 +197,6 @@ def size_factors(source: BodyParts, target: BodyParts) -> SizeFactors:
         "height": target.frame.height / source.frame.height,
     }
     return SizeFactors(named, trunk, np.stack([legs, legs]), np.stack([arms, arms]), lengths, mean)
-
-
-def both_legs(source: BodyParts, target: BodyParts) -> tuple[tuple[Tube, Tube], tuple[Tube, Tube]]:
-    """Legs of both bodies."""
-    return source.legs, target.legs
 
 
 def profile(tube: Tube, onto: Tube, levels: Floats) -> Floats:

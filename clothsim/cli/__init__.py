@@ -67,13 +67,14 @@ COMMANDS = {
     "scenes": Command("info_command", "list the example scenes"),
     "keys": Command("info_command", "list the keys of a scene file"),
     "fabrics": Command("info_command", "list the named fabrics"),
+    "test": Command("test_command", "test a fabric", "`clothsim fabrics` lists the named fabrics."),
     "completion": Command("info_command", "complete words in a shell"),
 }
 
 GROUPS = {
     "": ("run", "resume", "check", "explain", "view", "render", "export", "bundle"),
     "garment": ("fit", "dress", "unpose", "repose"),
-    "study": ("study",),
+    "study": ("study", "test"),
     "farm": ("farm", "sweep", "learn", "preview"),
     "design": ("gradient", "recover", "design"),
     "info": ("scenes", "keys", "fabrics", "completion"),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import clothsim
-from clothsim import gradients, patterns
+from clothsim import engine, gradients, patterns
 from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,6 +62,11 @@ def add_output_options(
     command.add_argument("--debug", action="store_true", help="show tracebacks")
     if handler is not None:
         command.set_defaults(handler=handler)
+
+
+def add_set(command: argparse.ArgumentParser, help: str = "change a key of the scene") -> None:
+    """Add --set, which `scene_of` reads, to a command."""
+    command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=help)
 
 
 def refuse_empty(words: Sequence[str]) -> None:
@@ -229,6 +234,10 @@ def meshed(file: Path, size: str) -> "PatternMesh":
     return patterns.mesh_pattern(patterns.read_specification(file), as_length("--size", size))
 
 
-def scene_or_run(path: Path) -> "Scene":
-    """Return the scene of a file, of an installed name, or of the run in a directory."""
-    return clothsim.open_run(path).scene if path.is_dir() else clothsim.load_scene(path)
+def scene_of(arguments: argparse.Namespace, or_run: bool = False) -> "Scene":
+    """Return the scene of a file or of an installed name with the keys of --set; or_run: of a run's directory too."""
+    path = arguments.scene
+    scene = clothsim.open_run(path).scene if or_run and path.is_dir() else clothsim.load_scene(path)
+    for assignment in arguments.set:
+        scene = engine.override(scene, assignment)
+    return scene

@@ -132,23 +132,16 @@ def _examined_pattern(arguments: argparse.Namespace) -> "engine.Examination":
     notes: list[str] = []
     findings: list[clothsim.Finding] = []
     try:
-        pattern = _read_pattern(arguments)
+        without_sewing_file = arguments.target.suffix.lower() == ".dxf"
+        pattern = files.read_pattern(arguments.target, seams=arguments.seams, sewn=not without_sewing_file)
         notes += _pattern_lines(pattern)
         if arguments.output is not None:
             drawn = render.draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)
             notes.append(f"drawn: {drawn}")
-        _refuse_unmeshed(pattern)
+        patterns.joined_vertices(patterns.mesh_pattern(pattern, SPACING))  # seams that give the garment one side
     except InputError as error:
         findings.append(clothsim.Finding("error", "pattern", error.sentence, error.remedy))
     return engine.Examination(f"{arguments.target}, as a sewing pattern", tuple(notes), tuple(findings))
-
-
-def _read_pattern(arguments: argparse.Namespace) -> "Pattern":
-    """The pattern; a drawing without its sewing file too."""
-    if arguments.target.suffix.lower() == ".dxf":
-        return files.read_pattern(arguments.target, seams=arguments.seams, sewn=False)
-
-    return files.read_pattern(arguments.target, seams=arguments.seams)
 
 
 def _pattern_lines(pattern: "Pattern") -> Iterator[str]:
@@ -161,12 +154,6 @@ def _pattern_lines(pattern: "Pattern") -> Iterator[str]:
         first, second = (100 * pattern.panels[side.panel].edge_length(side.edge) for side in stitch.sides)
         yield f"seam {number}: {stitch.first} to {stitch.second}, {first:.1f} and {second:.1f} cm"
     yield from pattern.notes
-
-
-def _refuse_unmeshed(pattern: "Pattern") -> None:
-    """InputError for a panel that crosses itself, and for seams that give the garment one side."""
-    mesh = patterns.mesh_pattern(pattern, SPACING)
-    patterns.joined_vertices(mesh)
 
 
 def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination":

@@ -10,7 +10,7 @@ import clothsim
 from clothsim import engine, gradients
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import add_output_options, as_count, as_positive_number, meshed, scene_or_run, words
+from clothsim.cli.arguments import add_output_options, add_set, as_count, as_positive_number, meshed, scene_of, words
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def add_to(commands: Any) -> None:
     design.add_argument("--pattern", type=Path, metavar="FILE", help="pattern of a cloth of arrays")
     design.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     design.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
-    design.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
+    add_set(design)
     design.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
     add_output_options(
         design, json="print design.json, the rest on stderr", quiet="print the end only", handler=_design
@@ -60,9 +60,7 @@ def add_to(commands: Any) -> None:
 def _design(arguments: argparse.Namespace) -> Report:
     free, runs = words("--free", arguments.free), as_count("--runs", arguments.runs)
     area = None if arguments.area is None else as_positive_number("--area", arguments.area)
-    scene = scene_or_run(arguments.scene)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
+    scene = scene_of(arguments, or_run=True)
     if arguments.output is not None:
         engine.refuse_earlier_run(arguments.output, arguments.overwrite)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)

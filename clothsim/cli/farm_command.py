@@ -13,12 +13,19 @@ from time import sleep
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-import clothsim
-from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text import text_table
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import Parser, Renamed, add_output_options, as_count, as_positive_number, as_seconds
+from clothsim.cli.arguments import (
+    Parser,
+    Renamed,
+    add_output_options,
+    add_set,
+    as_count,
+    as_positive_number,
+    as_seconds,
+    scene_of,
+)
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
@@ -71,7 +78,7 @@ def add_to(commands: Any) -> None:
     sweep = commands.add_parser("sweep", description=_SWEEP)
     sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     sweep.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,C", help="a key and its values")
-    sweep.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of all")
+    add_set(sweep, "change a key of all")
     sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: the scene's name_sweep)")
     add_output_options(sweep, json="print the rows as JSON", quiet="print nothing but errors", handler=_sweep)
     learn = commands.add_parser("learn", description=_LEARN)
@@ -132,7 +139,7 @@ def _work(arguments: argparse.Namespace) -> Report | int:
             else:
                 _work_with_dask(arguments, farm, attempts, stale)
         except KeyboardInterrupt:
-            left = len(farm.jobs) - len(farm.published())
+            left = len(farm.unpublished())
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
             return 130
     on_demand.write_manifest(farm)
@@ -237,9 +244,7 @@ def _text(state: "Status") -> str:
 def _sweep(arguments: argparse.Namespace) -> Report | int:
     if not arguments.vary:
         raise InputError("Nothing varies.", "Write --vary solver.dt=.02,.01.")
-    scene = clothsim.load_scene(arguments.scene)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
+    scene = scene_of(arguments)
     varied = dict(_values(text) for text in arguments.vary)
     recipe = on_demand.make_recipe(scene, {"until": scene.run_settings.until}, {}, varied)
     on_demand.refuse_unbuildable(recipe)

@@ -14,11 +14,12 @@ from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     LOSSES,
     add_output_options,
+    add_set,
     as_count,
     as_positive_number,
     loss_of,
     meshed,
-    scene_or_run,
+    scene_of,
     words,
 )
 from clothsim.cli.report import Report, messages
@@ -44,7 +45,7 @@ def add_to(commands: Any) -> None:
         "--wrt", required=True, metavar="NAMES", help="start, velocity, force, pins, body.NAME.position, youngs_modulus"
     )
     gradient.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the arrays (.npz)")
-    gradient.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
+    add_set(gradient)
     add_output_options(gradient, json="print JSON, the rest on stderr", handler=_gradient)
     recover = commands.add_parser("recover", description=_RECOVER)
     recover.add_argument(
@@ -65,7 +66,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", default="2", metavar="N", help="starts of the search (default 2)")
     recover.add_argument("--scale", default="1", metavar="FACTOR", help="metres per unit of the target")
-    recover.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
+    add_set(recover)
     recover.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
     add_output_options(
         recover, json="print recovery.json, the rest on stderr", quiet="print the end only", handler=_recover
@@ -76,9 +77,7 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     names = words("--wrt", arguments.wrt)
     if arguments.output is not None and arguments.output.suffix != ".npz":
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
-    scene = clothsim.load_scene(arguments.scene)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
+    scene = scene_of(arguments)
     messages(arguments, arguments.scene)
     loss = loss_of(arguments.loss, engine.build(scene).world)
     trace = gradients.traced(scene)
@@ -136,9 +135,7 @@ def _recover(arguments: argparse.Namespace) -> Report:
     scale = as_positive_number("--scale", arguments.scale)
     if not arguments.target.exists():
         raise InputError(f"There is no {arguments.target}.", "Name a mesh, an .xyz file or a run with --target.")
-    scene = scene_or_run(arguments.scene)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
+    scene = scene_of(arguments, or_run=True)
     if arguments.output is not None:
         engine.refuse_earlier_run(arguments.output, arguments.overwrite)
     messages(arguments, f"{', '.join(free)} of {arguments.scene}")
@@ -157,14 +154,10 @@ def _recover(arguments: argparse.Namespace) -> Report:
     content = summary(found, type(loss).__name__)
     code = 0 if found.best.intersecting_pairs == 0 else 1
     if arguments.output is not None:
-        code = max(code, _run_recovered(found, arguments))
+        run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
+        code = code if run.status == "completed" else 1
         (arguments.output / RECOVERY_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
     return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
-
-
-def _run_recovered(found: "clothsim.Recovery", arguments: argparse.Namespace) -> int:
-    run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
-    return 0 if run.status == "completed" else 1
 
 
 def _shown(start: int, values: Mapping[str, float], state: str) -> None:

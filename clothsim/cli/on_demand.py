@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clothsim.garments.penetration import draw_penetrations, entries, read_penetration_report
     from clothsim.garments.pictures import draw_dress, draw_fit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
+    from clothsim.study.fabric_test import draw_drape, fabric_tested
     from clothsim.study.farm.claims import worker_of
     from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
     from clothsim.study.farm.pack import pack

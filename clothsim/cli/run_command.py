@@ -18,7 +18,7 @@ from clothsim import engine, files
 from clothsim.base.errors import InputError
 from clothsim.base.text import length, many
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import add_output_options, as_count, as_length, as_positive_number
+from clothsim.cli.arguments import add_output_options, add_set, as_count, as_length, as_positive_number
 from clothsim.cli.progress import clock, frame_counter
 from clothsim.cli.report import Report, messages, program
 
@@ -50,7 +50,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name)")
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
-    run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
+    add_set(run, "change a key: body.mesh=PATH")
     run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with the error of this run")
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")

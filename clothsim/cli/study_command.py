@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import Renamed, add_output_options, as_count, as_seconds, loss_of, words
+from clothsim.cli.arguments import Renamed, add_output_options, add_set, as_count, as_seconds, loss_of, scene_of, words
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
 from clothsim.cli.report import Report, messages
 
@@ -45,7 +45,7 @@ def add_to(commands: Any) -> None:
     study.add_argument("--goal", metavar="GOAL", help="which triangles make its error: hem, height, girth=0.8, ...")
     study.add_argument("--budget", default="120s", metavar="TIME", help="of the whole study: 90s, 10min (default 120s)")
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
-    study.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
+    add_set(study)
     add_output_options(study, json="print study.json, the rest on stderr", quiet="print the end only", handler=_study)
 
 
@@ -53,9 +53,7 @@ def _study(arguments: argparse.Namespace) -> Report:
     budget = as_seconds("--budget", arguments.budget)
     parameters = None if arguments.parameters is None else words("--parameters", arguments.parameters, "dt,cells")
     workers = None if arguments.workers is None else as_count("--workers", arguments.workers)
-    scene = clothsim.load_scene(arguments.scene)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
+    scene = scene_of(arguments)
     goal = None if arguments.goal is None else _goal(arguments.goal, scene)
     directory = arguments.output or Path(f"{arguments.scene.stem}_study")
     messages(arguments, arguments.scene)

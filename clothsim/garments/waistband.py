@@ -11,8 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
@@ -106,9 +104,7 @@ def border_loops(triangles: Ints) -> list[Ints]:
     edges = border_edges(triangles)[0]
     if not len(edges):
         return []
-    n = int(triangles.max()) + 1
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    labels = connected_components(graph, directed=False)[1][edges[:, 0]]
+    labels = components(np.column_stack([edges, edges[:, 1]]), int(triangles.max()) + 1)[edges[:, 0]]
     return [edges[labels == label] for label in np.unique(labels)]
 
 

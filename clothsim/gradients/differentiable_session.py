@@ -8,7 +8,7 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.polishing import MOST_STEPS, Polish
 from clothsim.gradients.recorded_step import RecordedStep, recorded
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.protocols import AdaptiveStiffness, Lagged
+from clothsim.physics.energies.protocols import AdaptiveStiffness, History, Lagged
 from clothsim.run.session import Session
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.state import State, first_state
@@ -60,6 +60,10 @@ def refuse(session: Session) -> None:
     for name, why in REFUSED.items():
         if name in energies:
             raise InputError(f"effects.{name} has no gradient: {why}.", "Leave it out of a differentiable run.")
+    if isinstance(energies.get("bending"), History):
+        raise InputError(
+            "cloth.bending_hysteresis has no gradient: its slips remember every step before.", "Set it to 0."
+        )
     friction = energies.get("friction")
     if getattr(friction, "elastic_slip", 0.0):
         raise InputError(

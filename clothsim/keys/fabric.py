@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from clothsim.base.arrays import as_positive
+from clothsim.base.arrays import as_finite, as_positive
 from clothsim.base.errors import InputError
 
 EXTENDED = 490.3325
@@ -10,6 +10,9 @@ EXTENDED = 490.3325
 
 THREADS = "warp_stiffness", "weft_stiffness", "shear_stiffness"
 BENDINGS = "bending_warp", "bending_weft", "bending_bias"
+SLOPES = "bending_slope", "bending_slope_warp", "bending_slope_weft", "bending_slope_bias"
+HYSTERESES = "bending_hysteresis", "bending_hysteresis_warp", "bending_hysteresis_weft"
+CURLS = "rest_curvature_warp", "rest_curvature_weft"
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,19 @@ class Fabric:
     bending_warp, bending_weft, bending_bias : float, optional
         Bending stiffness of the sheet along warp, along weft, and at 45 degrees to them [N m]; None: bending_stiffness,
         and at 45 degrees what follows from those along warp and weft.
+    bending_slope : float
+        s [N m2] of the moment D k + s k^2 of a cylinder of curvature k; below 0 the sheet softens as it bends.
+    bending_slope_warp, bending_slope_weft, bending_slope_bias : float, optional
+        The same along warp, along weft and at 45 degrees; None: bending_slope, and at 45 degrees what follows from
+        those along warp and weft.
+    rest_curvature_warp, rest_curvature_weft : float
+        Curvature of a strip at rest (natural curl) along warp and weft [1/m], above 0 towards the front.
+    bending_hysteresis : float
+        2HB, the width of the loop of moment over curvature [N m/m]: friction of half of it resists bending.
+    bending_hysteresis_warp, bending_hysteresis_weft : float, optional
+        The same along warp and weft; None: bending_hysteresis.
+    hysteresis_curvature : float
+        Change of curvature in which that friction grows to its limit [1/m].
     friction : float, optional
         Friction coefficient for the user's information; None where no source gives it.
     """
@@ -57,6 +73,16 @@ class Fabric:
     bending_warp: float | None = None
     bending_weft: float | None = None
     bending_bias: float | None = None
+    bending_slope: float = 0.0
+    bending_slope_warp: float | None = None
+    bending_slope_weft: float | None = None
+    bending_slope_bias: float | None = None
+    rest_curvature_warp: float = 0.0
+    rest_curvature_weft: float = 0.0
+    bending_hysteresis: float = 0.0
+    bending_hysteresis_warp: float | None = None
+    bending_hysteresis_weft: float | None = None
+    hysteresis_curvature: float = 10.0
     friction: float | None = None
 
     def __post_init__(self) -> None:
@@ -64,7 +90,7 @@ class Fabric:
         as_positive("thickness", self.thickness)
         as_positive("youngs_modulus", self.youngs_modulus, zero=True)
         as_positive("bending_stiffness", self.bending_stiffness, zero=True)
-        for name in (*THREADS, *BENDINGS, "friction"):
+        for name in (*THREADS, *BENDINGS, *HYSTERESES, "friction"):
             if getattr(self, name) is not None:
                 as_positive(name, getattr(self, name), zero=True)
         for name in ("warp_extension", "weft_extension"):
@@ -76,6 +102,15 @@ class Fabric:
         if self.thread_poisson_ratio is not None and not -1 < self.thread_poisson_ratio < 1:
             raise InputError(f"thread_poisson_ratio must lie in (-1, 1), not {self.thread_poisson_ratio!r}.")
 
+        as_positive("hysteresis_curvature", self.hysteresis_curvature)
+        for name in (*SLOPES, *CURLS):
+            if getattr(self, name) is not None:
+                as_finite(name, getattr(self, name))
+        slopes = self.slope_along_warp, self.slope_along_weft, self.slope_along_bias
+        if min(slopes) < 0 < max(slopes):
+            raise InputError(
+                "bending_slope is above 0 in one direction and below in another.", "Set the smaller one to 0."
+            )
         if self.bending_bias is not None and not self._flexibility_of_twist > 0:
             raise InputError(
                 f"bending_bias is {self.bending_bias!r} N m, which no twisting stiffness gives.",
@@ -147,6 +182,35 @@ class Fabric:
         return self._own(self.bending_weft, self.bending_stiffness)
 
     @property
+    def slope_along_warp(self) -> float:
+        """s along the warp [N m2]; bending_slope where the fabric gives none."""
+        return self._own(self.bending_slope_warp, self.bending_slope)
+
+    @property
+    def slope_along_weft(self) -> float:
+        """s along the weft [N m2]; bending_slope where the fabric gives none."""
+        return self._own(self.bending_slope_weft, self.bending_slope)
+
+    @property
+    def slope_along_bias(self) -> float:
+        """s at 45 degrees [N m2]; where the fabric gives none, that of `bending_slopes` without a twist of its own."""
+        if self.bending_slope_bias is not None:
+            return self.bending_slope_bias
+        warp, weft = abs(self.slope_along_warp) ** (2 / 3), abs(self.slope_along_weft) ** (2 / 3)
+        size = ((warp + weft) / 4 + (warp * weft) ** 0.5 / 2) ** 1.5
+        return size if self.slope_along_warp + self.slope_along_weft > 0 else -size
+
+    @property
+    def hysteresis_along_warp(self) -> float:
+        """2HB along the warp [N m/m]; bending_hysteresis where the fabric gives none."""
+        return self._own(self.bending_hysteresis_warp, self.bending_hysteresis)
+
+    @property
+    def hysteresis_along_weft(self) -> float:
+        """2HB along the weft [N m/m]; bending_hysteresis where the fabric gives none."""
+        return self._own(self.bending_hysteresis_weft, self.bending_hysteresis)
+
+    @property
     def twisting_stiffness(self) -> float:
         """T of `kinematics.plate_law` [N m], for which a strip at 45 degrees bends with bending_bias (1 - nu^2).
 
@@ -172,3 +236,39 @@ class Fabric:
     @staticmethod
     def _own(value: float | None, isotropic: float) -> float:
         return isotropic if value is None else value
+
+
+NEAREST = 0.95
+"""Share of the limit at which an inadmissible stiffness on the bias is taken; at the limit twisting is rigid."""
+
+
+def admissible_bias(warp: float, weft: float, bias: float, poisson_ratio: float) -> tuple[float, str]:
+    """Bending stiffness at 45 degrees nearest to a measured one that a sheet can have.
+
+    Parameters
+    ----------
+    warp, weft, bias : float
+        Bending stiffnesses that were measured along warp, weft and at 45 degrees [N m].
+    poisson_ratio : float
+        Of the fabric.
+
+    Returns
+    -------
+    bias : float
+        The measured one, or where no twisting stiffness gives it `NEAREST` times the limit [N m].
+    note : str
+        What was done and why; empty where the measured one is taken.
+
+    Examples
+    --------
+    >>> admissible_bias(2e-5, 1e-5, 1.2e-5, 0.3)
+    (1.2e-05, '')
+    >>> nearest, note = admissible_bias(2e-5, 1e-5, 4e-5, 0.3)
+    >>> round(1e6 * nearest, 1)
+    35.3
+    """
+    unlimited = Fabric(1.0, 1.0, 1.0, poisson_ratio, warp, bending_warp=warp, bending_weft=weft)
+    limit = 1 / unlimited._flexibility_without_twist if unlimited._flexibility_without_twist > 0 else float("inf")
+    if bias <= NEAREST * limit:
+        return bias, ""
+    return NEAREST * limit, f"{bias:.3g} N m was measured; no twisting stiffness gives more than {limit:.3g} N m"

@@ -128,6 +128,42 @@ class ClothKeys(PlacedKeys):
     bending_bias: Annotated[
         float | None, Key("Bending stiffness at 45 degrees to warp and weft", "N m", above=0, shown="the fabric's")
     ] = None
+    bending_slope: Annotated[
+        float | None,
+        Key("Slope s of the moment D k + s k^2 at curvature k: below 0 bending softens, to 0.2 D at most",
+            "N m2", shown="the fabric's"),
+    ] = None  # fmt: skip
+    bending_slope_warp: Annotated[
+        float | None, Key("Slope bending_slope along warp", "N m2", shown="bending_slope")
+    ] = None  # fmt: skip
+    bending_slope_weft: Annotated[
+        float | None, Key("Slope bending_slope along weft", "N m2", shown="bending_slope")
+    ] = None  # fmt: skip
+    bending_slope_bias: Annotated[
+        float | None, Key("Slope bending_slope at 45 degrees to warp and weft", "N m2", shown="by warp and weft")
+    ] = None  # fmt: skip
+    rest_curvature_warp: Annotated[
+        float | None, Key("Curvature at rest (curl) along warp, above 0 towards the front", "1/m",
+                          shown="the fabric's")
+    ] = None  # fmt: skip
+    rest_curvature_weft: Annotated[
+        float | None, Key("Curvature at rest (curl) along weft, above 0 towards the front", "1/m",
+                          shown="the fabric's")
+    ] = None  # fmt: skip
+    bending_hysteresis: Annotated[
+        float | None, Key("Width 2HB of the loop of moment over curvature", "N m/m", least=0, shown="the fabric's")
+    ] = None
+    bending_hysteresis_warp: Annotated[
+        float | None, Key("Width 2HB along warp", "N m/m", least=0, shown="bending_hysteresis")
+    ] = None
+    bending_hysteresis_weft: Annotated[
+        float | None, Key("Width 2HB along weft", "N m/m", least=0, shown="bending_hysteresis")
+    ] = None
+    hysteresis_curvature: Annotated[
+        float | None,
+        Key("Change of curvature in which the friction of bending grows to its limit", "1/m", above=0,
+            shown="the fabric's"),
+    ] = None  # fmt: skip
     warp_stiffness: Annotated[float | None, Key("Stiffness along warp", "N/m", least=0, shown="the fabric's")] = None
     weft_stiffness: Annotated[float | None, Key("Stiffness along weft", "N/m", least=0, shown="the fabric's")] = None
     shear_stiffness: Annotated[float | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None

@@ -135,7 +135,7 @@ def _nested(where: str, value: Any, known: SceneKey) -> Any:
         return value
     if len(sections) > 1 or not several:
         if isinstance(value, Mapping):
-            return _of_kind(where, value, sections)
+            return _parse_kind(where, value, sections)
         if any(_accepts(part, value) for part in members(known.annotation)):
             return value
         raise _wrong_type(where, value, known)
@@ -147,7 +147,7 @@ def _nested(where: str, value: Any, known: SceneKey) -> Any:
     )
 
 
-def _of_kind(where: str, value: Mapping[str, Any], sections: tuple[Any, ...]) -> Any:
+def _parse_kind(where: str, value: Mapping[str, Any], sections: tuple[Any, ...]) -> Any:
     """The only section that a table may be, or the one of its `kind`."""
     if len(sections) == 1:
         return sections[0].parsed(where, value)

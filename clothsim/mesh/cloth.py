@@ -43,14 +43,10 @@ class PatternLines:
         pairs = {name: number[rows] for name, rows in self.open_seams.items()}
         pairs = {name: rows[(rows >= 0).all(axis=1) & (rows[:, 0] != rows[:, 1])] for name, rows in pairs.items()}
         return PatternLines(
-            {name: _left(number[rows]) for name, rows in self.edges.items()},
+            {name: new[new >= 0] for name, new in ((name, number[rows]) for name, rows in self.edges.items())},
             self.labels,
             {name: rows for name, rows in pairs.items() if len(rows)},
         )
-
-
-def _left(rows: Ints) -> Ints:
-    return rows[rows >= 0]
 
 
 @dataclass(frozen=True)

@@ -178,8 +178,9 @@ def _curve(where: str, entries: Any, chord: Floats, unit: float, absolute: bool)
     kind, params = _table(where, entries).get("type"), entries.get("params")
     if isinstance(kind, str) and kind in POINTS_OF:
         controls = _numbers(where, params, (POINTS_OF[kind], 2))
-        if absolute:
-            controls = _relative(where, unit * controls, chord)
+        if absolute and not np.ptp(chord, axis=0).any():
+            raise InputError(f"{where}: the edge has no length.", "Remove it.")
+        controls = np.array(along_chord(unit * controls, *chord)) if absolute else controls
         points = tuple((float(x), float(y)) for x, y in controls)
         return Polyline(points) if kind == "polyline" else Bezier(points)
     if kind == "circle":
@@ -188,13 +189,6 @@ def _curve(where: str, entries: Any, chord: Floats, unit: float, absolute: bool)
             raise InputError(f"{where}: a circle of radius {radius:g}.", "Give a positive radius.")
         return Arc(unit * float(radius), bool(large), bool(right))
     raise InputError(f"{where} is of the type {kind!r}.", "Known: quadratic, cubic, circle, polyline.")
-
-
-def _relative(where: str, controls: Floats, chord: Floats) -> Floats:
-    """Control points (k, 2) [m] relative to the chord."""
-    if not np.ptp(chord, axis=0).any():
-        raise InputError(f"{where}: the edge has no length.", "Remove it.")
-    return np.array(along_chord(controls, *chord))
 
 
 def _stitch(number: int, entries: Any) -> Stitch:

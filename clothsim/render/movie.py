@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -108,22 +109,23 @@ def movie_file(directory: Path) -> tuple[Path, str]:
 
 def has_ffmpeg() -> bool:
     """True where imageio-ffmpeg is installed and brings, or finds, the program."""
+    return _ffmpeg() is not None
+
+
+def _ffmpeg() -> Any:
+    """The module imageio_ffmpeg, None where it or its program is not there."""
     try:
         import imageio_ffmpeg
 
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError):
-        return False
-    return True
+        return None
+    return imageio_ffmpeg
 
 
 def _write_mp4(target: Path, pictures: Iterator[np.ndarray], rate: float, size: tuple[int, int]) -> None:
-    import imageio_ffmpeg
-
     as_mp4 = ["-f", "mp4"]  # whatever the name ends in
-    writer = imageio_ffmpeg.write_frames(
-        str(target), size, fps=rate, quality=8, macro_block_size=2, output_params=as_mp4
-    )
+    writer = _ffmpeg().write_frames(str(target), size, fps=rate, quality=8, macro_block_size=2, output_params=as_mp4)
     writer.send(None)
     try:
         for picture in pictures:

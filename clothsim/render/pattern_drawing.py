@@ -108,9 +108,9 @@ def _draw_panel(
 ) -> None:
     moved = points + shift
     axes.fill(*moved.T, facecolor=FABRIC, edgecolor="none", zorder=1)
-    share = np.linspace(0, 1, SAMPLES)
+    along_edge = np.linspace(0, 1, SAMPLES)
     for number in range(len(panel.edges)):
-        line = panel.edge_points(number, share) + shift
+        line = panel.edge_points(number, along_edge) + shift
         sewn = colours.get(Side(panel.name, number))
         axes.plot(*line.T, color=OUTLINE if sewn is None else sewn[1], linewidth=1.0 if sewn is None else 2.6, zorder=2)
         if edge_numbers:

@@ -186,8 +186,8 @@ def outlined(image: Floats, geometry: PixelGeometry, samples: int) -> Floats:
     _mark(edge, geometry.surface, depth, JUMP * far)
     _mark(edge.T, geometry.surface.T, depth.T, JUMP * far)
     parts = edge.reshape(height // samples, samples, width // samples, samples)
-    share = parts.mean(axis=(1, 3))[..., None]
-    return image * (1.0 - share) + share * INK
+    inked = parts.mean(axis=(1, 3))[..., None]
+    return image * (1.0 - inked) + inked * INK
 
 
 def _mark(edge: np.ndarray, surface: Ints, depth: Floats, jump: float) -> None:

@@ -17,7 +17,7 @@ from clothsim.geometry.intersection.crossings import Crossing
 from clothsim.mesh.checks import Finding, Role, Severity, examine
 from clothsim.mesh.world import world_surfaces
 from clothsim.run.cost import expected_cost
-from clothsim.run.intersections import IntersectionCheck, intersection_check_of, intersection_warnings
+from clothsim.run.intersections import SURFACES_OF_KIND, IntersectionCheck, intersection_check_of, intersection_warnings
 from clothsim.run.results import Run, open_run
 from clothsim.scene.assembly.model_body import character_of_scene
 from clothsim.scene.assembly.scene_world import build
@@ -114,12 +114,12 @@ def examined(what: Any, role: Role | None = None, motion: bool = False, **part: 
     """
     if isinstance(what, str | Path):
         if Path(what).is_dir():
-            return _of_run(Path(what))
+            return _examine_run(Path(what))
         if Path(what).suffix.lower() == ".toml":
-            found = _of_scene_file(Path(what))
-            return _with_motion(found, Path(what)) if motion and not found.of("error") else found
+            found = _examine_scene_file(Path(what))
+            return _add_motion(found, Path(what)) if motion and not found.of("error") else found
     if isinstance(what, Scene):
-        return _of_scene(what, "scene")
+        return _examine_scene(what, "scene")
     name, vertices, triangles, usual, messages = _mesh_of(what, part)
     role = role or usual
     findings = examine(name, vertices, triangles, role).findings
@@ -128,7 +128,9 @@ def examined(what: Any, role: Role | None = None, motion: bool = False, **part: 
     except (ValueError, TypeError, IndexError, OverflowError):  # of arrays that are no mesh, which the findings say
         notes = messages
     article = "a body" if role == "body" else "a cloth"
-    return Examination(f"{what if isinstance(what, str | Path) else name}, as {article}", notes, _sorted(findings))
+    return Examination(
+        f"{what if isinstance(what, str | Path) else name}, as {article}", notes, _sort_findings(findings)
+    )
 
 
 def sizes(positions: Floats, triangles: Ints) -> tuple[str, ...]:
@@ -160,7 +162,7 @@ def _mesh_of(what: Any, part: dict[str, Any]) -> tuple[str, Any, Any, Role, tupl
     return "mesh", vertices, triangles, "cloth", ()
 
 
-def _of_scene_file(path: Path) -> Examination:
+def _examine_scene_file(path: Path) -> Examination:
     """The examination of a scene file; what its text has wrong is a finding too, but not that it cannot be read."""
     if not path.is_file():
         raise InputError(f"There is no scene file {path}.")
@@ -168,15 +170,15 @@ def _of_scene_file(path: Path) -> Examination:
         scene = load_scene(path)
     except InputError as error:
         return Examination(str(path), (), _refusals(error))
-    return _of_scene(scene, str(path))
+    return _examine_scene(scene, str(path))
 
 
-def _with_motion(found: Examination, path: Path) -> Examination:
+def _add_motion(found: Examination, path: Path) -> Examination:
     """With the times at which parts of a body model meet, or a joint turns too far in a step."""
     entries = list(motion_findings(load_scene(path)))
     notes = (entry for entry in entries if isinstance(entry, str))
     more = (entry for entry in entries if not isinstance(entry, str))
-    return replace(found, notes=(*found.notes, *notes), findings=_sorted([*found.findings, *more]))
+    return replace(found, notes=(*found.notes, *notes), findings=_sort_findings([*found.findings, *more]))
 
 
 def motion_findings(scene: Scene) -> Iterator[Finding | str]:
@@ -224,7 +226,7 @@ def motion_findings(scene: Scene) -> Iterator[Finding | str]:
     )
 
 
-def _of_scene(scene: Scene, subject: str) -> Examination:
+def _examine_scene(scene: Scene, subject: str) -> Examination:
     """The errors of building it, one a line; else what intersects at the start.
 
     One that is too large to be run is not built.
@@ -246,7 +248,7 @@ def _of_scene(scene: Scene, subject: str) -> Examination:
     test = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
     start = [("at the start", test.crossings(world.start(), world.origin))]
     found, others = _intersections(test, start, "at the start", of_run=False)
-    return Examination(subject, (*notes, *others), _sorted([*found, *costly]))
+    return Examination(subject, (*notes, *others), _sort_findings([*found, *costly]))
 
 
 def _refusals(error: InputError) -> tuple[Finding, ...]:
@@ -254,7 +256,7 @@ def _refusals(error: InputError) -> tuple[Finding, ...]:
     return tuple(Finding("error", "scene", each, error.remedy, NO_INDICES) for each in error.sentence.splitlines())
 
 
-def _of_run(directory: Path) -> Examination:
+def _examine_run(directory: Path) -> Examination:
     if not (directory / TRAJECTORY_NAME).is_file():
         raise InputError(
             f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).",
@@ -274,7 +276,7 @@ def _of_run(directory: Path) -> Examination:
     frames = ((f"in frame {k} at {time:g} s", _crossings(test, run, k)) for k, time in enumerate(run.times))
     found, notes = _intersections(test, frames, f"in any of {len(run.times)} frames", of_run=True)
     between, unknown = _between_frames(run)
-    return Examination(subject, (*notes, *unknown), _sorted([*failed, *found, *between]))
+    return Examination(subject, (*notes, *unknown), _sort_findings([*failed, *found, *between]))
 
 
 def _crossings(test: IntersectionCheck, run: Run, frame: int) -> tuple[Crossing, ...]:
@@ -333,16 +335,9 @@ def _intersections(
     absent = {"cloth_body": test.bodies, "cloth_cloth": True, "rigid": test.rigid}
     for kind, looked_for in absent.items():
         if looked_for and kind not in kinds:
-            notes.append(f"{_SURFACES[kind]} do not intersect {anywhere}{others}")
+            notes.append(f"{SURFACES_OF_KIND[kind]} do not intersect {anywhere}{others}")
     return found, notes
 
 
-_SURFACES = {
-    "cloth_body": "cloth and body",
-    "cloth_cloth": "cloth and cloth",
-    "rigid": "rigid bodies and bodies",
-}
-
-
-def _sorted(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+def _sort_findings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(findings, key=lambda finding: finding.severity))

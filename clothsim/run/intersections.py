@@ -125,6 +125,15 @@ bodies with bodies."""
 
 ALL_KINDS = (*KINDS, *OPTIONAL)
 
+SURFACES_OF_KIND = {
+    "cloth_body": "cloth and body",
+    "cloth_cloth": "cloth and cloth",
+    "excluded": "excluded pairs",
+    "carried": "carried vertices",
+    "rigid": "rigid bodies and bodies",
+}
+"""What intersects, in words."""
+
 _EFFECT = {"cloth_body": "body_contact", "cloth_cloth": "self_contact", "rigid": "body_contact"}
 
 

@@ -102,13 +102,13 @@ def field_settings(run: "Run", name: str) -> dict[str, Any]:
     if name == "principal_stretches":
         return {"colour": "stretch"}
     if name == "principal_directions":
-        return {"colour": "stretch", "surfaces_of": _with_strokes(run)}
+        return {"colour": "stretch", "surfaces_of": _add_strokes(run)}
     title = " ".join([name.replace("_", " "), scalar.name]).strip()
     quantity = Quantity(title, unit if scalar.unit is None else scalar.unit, scalar.stretch)
-    return {"colour": quantity, "surfaces_of": _with_values(run, name)}
+    return {"colour": quantity, "surfaces_of": _colour_by_values(run, name)}
 
 
-def _with_values(run: "Run", name: str) -> Drawing:
+def _colour_by_values(run: "Run", name: str) -> Drawing:
     """Surfaces with the scalar of a field at the vertices; that of a triangle goes to its corners, by area."""
 
     @cache  # a movie asks for each frame several times
@@ -133,7 +133,7 @@ def _with_values(run: "Run", name: str) -> Drawing:
     return surfaces
 
 
-def _with_strokes(run: "Run") -> Drawing:
+def _add_strokes(run: "Run") -> Drawing:
     """Surfaces with the principal directions of evenly spaced triangles, the same ones in all frames."""
     start = run.positions(0)
     spacing = spacing_of(start, run.triangles)

@@ -19,7 +19,7 @@ from clothsim.run.checkpoints import restore
 from clothsim.run.intersections import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
-from clothsim.run.session import prepare, refuse_flights
+from clothsim.run.session import check_displacement_per_step, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.solve.stepping.state import first_state
@@ -90,7 +90,7 @@ def begun_run(
     if not force:
         built, dt = session.built, session.integrator.dt
         contact = any(isinstance(energy, ContactGap) for energy in built.energies.values())
-        refuse_flights(built.world, built.constraints.values(), dt, contact)
+        check_displacement_per_step(built.world, built.constraints.values(), dt, contact)
     with new_output(directory, overwrite):
         for announce in announcements:
             if announce is not None:

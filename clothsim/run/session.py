@@ -13,6 +13,7 @@ from clothsim.mesh.body import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
 from clothsim.physics.energies.constraint import Constraint
 from clothsim.physics.energies.hessians import ByElement
+from clothsim.physics.energies.step import contact_time
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
 from clothsim.solve.linear.dependent_rows import DependentRows
@@ -55,7 +56,7 @@ def turns(built: Built) -> dict[str, float]:
     return {name: float(np.degrees(np.linalg.norm(speed))) for name, speed in {**rigid, **pinned}.items()}
 
 
-def refuse_leaps(built: Built, dt: float) -> None:
+def check_rotation_per_step(built: Built, dt: float) -> None:
     """InputError for a body or a group of pins that turns so far in a step that its straight path is far from its arc.
 
     At a full turn a step it would not move at all.
@@ -69,7 +70,7 @@ def refuse_leaps(built: Built, dt: float) -> None:
             )
 
 
-def refuse_flights(world: World, constraints: Collection[Constraint], dt: float, contact: bool) -> None:
+def check_displacement_per_step(world: World, constraints: Collection[Constraint], dt: float, contact: bool) -> None:
     """InputError for what moves by many sizes of the scene in a step of `dt` [s].
 
     Pins drag the cloth along a straight path. With contact, bodies and cloth sweep over everything on theirs.
@@ -202,10 +203,11 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
             f"Steps of {dt:.2g} s, the least of solver.dt, run.duration and a frame, are below {SHORTEST_STEP:g} s.",
             "Set a longer one.",
         )
-    refuse_leaps(built, dt)
+    check_rotation_per_step(built, dt)
     if settings.error:
         _refuse_error(built)
-    control = ErrorControl(settings.error, run.duration, dt) if settings.error else None
+    least = contact_time(_d_hat(built), _gravity(built))
+    control = ErrorControl(settings.error, run.duration, dt, least) if settings.error else None
     formula = settings.integrator if dynamic else BACKWARD_EULER
     ramp = 0.0 if dynamic else run.duration
     integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
@@ -217,6 +219,7 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
         leaves_unstable=leaves,
         perturbation_seed=settings.perturbation_seed,
         carries_pinched=_carries_pinched(scene, built),
+        contact_time=least,
     )
 
 
@@ -286,6 +289,12 @@ def _gravity(built: Built) -> float:
     acceleration = getattr(built.energies.get("gravity"), "acceleration", None)  # without an import of the effect
     size = 0.0 if acceleration is None else float(np.linalg.norm(acceleration))
     return size or STANDARD_GRAVITY
+
+
+def _d_hat(built: Built) -> float:
+    """The largest d_hat of the contact effects, or their default where there is none [m]."""
+    given = [energy.d_hat for energy in built.energies.values() if hasattr(energy, "d_hat")]
+    return max(given, default=0.1 * built.world.cell)
 
 
 def _make_reproducible() -> str:

@@ -30,7 +30,7 @@ from clothsim.run.changes import (
 from clothsim.run.checkpoints import restored_simulation, saved_simulation
 from clothsim.run.fields import Configuration, field
 from clothsim.run.intersections import IntersectionHistory, checked_step
-from clothsim.run.session import Session, prepare, refuse_leaps
+from clothsim.run.session import Session, check_rotation_per_step, prepare
 from clothsim.run.step_reports import SimulationError, SimulationState, starting_state, state_after
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
@@ -352,7 +352,7 @@ class Simulation:
     def _set_motions(self, by_hand: HandMotions) -> None:
         session = self._session
         built = by_hand.applied(session.built)
-        refuse_leaps(built, session.integrator.dt)
+        check_rotation_per_step(built, session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
         previous = self._state.previous if by_hand.pins is self._by_hand.pins else None  # BDF2 restarts at a jump
         self._by_hand, self._state = by_hand, replace(self._state, blocked_at=nan, blocked=0, previous=previous)

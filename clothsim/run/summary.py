@@ -8,7 +8,7 @@ from clothsim.base.process_memory import peak_memory
 from clothsim.base.text import length, many
 from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.physics.energies.protocols import report_of
-from clothsim.run.intersections import IntersectionCheck, intersection_warnings
+from clothsim.run.intersections import SURFACES_OF_KIND, IntersectionCheck, intersection_warnings
 from clothsim.scene.assembly.checks import held_sentences
 
 if TYPE_CHECKING:
@@ -59,7 +59,8 @@ def summary_of(
     inside = held_inside(world, state.positions) if "body_contact" in session.built.energies else []
     return {
         "status": "completed" if failure is None else "failed",
-        "reason": _end_of(session, state) if failure is None else failure.reason,
+        "reason": _reason_of_end(session, state) if failure is None else failure.reason,
+        "end": "stopped" if failure is not None else "at rest" if state.at_rest else "time is over",
         "failure": None if failure is None else failure.as_dict(),
         "stages": ["start", *("simulated" for _ in range(state.frame))],
         **seconds,
@@ -87,22 +88,13 @@ def summary_of(
     }
 
 
-def _end_of(session: "Session", state: "State") -> str:
+def _reason_of_end(session: "Session", state: "State") -> str:
     """The sentence on the end of a completed run."""
     if session.scene.run_settings.until == "time":
         return f"{state.time:g} s were simulated."
     if state.at_rest:
         return f"The cloth is at rest after {state.time:g} s."
     return f"{state.time:g} s were simulated, the limit, and the cloth is not at rest: {state.rest.value}."
-
-
-_PAIRS = {
-    "cloth_body": "cloth and body",
-    "cloth_cloth": "cloth and cloth",
-    "excluded": "excluded pairs",
-    "carried": "carried vertices",
-    "rigid": "rigid bodies and bodies",
-}
 
 
 def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
@@ -123,11 +115,12 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
     parts = ["no body"] if certificate["cloth_body"] == "no body" else []
     for kind, each in certificate["intersections"].items():
         if each["states"]:
-            parts.append(f"{_PAIRS[kind]} INTERSECT in {many(each['states'], 'state')}")
+            parts.append(f"{SURFACES_OF_KIND[kind]} INTERSECT in {many(each['states'], 'state')}")
         elif kind != "excluded" and not (parts and kind == "cloth_body"):
-            parts.append(f"{_PAIRS[kind]} never intersect")
+            parts.append(f"{SURFACES_OF_KIND[kind]} never intersect")
     if "rigid" in certificate and "rigid" not in certificate["intersections"]:
-        parts.append(f"{_PAIRS['rigid']} never intersect")
+        parts.append(f"{SURFACES_OF_KIND['rigid']} never intersect")
+    parts += [f"{each['cloth']} is INSIDE {each['body']}" for each in certificate.get("held_inside", ())]
     if certificate["intersection_free"] is None:
         parts.append("earlier steps were NOT CHECKED")
     gap = certificate["minimum_gap"]

@@ -45,7 +45,7 @@ def cusick_scene(fabric: str, rings: int | None = None) -> Scene:
     return Scene(
         cloth={"name": fabric, "mesh": "disk", "radius": RADIUS, "cells": rings, "fabric": fabric},
         effects={
-            "pins": {"select": [int(row) for row in held]},
+            "pins": {"select": [int(row) for row in held], "clamp": True},
             "inertia": {},
             "membrane": {},
             "bending": {},

@@ -10,7 +10,6 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.files.meshes.polygons import Polygons, cut_polygons
 from clothsim.keys.mesh_arrays import TEXT, MeshArrays
 
 REMEDIES = {
@@ -83,7 +82,7 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
     if not faces:
         raise InputError(f"{where}: the {type(mesh).__name__} has no faces.", "Give a surface mesh of triangles.")
     triangles = _triangles(where, vertices, faces)
-    return vertices, _wound_alike(vertices, triangles) if read is _of_skfem else triangles
+    return vertices, _wound_alike(vertices, triangles) if read is _read_skfem else triangles
 
 
 def is_mesh(value: Any) -> bool:
@@ -95,6 +94,8 @@ def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
     """All faces as triangles, in order."""
     if all(block.shape[1] == 3 for block in blocks):
         return np.concatenate(blocks).astype(np.int64)
+    from clothsim.files.meshes.polygons import Polygons, cut_polygons  # SciPy, which triangles do not need
+
     corners = np.concatenate([block.ravel() for block in blocks]).astype(np.int64)
     sizes = np.concatenate([np.full(len(block), block.shape[1]) for block in blocks])
     if (sizes < 3).any():
@@ -120,14 +121,14 @@ def _wound_alike(vertices: Floats, triangles: Ints) -> Ints:
     return triangles
 
 
-def _of_trimesh(where: str, mesh: Any) -> tuple[Any, Faces]:
+def _read_trimesh(where: str, mesh: Any) -> tuple[Any, Faces]:
     return mesh.vertices, [np.asarray(mesh.faces).reshape(-1, 3)]
 
 
-def _of_polydata(where: str, mesh: Any) -> tuple[Any, Faces]:
+def _read_polydata(where: str, mesh: Any) -> tuple[Any, Faces]:
     """Faces and strips of triangles."""
     padded = np.asarray(mesh.faces, np.int64)
-    strips = [_of_strip(strip) for strip in _unpadded(np.asarray(getattr(mesh, "strips", ()), np.int64))]
+    strips = [_unroll_strip(strip) for strip in _unpadded(np.asarray(getattr(mesh, "strips", ()), np.int64))]
     if len(padded) and len(padded) % 4 == 0 and (padded[::4] == 3).all():
         return mesh.points, [padded.reshape(-1, 4)[:, 1:], *strips]
     return mesh.points, [*(face[None] for face in _unpadded(padded)), *strips]
@@ -142,19 +143,19 @@ def _unpadded(padded: Ints) -> Iterator[Ints]:
         offset += 1 + count
 
 
-def _of_strip(strip: Ints) -> Ints:
+def _unroll_strip(strip: Ints) -> Ints:
     """The triangles of a strip of vertices (n,), (n - 2, 3): every second one is wound the other way in it."""
     triangles = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
     triangles[1::2] = triangles[1::2, [1, 0, 2]]
     return triangles
 
 
-def _of_cells(where: str, mesh: Any) -> tuple[Any, Faces]:
+def _read_cells(where: str, mesh: Any) -> tuple[Any, Faces]:
     """Cells of a grid that is not unstructured, such as one of an image."""
-    return _of_grid(where, mesh.cast_to_unstructured_grid())
+    return _read_grid(where, mesh.cast_to_unstructured_grid())
 
 
-def _of_grid(where: str, mesh: Any) -> tuple[Any, Faces]:
+def _read_grid(where: str, mesh: Any) -> tuple[Any, Faces]:
     """Cells of an unstructured grid by VTK type."""
     faces = []
     for kind, cells in mesh.cells_dict.items():
@@ -168,7 +169,7 @@ def _of_grid(where: str, mesh: Any) -> tuple[Any, Faces]:
     return mesh.points, faces
 
 
-def _of_meshio(where: str, mesh: Any) -> tuple[Any, Faces]:
+def _read_meshio(where: str, mesh: Any) -> tuple[Any, Faces]:
     faces = []
     for block in mesh.cells:
         if block.type in FACES:
@@ -178,7 +179,7 @@ def _of_meshio(where: str, mesh: Any) -> tuple[Any, Faces]:
     return mesh.points, faces
 
 
-def _of_skfem(where: str, mesh: Any) -> tuple[Any, Faces]:
+def _read_skfem(where: str, mesh: Any) -> tuple[Any, Faces]:
     """Points (2 or 3, n) and cells (corners, m); another mesh than one of first order where it is the same surface."""
     if mesh.elem.refdom.name not in ("Triangular", "Quadrilateral"):
         raise _no_surface(where, f"{mesh.elem.refdom.name.lower()} cells", "Give a MeshTri or MeshQuad.")
@@ -224,12 +225,12 @@ def _is_meshio(mesh: Any) -> bool:
 
 
 _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[str, Any], tuple[Any, Faces]]], ...] = (
-    (_has("vertices", "faces"), _of_trimesh),
-    (_has("points", "faces"), _of_polydata),
-    (_has("points", "cells_dict", "celltypes"), _of_grid),
-    (_has("points", "dimensions", "cast_to_unstructured_grid"), _of_cells),
-    (_is_meshio, _of_meshio),
-    (_has("p", "t", "elem"), _of_skfem),
+    (_has("vertices", "faces"), _read_trimesh),
+    (_has("points", "faces"), _read_polydata),
+    (_has("points", "cells_dict", "celltypes"), _read_grid),
+    (_has("points", "dimensions", "cast_to_unstructured_grid"), _read_cells),
+    (_is_meshio, _read_meshio),
+    (_has("p", "t", "elem"), _read_skfem),
 )
 
 

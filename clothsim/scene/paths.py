@@ -112,7 +112,7 @@ def replace(scene: Scene, path: str, value: Any) -> Scene:
     old = _entry(scene, section, entry)
     new = _changed(path, section, {} if old is None else old, keys, value)
     if section in LISTS and keys:
-        new = _with_mesh(section, new, old)
+        new = _drop_keys_of_old_mesh(section, new, old)
     if section == "solver":
         new.pop(_INSTEAD.get(str(keys[0])), None)
     if section == "effects":
@@ -227,7 +227,7 @@ def _default(section: Mapping[str, Any], key: str) -> Any:
     return getattr(section, known[key].field) if key in known else None
 
 
-def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
+def _drop_keys_of_old_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
     """The new table without what belongs to the old mesh alone: keys that the new one has not, or refuses."""
     source = old.get("mesh")
     merged = dict(new)

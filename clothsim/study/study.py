@@ -43,28 +43,11 @@ LARGEST_FRACTION = 0.3
 
 
 def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Scene, dict[str, Any] | None]:
-    """Scene with the settings that its solver.error takes.
+    """Scene with the settings that its solver.error takes, and the statement of the search that found them.
 
-    Parameters
-    ----------
-    scene : Scene
-        One without solver.error stays as it is.
-    directory : Path
-        Directory of the study; what was found there before for the same scene is taken again.
-    budget : float
-        Budget of the study [s].
-
-    Returns
-    -------
-    scene : Scene
-        With dt, cells, d_hat and Newton's stop written out.
-    found : dict or None
-        The search's statement: asked, total [m], known, met, seconds; None without solver.error.
-
-    Raises
-    ------
-    InputError
-        Where the run with these settings does not come to its end.
+    A scene without solver.error stays as it is, without a statement; what was found in the directory of the study
+    before for the same scene is taken again. Settings: dt, cells, d_hat and Newton's stop; statement: asked, total [m],
+    known, met, seconds. InputError where the run with these settings does not come to its end.
     """
     if not scene.solver_settings.error:
         return scene, None

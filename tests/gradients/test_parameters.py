@@ -81,6 +81,17 @@ def test_bending(case):
     assert case.error("cloth.bending_stiffness", (3e-2, 1e-2)) < BAR  # linear, and .003 of the loss
 
 
+@pytest.fixture(scope="module")
+def soft():
+    own = {"bending_stiffness": 1e-3, "bending_slope": -1e-4, "rest_curvature_warp": 2.0}
+    return Case(falling_scene(ELASTIC | {"bending": {}}, FALLING | own))
+
+
+@pytest.mark.parametrize("key", ["bending_slope", "rest_curvature_warp", "rest_curvature_weft", "bending_stiffness"])
+def test_slope_and_curl(soft, key):
+    assert soft.error(f"cloth.{key}", (4e-2, 2e-2, 1e-2, 1e-3)) < BAR
+
+
 def test_gravity_and_the_start_of_the_cloth(case):
     assert case.error("effects.gravity.acceleration") < BAR
     assert case.error("cloth.position", (1e-6, 1e-7)) < BAR

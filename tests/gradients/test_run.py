@@ -109,6 +109,12 @@ def test_what_has_no_gradient_is_refused(effects):
         simulate_differentiably(falling_scene(ELASTIC | CONTACT | effects))
 
 
+def test_hysteresis_of_bending_is_refused():
+    looped = override(falling_scene(ELASTIC | {"bending": {}}), "cloth.bending_hysteresis=0.001")
+    with pytest.raises(InputError, match="bending_hysteresis"):
+        simulate_differentiably(looped)
+
+
 def test_steps_that_depend_on_their_error_are_refused():
     with pytest.raises(InputError):
         simulate_differentiably(override(falling_scene(), "solver.error=0.001"))

@@ -7,6 +7,7 @@ import numpy as np
 from clothsim.mesh.generators.shapes import rectangle
 from tests.known_answers.a3_buckling import critical_weight
 from tests.known_answers.elastica import deep_beam, loaded_ring, pushed_cantilever, rolled_up, upright_column
+from tests.known_answers.plastic_strip import tip_left, tip_of_beam
 from tests.known_answers.plates import INNER, NU, OUTER, drooped, elastica, ring_deflection
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.strips import lattice_strip, random_ring, random_strip
@@ -119,6 +120,12 @@ def _deep(width: float, nu: float, model: str) -> float:
     return critical_weight(positions[:, :2] + [0.5, width / 2], triangles, (0.0, -1.0), nu, model)
 
 
+def _plastic() -> Outcome:
+    coarse, fine = (tip_left(10, cells=cells) for cells in (20, 40))
+    exact = tip_of_beam()
+    return Outcome(fine, exact, 1e-2, printed="0.00800000", order=order(coarse, fine, exact), orders=(1.9, 6.0))
+
+
 CANTILEVER = "cantilever, {}, Gamma {}: drop / reach"
 
 
@@ -147,4 +154,5 @@ ROWS = (
     Row("A3u", "a deep beam tips over, midedge, nu = .3: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.3)),
     Row("A3v", "cantilever cut along the warp, D = 4, Gamma 10: drop / reach", partial(_woven, 0.0, 4.0)),
     Row("A3w", "the same cut along the weft, D = .5", partial(_woven, 90.0, 0.5)),
+    Row("A3x", "cantilever past its yield, H = 0.5, 10 steps of load, unloaded: tip / length", _plastic),
 )

@@ -81,15 +81,11 @@ class Retargeted:
         j, k = self.pelvis
         offset = moved[k, :3, 3] - source.rest_positions()[k]
         place = self.skeleton.rest_positions()[j] + self.scale * self.axes @ offset + self.lift * self.up
-        translations[j] = self._in_parent(j, place)
+        parent = self.skeleton.parents[j]
+        if parent >= 0:
+            place = np.linalg.solve(self.skeleton.transforms(rest)[parent], [*place, 1.0])[:3]
+        translations[j] = place
         return Pose(translations, from_matrices(local), rest.scales)
-
-    def _in_parent(self, joint: int, place: Floats) -> Floats:
-        """A point of the space in the axes of a joint's parent at rest."""
-        parent = self.skeleton.parents[joint]
-        if parent < 0:
-            return place
-        return np.asarray(np.linalg.solve(self.skeleton.transforms(self.skeleton.rest)[parent], [*place, 1.0])[:3])
 
 
 def retargeted(clip: Clip, target: Skeleton, scale: float | None = None) -> Retargeted:

@@ -12,11 +12,9 @@ garment slips down.
 
 import igl
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.engine import intersecting_pairs
+from clothsim.engine import components, intersecting_pairs
 from clothsim.garments.dress.closing import WITHIN, is_on_top, order_of
 from clothsim.garments.dress.placement import arm_line, front_of, is_of_arm, middle_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body
@@ -143,13 +141,9 @@ def _group_names(state: SewingState, of_panel: np.ndarray) -> list[str]:
     return [found[group] for group in range(len(found))]
 
 
-def rigid_groups(state: SewingState) -> np.ndarray:
+def rigid_groups(state: SewingState) -> Ints:
     """Group of panels joined by welds of each vertex of the garment, (k,)."""
-    faces = state.triangles
-    n = len(state.positions)
-    links = np.concatenate([faces[:, :2], faces[:, 1:]])
-    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
-    return np.asarray(connected_components(graph, directed=False)[1])
+    return components(state.triangles, len(state.positions))
 
 
 def outward_of_groups(state: SewingState, body: BodyMesh) -> Floats:

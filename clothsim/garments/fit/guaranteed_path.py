@@ -21,13 +21,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import cg
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
-from clothsim.engine import intersecting_pairs, intersection_points
+from clothsim.engine import components, intersecting_pairs, intersection_points
 from transfer.errors import TransferError
 from transfer.signed_distance import SKIN, BodySurface, body_surface
 from transfer.triangle_surface import Sparse, edges_of
@@ -272,9 +271,8 @@ def carried_rows(overlap: Overlap, positions: Floats, carried: np.ndarray) -> In
 
 def _connected(points: Floats, chosen: np.ndarray, distance: float) -> Floats:
     """The chosen points (k, 3), and those that a chain of points no further than `distance` apart joins to them [m]."""
-    one, other = cKDTree(points).query_pairs(distance, output_type="ndarray").T
-    links = coo_array((np.ones(len(one)), (one, other)), shape=(len(points), len(points)))
-    _, label = connected_components(links, directed=False)
+    links = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    label = components(np.column_stack([links, links[:, 1]]), len(points))
     return np.asarray(points[np.isin(label, label[chosen])], np.float64)
 
 

@@ -145,16 +145,9 @@ MARGIN = 0.06
 
 
 def near_body(garment: Floats, frames: Sequence[Floats], triangles: Ints) -> tuple[tuple[Floats, ...], Ints]:
-    """Frames and triangles of the part of a body that is near a garment in any frame; all of it where none is.
+    """Frames and triangles (m, 3) of the part of a body that is near a garment in any frame; all of it where none is.
 
-    Parameters
-    ----------
-    garment : (n, 3) ndarray
-        Positions of the garment [m].
-    frames : sequence of (k, 3) ndarray
-        Positions of the body [m].
-    triangles : (m, 3) ndarray
-        Its triangles; one with a vertex near the garment is kept whole.
+    garment (n, 3), frames (k, 3): positions [m]. A triangle with a vertex near the garment is kept whole.
     """
     margin = MARGIN * max(float(np.ptp(frame, axis=0).max()) for frame in frames)
     tree = cKDTree(garment)

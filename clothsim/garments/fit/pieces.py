@@ -255,14 +255,8 @@ MOST_LAYERED = 50
 def layers_of(positions: Floats, triangles: Ints, distances: Floats) -> Ints:
     """Return the layer of each vertex, (n,): larger farther out; the same for pieces that no overlap orders.
 
-    Parameters
-    ----------
-    positions : (n, 3) float64
-        Garment as it is worn [m].
-    triangles : (m, 3) int64
-        Its triangles.
-    distances : (n,) float64
-        Signed distances of the vertices from the body, negative inside [m].
+    positions (n, 3): of the garment as it is worn [m]; distances (n,): of its vertices from the body [m], negative
+    inside it.
     """
     piece = components(triangles, len(positions))
     largest = np.argsort(-np.bincount(piece), kind="stable")[:MOST_LAYERED]

@@ -152,16 +152,8 @@ def sized(
 def worn_positions(garment: Floats, source: BodySurface, moved: Floats) -> Floats:
     """Garment positions carried from one body to another with the points of the body below them, (n, 3) [m].
 
-    Each vertex keeps its offset from the closest point of the body, turned as the body is turned there.
-
-    Parameters
-    ----------
-    garment : (n, 3) ndarray
-        Positions on the source body [m].
-    source : BodySurface
-        Body that the garment was made for.
-    moved : (k, 3) ndarray
-        Its vertices in the shape and pose of the other body [m].
+    Each vertex keeps its offset from the closest point of the body, turned as the body is turned there. garment (n, 3):
+    positions on the source body [m]; moved (k, 3): vertices of that body in the shape and pose of the other one [m].
     """
     below = source.closest(garment)
     corners = source.triangles[below.triangles]

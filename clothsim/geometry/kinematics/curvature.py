@@ -111,13 +111,23 @@ def plate_law(world: World, angles: Floats) -> PlateLaw:
         return IsotropicPlates(nu)
     names = "bending_along_warp", "bending_along_weft", "twisting_stiffness", "bending_stiffness"
     warp, weft, twist, stiffness = (world.per_triangle(name) for name in names)
-    by_threads = np.zeros((len(nu), 3, 3))
-    by_threads[:, 0, 0], by_threads[:, 1, 1], by_threads[:, 2, 2] = warp, twist, weft
-    by_threads[:, 0, 2] = by_threads[:, 2, 0] = nu * np.sqrt(warp * weft)
-    by_threads /= np.where(stiffness > 0, stiffness, 1.0)[:, None, None]
-    axis = thread_axes(world, angles)[:, :, 0]
-    turn = rotation_of_curvature(np.arctan2(np.sign(np.linalg.det(world.rest_shapes)) * axis[:, 1], axis[:, 0]))
+    by_threads = matrices_of_threads(warp, twist, weft, nu) / np.where(stiffness > 0, stiffness, 1.0)[:, None, None]
+    turn = threads_in_triangles(world, angles)
     return OrthotropicPlates(np.einsum("mki,mkl,mlj->mij", turn, by_threads, turn))
+
+
+def matrices_of_threads(warp: Floats, twist: Floats, weft: Floats, nu: Floats) -> Floats:
+    """The symmetric matrices [[warp, 0, c], [0, twist, 0], [c, 0, weft]], c = nu sqrt(warp weft), (m, 3, 3)."""
+    matrices = np.zeros((len(nu), 3, 3))
+    matrices[:, 0, 0], matrices[:, 1, 1], matrices[:, 2, 2] = warp, twist, weft
+    matrices[:, 0, 2] = matrices[:, 2, 0] = nu * np.sqrt(warp * weft)
+    return matrices
+
+
+def threads_in_triangles(world: World, angles: Floats) -> Floats:
+    """Orthogonal matrices (m, 3, 3) from curvatures in the frames of the triangles to those along warp and weft."""
+    axis = thread_axes(world, angles)[:, :, 0]
+    return rotation_of_curvature(np.arctan2(np.sign(np.linalg.det(world.rest_shapes)) * axis[:, 1], axis[:, 0]))
 
 
 def rotation_of_curvature(angle: Floats) -> Floats:
@@ -241,8 +251,21 @@ def curvature_jumps(
     first = np.sqrt(areas / edges.areas[t1])[:, None, None] * np.eye(3)
     second = np.sqrt(areas / edges.areas[t2])[:, None, None] * turn
     shape = (3 * len(t1), 3 * m)
-    differences = sparse.bsr_array((first, t1, places), shape=shape) - sparse.bsr_array((second, t2, places), shape=shape)
+    differences = sparse.bsr_array((first, t1, places), shape=shape) - sparse.bsr_array(
+        (second, t2, places), shape=shape
+    )
     return (differences.tocsr() @ strains).tocsr(), areas * stiffness[t1]
+
+
+def angles_of_curvature(world: World, hinges: Hinges, curvatures: Floats) -> Floats:
+    """Changes of the angles (h,) [rad] of hinges by curvatures of the triangles, (m, 3) [1/m] in their frames."""
+    edges = _edges(world, hinges)
+    turned = np.einsum("tikl,tl->tik", rotation_of_curvature(edges.directions), curvatures)
+    middle = np.einsum("tik,tik->ti", edges.middle_angles, turned)
+    bends = (edges.kinds == INTERIOR) | (edges.kinds == CLAMPED)
+    angles = np.zeros(len(hinges.vertices))
+    np.add.at(angles, edges.hinges[bends], middle[bends])
+    return angles
 
 
 def _edges(world: World, hinges: Hinges) -> _Edges:

@@ -385,7 +385,8 @@ def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.nda
     degree = np.bincount(unique_edges(triangles).ravel(), minlength=len(positions)) + 2 * middle
     good = (excess > 1e-3) & (degree[start] > 4) & (degree[end] > 4)
     good &= ~(middle[one] & middle[two]) & ~(held[one] & held[two])
-    good &= ~_known(np.sort(corners[:, 2:], axis=1), unique_edges(triangles), len(positions))
+    across = np.sort(corners[:, 2:], axis=1)
+    good &= ~np.isin(across @ [len(positions), 1], unique_edges(triangles) @ [len(positions), 1])
     good &= _same_side(positions, corners)
     best = np.zeros(len(triangles))
     np.maximum.at(best, pairs[good].ravel(), np.repeat(excess[good], 2))
@@ -397,7 +398,8 @@ def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.nda
     if (count > 1).any():  # equal excess in one triangle: the first is flipped
         _, keep = np.unique(pairs[chosen, 0], return_index=True)
         chosen = chosen[keep]
-        chosen = chosen[~np.isin(pairs[chosen, 0], pairs[chosen, 1]) & _first(pairs[chosen, 1])]
+        first = np.isin(np.arange(len(chosen)), np.unique(pairs[chosen, 1], return_index=True)[1])
+        chosen = chosen[~np.isin(pairs[chosen, 0], pairs[chosen, 1]) & first]
     loses = np.bincount(np.concatenate([start[chosen], end[chosen]]), minlength=len(positions))
     chosen = chosen[(degree - loses)[corners[chosen, :2]].min(axis=1) >= 4]
     changed = triangles.copy()
@@ -445,13 +447,3 @@ def _same_side(positions: Floats, corners: Ints) -> np.ndarray:
     before = np.cross(e - s, one - s) + np.cross(s - e, two - e)
     first, second = np.cross(two - s, one - s), np.cross(e - two, one - two)
     return ((before * first).sum(axis=1) > 0) & ((before * second).sum(axis=1) > 0)
-
-
-def _known(pairs: Ints, edges: Ints, n: int) -> np.ndarray:
-    return np.isin(pairs[:, 0] * n + pairs[:, 1], edges[:, 0] * n + edges[:, 1])
-
-
-def _first(values: Ints) -> np.ndarray:
-    first = np.zeros(len(values), bool)
-    first[np.unique(values, return_index=True)[1]] = True
-    return first

@@ -110,7 +110,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
             kinetic = kinetic_energy_of_impact(step.velocities, self.masses)
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
             energy = self.value(step.positions) / self.stiffness
-            stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt)
+            stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt, step.contact_time)
         return replace(self, stiffness=stiffness)
 
     def value(self, x: Floats) -> float:

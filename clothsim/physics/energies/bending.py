@@ -1,11 +1,14 @@
 """Bending stiffness: the effect `bending`, with a choice of models."""
 
 import importlib
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.geometry.kinematics.curvature import angles_of_curvature, threads_in_triangles
+from clothsim.keys.fabric import CURLS
 from clothsim.keys.typed_effects import Bending
 from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
@@ -21,17 +24,23 @@ MODELS = {
 """Bending models by name: the function that builds the energy of hinges of a world, imported when it is chosen."""
 
 
+HYSTERETIC = "clothsim.physics.energies.midedge_hysteresis:hysteretic_bending"
+"""The mid-edge model of fabrics with hysteresis in bending, and maybe a slope."""
+SOFTENING = "clothsim.physics.energies.midedge_softening:softening_bending"
+"""The mid-edge model of fabrics whose bending has a slope."""
+
+
 def bending(world: World, keys: Bending) -> Energy | Off:
     """The bending energy of all cloths, over the hinges that have a stiffness; off without such.
 
     "midedge" has the curvature by triangle: convergent on any mesh, with the material's Poisson ratio. The error of
     "hinge" (springs on dihedral angles) and "quadratic" (constant Hessian) does not vanish with the mesh
-    (docs/results/validation.md, A3), and they know the fabric's bending_stiffness alone.
+    (docs/results/validation.md, A3), and they know the fabric's bending_stiffness and curl alone.
 
     Raises
     ------
     InputError
-        For a key that the model does not take.
+        For an angle, curvature_jumps, bending_slope or bending_hysteresis that the model does not take.
     """
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
     for key, given in {"angle_degrees": turned, "curvature_jumps": keys.curvature_jumps != 0}.items():
@@ -46,12 +55,38 @@ def bending(world: World, keys: Bending) -> Energy | Off:
     if not stiff.any():
         return Off("bending stiffness is zero")
     stiff_hinges = Hinges(*(getattr(hinges, field.name)[stiff] for field in fields(hinges)))
-    module, function = MODELS[keys.model].split(":")
+    sloped = any((world.per_triangle(f"slope_along_{way}") != 0).any() for way in ("warp", "weft", "bias"))
+    looped = any((world.per_triangle(f"hysteresis_along_{way}") != 0).any() for way in ("warp", "weft"))
+    if (sloped or looped) and keys.model != "midedge":
+        key = "bending_slope" if sloped else "bending_hysteresis"
+        raise InputError(f'cloth.{key} has no effect with effects.bending.model = "{keys.model}".', 'Take "midedge".')
+    module, function = (HYSTERETIC if looped else SOFTENING if sloped else MODELS[keys.model]).split(":")
     build = getattr(importlib.import_module(module), function)
+    angles = np.radians(over_cloth("effects.bending.angle_degrees", keys.angle_degrees, world))
+    if any(world.per_triangle(name).any() for name in CURLS):
+        stiff_hinges = curled(stiff_hinges, world, angles)
     if keys.model != "midedge":
         return build(stiff_hinges, world)
-    angles = over_cloth("effects.bending.angle_degrees", keys.angle_degrees, world)
-    return build(stiff_hinges, world, np.radians(angles), keys.curvature_jumps)
+    if keys.curvature_jumps == 0:
+        return build(stiff_hinges, world, angles)
+    if sloped or looped:
+        key = "bending_slope" if sloped else "bending_hysteresis"
+        raise InputError(
+            f"effects.bending.curvature_jumps is for linear bending, and a cloth has {key}.", "Set it to 0."
+        )
+    return build(stiff_hinges, world, angles, keys.curvature_jumps)
+
+
+def curled(hinges: Hinges, world: World, angles: Floats) -> Hinges:
+    """Hinges with the rest angles that the fabrics' curl adds, angles (m,) of the warp [rad].
+
+    All that the models do is relative to the rest angles, so those of a surface of the fabric's curvature are its rest
+    shape: on each hinge the angle that such a quadratic surface has there, against the normal for a curl towards it.
+    """
+    warp, weft = (world.per_triangle(name) for name in CURLS)
+    by_threads = np.column_stack([warp, np.zeros(len(warp)), weft])
+    curvatures = np.einsum("mki,mk->mi", threads_in_triangles(world, angles), by_threads)
+    return replace(hinges, rest_angles=hinges.rest_angles - angles_of_curvature(world, hinges, curvatures))
 
 
 EXAMPLE = Example(zero={}, zero_scene={"cloth": {"bending_stiffness": 0}})

@@ -22,9 +22,10 @@ from clothsim.base.linalg import dot
 from clothsim.physics.energies import hinge_kernels as kernels
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.elementwise import Elementwise
-from clothsim.physics.energies.hessians import LanesHessian
+from clothsim.physics.energies.hessians import LanesHessian, SumHessian
 from clothsim.physics.energies.hinge_bending import HingeBending
 from clothsim.physics.energies.midedge_bending import MidedgeBending
+from clothsim.physics.energies.midedge_softening import SofteningBending
 from clothsim.physics.energies.protocols import Idling
 
 BendingModel: TypeAlias = HingeBending | MidedgeBending
@@ -32,7 +33,7 @@ BendingModel: TypeAlias = HingeBending | MidedgeBending
 
 
 @dataclass(frozen=True)
-class HingeMoments(Elementwise, Energy, Idling):
+class HingeMoments(Elementwise, Energy):
     """E = offset - M'(theta - theta0); +inf where a triangle beside a hinge has no area.
 
     Such a hinge adds nothing to gradient and Hessian.
@@ -56,11 +57,6 @@ class HingeMoments(Elementwise, Energy, Idling):
 
     per_element: ClassVar[tuple[str, ...]] = ("vertices", "references", "moments")
 
-    @property
-    def idle(self) -> bool:
-        """True where there is no moment."""
-        return not self.moments.any()
-
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
         active = self._active()
@@ -72,7 +68,7 @@ class HingeMoments(Elementwise, Energy, Idling):
         active = self._active()
         return kernels.gradient(self.vertices[active], -self.moments[active], x)
 
-    def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
+    def hessian(self, x: Floats, project: bool = True) -> LanesHessian | SumHessian:
         """Exact: 12 x 12 for each hinge with a moment [N/m]; projected: none."""
         active = self._active() if not project else np.zeros(0, np.int64)
         hinges = self.vertices[active], -self.moments[active], np.zeros(len(active))
@@ -83,7 +79,7 @@ class HingeMoments(Elementwise, Energy, Idling):
 
 
 @dataclass(frozen=True)
-class ShiftedAngles(HingeMoments):
+class ShiftedAngles(HingeMoments, Idling):
     """Hinges whose rest angles are shifted.
 
     Parameters
@@ -97,6 +93,11 @@ class ShiftedAngles(HingeMoments):
     numbers: Ints
     shifts: Floats
 
+    @property
+    def idle(self) -> bool:
+        """True where there is no moment."""
+        return not self.moments.any()
+
 
 def hinges_of_bending(name: str, bending: Energy) -> BendingModel:
     """The bending energy, whose rest angles the effect `name` changes.
@@ -104,11 +105,16 @@ def hinges_of_bending(name: str, bending: Energy) -> BendingModel:
     Raises
     ------
     InputError
-        For a bending model without rest angles that can change.
+        For a bending model without rest angles that can change, or whose energy is not quadratic in the angles.
     """
     if not isinstance(bending, HingeBending | MidedgeBending):
         raise InputError(
             f"effects.{name} changes rest angles, and {type(bending).__name__} has none that can change.",
             'Set effects.bending.model = "midedge" or "hinge".',
+        )
+    if isinstance(bending, SofteningBending):
+        raise InputError(
+            f"effects.{name} changes rest angles, which bending with a slope or hysteresis does not take.",
+            "Set cloth.bending_slope and cloth.bending_hysteresis to 0.",
         )
     return bending

@@ -21,7 +21,7 @@ energy bounds this one (|c' K c| <= sum_i c_i^2 sum_j |K_ij|), and the exact Hes
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ class MidedgeBending(DividedForce, Energy, Restrictable):
         theta0 [rad].
     bounds : (h,) array
         k [N m] of a spring on each angle whose energy bounds the change of E: the sums of |G'G| over its rows.
+    triangles : (m,) int array
+        The world's triangle of each element.
     stiffnesses : (m,) array
         A D of the elements [J m2].
     stencils, weights : (m, j) int array, (m, 3, j) array
@@ -68,11 +70,14 @@ class MidedgeBending(DividedForce, Energy, Restrictable):
     vertices: Ints
     rest_angles: Floats
     bounds: Floats
+    triangles: Ints
     stiffnesses: Floats
     stencils: Ints
     weights: Floats
     elements: Ints
     slots: NDArray[np.int8]
+
+    per_triangle: ClassVar[tuple[str, ...]] = ("triangles", "stiffnesses", "weights", "elements", "slots")
 
     _bent: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
@@ -101,7 +106,7 @@ class MidedgeBending(DividedForce, Energy, Restrictable):
     def _squares(self, x: Floats) -> ImplicitHessian:
         """J' G'G J: the Gauss-Newton Hessian."""
         slopes = midedge_kernels.angle_gradients(self.vertices, x)
-        elementwise = self.vertices, self.stencils, self.weights
+        elementwise = self.vertices, self.stencils, self._tangents(x)
 
         def by_element() -> LowRankHessian:
             factors = midedge_kernels.factors(*elementwise, self.slots, self.elements.shape[1], slopes)
@@ -109,6 +114,10 @@ class MidedgeBending(DividedForce, Energy, Restrictable):
             return LowRankHessian(self.elements, np.arange(0, len(factors), 3), three, factors)
 
         return ImplicitHessian(self.elements, lambda v: midedge_kernels.product(*elementwise, slopes, v), by_element)
+
+    def _tangents(self, x: Floats) -> Floats:
+        """The weights (m, 3, j) of which the Gauss-Newton Hessian is made."""
+        return self.weights
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The elements with a moving vertex, and their hinges."""
@@ -121,11 +130,8 @@ class MidedgeBending(DividedForce, Energy, Restrictable):
             vertices=self.vertices[hinges],
             rest_angles=self.rest_angles[hinges],
             bounds=self.bounds[hinges],
-            stiffnesses=self.stiffnesses[chosen],
             stencils=(np.cumsum(used) - 1)[self.stencils[chosen]],
-            weights=self.weights[chosen],
-            elements=self.elements[chosen],
-            slots=self.slots[chosen],
+            **{name: getattr(self, name)[chosen] for name in self.per_triangle},
         )
 
     def strains_of_angles(self) -> tuple[sparse.csr_array, Floats]:
@@ -168,13 +174,14 @@ def midedge_bending(hinges: Hinges, world: World, angles: Floats | None = None, 
         rows, measures = curvature_jumps(world, hinges, strains, angles)
         strains = sparse.vstack([strains, np.sqrt(jumps) * rows]).tocsr()
         every = np.concatenate([every, jumps * measures])
-    places, stencils, weights = _rows_in_threes(strains)
+    places, stencils, weights = rows_in_threes(strains)
     bounds = np.asarray(abs(strains.T @ strains).sum(axis=1), np.float64).ravel()
     elements, slots = _distinct(hinges.vertices[stencils])
-    return MidedgeBending(hinges.vertices, hinges.rest_angles, bounds, every[places], stencils, weights, elements, slots)
+    by_hinge = hinges.vertices, hinges.rest_angles, bounds
+    return MidedgeBending(*by_hinge, places, every[places], stencils, weights, elements, slots)
 
 
-def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Ints, Floats]:
+def rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Ints, Floats]:
     """The threes (m,) of rows of a matrix (3m, h) that are not zero, their columns (m, j) and entries (m, 3, j)."""
     m = matrix.shape[0] // 3
     threes = (sparse.kron(sparse.eye_array(m), np.ones((1, 3))) @ abs(matrix)).tocsr()

@@ -48,7 +48,7 @@ def plastic_bending(world: World, keys: PlasticBending, *, built: Mapping[str, E
     else:
         yields = np.full(len(weights), curvature) if curvature else np.radians(degrees) / hinges.widths(widths)
     rest, none = hinges.rest_angles, np.zeros(len(widths))
-    flow = strains, weights, yields, keys.hardening, np.zeros((len(weights), strains.shape[0] // len(weights)))
+    flow = hinges, strains, weights, yields, keys.hardening, np.zeros((len(weights), strains.shape[0] // len(weights)))
     return PlasticBendingEnergy(hinges.vertices, rest, none, 0.0, rest, *flow)
 
 
@@ -56,5 +56,5 @@ EXAMPLE = Example(
     keys={"yield_angle_degrees": 1.0, "hardening": 0.3},
     in_scene={"yield_angle_degrees": 1.0},
     zero={"hardening": 0.5},
-    idle=Idle(always={"yield_angle_degrees": 179.0}, sometimes={"yield_angle_degrees": 0.02}),
+    idle=Idle(always={"yield_angle_degrees": 179.0}, sometimes={"yield_angle_degrees": 0.02}, searches=True),
 )

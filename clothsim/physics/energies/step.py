@@ -6,9 +6,25 @@ from dataclasses import dataclass, field
 from clothsim.base.arrays import Floats
 
 CONTACT_TIME_SCALE = 0.01
-"""Longest time in which the barrier of contact stops a motion [s], the usual dt of a scene. A shorter dt does not
-stiffen it further: the energy stored below d_hat would grow with 1/dt^2, and finer steps would eject what starts there.
-"""
+"""`contact_time` at a d_hat of 2 mm on the earth [s], the usual dt of a scene; of steps that no scene makes."""
+
+PART_OF_FALL = 0.49
+"""Square of the contact time over d_hat / g."""
+
+
+def contact_time(d_hat: float, gravity: float) -> float:
+    """Return the shortest time in which the barrier of contact stops a motion [s].
+
+    That of a fall through a quarter of `d_hat` [m] at the acceleration `gravity` [m/s2]. The barrier of a shorter dt is
+    no stiffer: the energy stored below d_hat would grow with 1/dt^2, and finer steps would eject what starts there. So
+    it is at most about what lifts the cloth by d_hat, whatever the units of the scene.
+
+    Examples
+    --------
+    >>> round(contact_time(2e-3, 9.81), 4), round(contact_time(2e-2, 98.1), 4)
+    (0.01, 0.01)
+    """
+    return float((PART_OF_FALL * d_hat / gravity) ** 0.5)
 
 
 @dataclass(frozen=True)
@@ -53,6 +69,8 @@ class Step:
         The past of a difference formula other than backward Euler.
     contact_time_scale : float or None
         Time in which the barrier stops a motion [s], None for dt.
+    contact_time : float
+        Least such time of the scene [s], see `contact_time`.
     """
 
     time: float
@@ -65,6 +83,7 @@ class Step:
     memory: Mapping[str, float | Floats] = field(default_factory=dict)
     weighed: Past | None = None
     contact_time_scale: float | None = None
+    contact_time: float = CONTACT_TIME_SCALE
 
     @property
     def past(self) -> Past:

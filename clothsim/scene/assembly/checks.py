@@ -208,6 +208,19 @@ def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
     return held_sentences(held_inside(world, world.start()), "starts")
 
 
+def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
+    """Raise an InputError where all of a cloth starts inside a body: contact would keep it there."""
+    if "body_contact" not in energies:
+        return
+    for each in held_inside(world, world.start()):
+        if each.pieces == each.of:
+            raise InputError(
+                f"{each.cloth} starts inside {each.body}, {each.where}: contact would keep it in.",
+                f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
+                "meant to hold it, give run.allow_inside = true.",
+            )
+
+
 def held_sentences(found: Sequence[HeldInside], verb: str) -> list[str]:
     """A sentence on each piece of cloth that contact keeps inside a body, where it `verb` ("is", "starts")."""
     return [f"{each.cloth} {verb} inside {each.body}, {each.where}: contact keeps it in." for each in found]

@@ -12,7 +12,7 @@ from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
 from clothsim.files.meshes.polygons import Part
 from clothsim.keys.effect_tables import Motion
-from clothsim.keys.fabric import BENDINGS, Fabric
+from clothsim.keys.fabric import BENDINGS, CURLS, HYSTERESES, SLOPES, Fabric
 from clothsim.keys.fabric_table import fabric_named, fabrics_of
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.mesh_arrays import MeshArrays
@@ -81,7 +81,9 @@ def _animated(
 THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness", "thread_poisson_ratio")
 EXTENSIONS = ("warp_extension", "weft_extension")
 ISOTROPIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness")
-FABRIC = (*ISOTROPIC, *THREADS, *BENDINGS, *EXTENSIONS)
+FABRIC = (
+    *ISOTROPIC, *THREADS, *BENDINGS, *SLOPES, *CURLS, *HYSTERESES, "hysteresis_curvature", *EXTENSIONS,
+)  # fmt: skip
 
 
 def cloth_shape(keys: ClothTable, where: str, directory: Path) -> Shape:
@@ -214,14 +216,17 @@ def _from_arrays(mesh: MeshArrays, scale: float) -> Shape:
 def fabric_of(keys: ClothTable, where: str) -> tuple[Fabric, str]:
     """The named fabric with the keys that override it.
 
-    A Young's modulus replaces the stiffnesses of the threads, a bending stiffness those along warp, weft and bias.
+    A Young's modulus replaces the stiffnesses of the threads, a bending stiffness those along warp, weft and bias with
+    their slopes, a slope or hysteresis its values by direction.
     """
     named = fabric_named(f"{where}.fabric", keys.fabric)
     own = {key: getattr(keys, key) for key in FABRIC if key in keys}
-    ruled = dict.fromkeys((*THREADS, *EXTENSIONS)) if "youngs_modulus" in own else {}
-    ruled |= dict.fromkeys(BENDINGS) if "bending_stiffness" in own else {}
+    ruled: dict[str, float | None] = dict.fromkeys((*THREADS, *EXTENSIONS)) if "youngs_modulus" in own else {}
+    ruled |= dict.fromkeys(BENDINGS) | {"bending_slope": 0.0} if "bending_stiffness" in own else {}
+    ruled |= dict.fromkeys(SLOPES[1:]) if "bending_stiffness" in own or "bending_slope" in own else {}
+    ruled |= dict.fromkeys(HYSTERESES[1:]) if "bending_hysteresis" in own else {}
     try:
-        fabric = replace(named, **(ruled | own))  # type: ignore[arg-type]
+        fabric = replace(named, **(ruled | own))
     except InputError as error:
         raise InputError(f"{where}.{error.sentence}", error.remedy) from error
     changed = f" with its own {', '.join(own)}" if own else ""

@@ -70,11 +70,11 @@ def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, chara
         return own_clip, f"motion {own_clip.name}"
     if ending in (".bvh", ".npz"):
         path = existing_file(f"{where}.motion", directory, clip.clip)
-        return _of_file(path, model, character, clip.scale), label
+        return _read_motion(path, model, character, clip.scale), label
     raise InputError(f"{where}.motion is {clip.clip!r}.", f"Known: {', '.join(CLIPS)}; or a .bvh or .npz file.")
 
 
-def _of_file(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
+def _read_motion(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
     """The motion of a .bvh or an AMASS .npz file; that of AMASS moves a model of the SMPL family joint by joint."""
     if path.suffix.lower() == ".bvh":
         return retargeted(read_bvh(path), character.skeleton, scale)

@@ -58,7 +58,7 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
     cloths = [_scaled(keys, factor, nearest) for keys in scene.cloths]
     finer = replace(scene, cloth=cloths[0] if isinstance(scene.cloth, Mapping) else cloths)
     moved = {
-        name: _moved(f"effects.{name}", scene.effects[name], tables, scene, finer)
+        name: _renumber_keys(f"effects.{name}", scene.effects[name], tables, scene, finer)
         for name, tables in SELECTING.items()
         if name in scene.effects
     }
@@ -107,17 +107,19 @@ def _refuse_arrays(where: str, keys: Mapping[str, Any]) -> None:
             raise InputError(f"{name} has values for one mesh.", "Give a number, or a table by cloth.")
 
 
-def _moved(where: str, keys: Mapping[str, Any], tables: str, old: Scene, new: Scene) -> dict[str, Any]:
+def _renumber_keys(where: str, keys: Mapping[str, Any], tables: str, old: Scene, new: Scene) -> dict[str, Any]:
     """The keys of an effect, and of its list of `tables`, with vertex numbers of the new mesh in each select."""
     moved = {**keys}
     if "select" in keys:
-        moved["select"] = _moved_selection(where, keys["select"], old, new)
+        moved["select"] = _renumber_selection(where, keys["select"], old, new)
     if tables in keys:
-        moved[tables] = [_moved(f"{where}.{tables}[{k}]", table, "", old, new) for k, table in enumerate(keys[tables])]
+        moved[tables] = [
+            _renumber_keys(f"{where}.{tables}[{k}]", table, "", old, new) for k, table in enumerate(keys[tables])
+        ]
     return moved
 
 
-def _moved_selection(where: str, select: Any, old: Scene, new: Scene) -> Any:
+def _renumber_selection(where: str, select: Any, old: Scene, new: Scene) -> Any:
     """Names and boxes as they are; numbers as those of the vertices of `new` at the same points of the same cloth."""
     if isinstance(select, str | Mapping) or not np.size(select):
         return select

@@ -13,7 +13,7 @@ from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.constraint import Constraint
 from clothsim.physics.energies.protocols import report_of
 from clothsim.physics.energies.selection import selected_vertices
-from clothsim.scene.assembly.checks import refuse_unsupported, scene_warnings, size_warnings
+from clothsim.scene.assembly.checks import refuse_start_inside, refuse_unsupported, scene_warnings, size_warnings
 from clothsim.scene.assembly.initial_positions import initial_positions, untangled
 from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, rigid_body_of
 from clothsim.scene.effects import CONTACTS, EFFECTS
@@ -76,7 +76,10 @@ def build(scene: Scene) -> Built:
             'Load one with clothsim.load_scene("scene.toml"), or make it: clothsim.Scene(cloth=..., effects=...).',
         )
     world, notes = _world(scene)
-    return build_effects(scene, world, notes)
+    built = build_effects(scene, world, notes)
+    if not scene.run_settings.allow_inside:
+        refuse_start_inside(built.world, built.energies)
+    return built
 
 
 def build_effects(

@@ -109,14 +109,8 @@ def from_path(
 ) -> ParameterErrors:
     """Errors at the end of a path of runs that refines one parameter after the other.
 
-    Parameters
-    ----------
-    sizes : mapping
-        Sizes at its end.
-    differences : mapping
-        RMS distance between the runs before and after each parameter was refined [m].
-    refinements : mapping
-        Factor by which each was refined.
+    sizes: at its end; differences: RMS distance between the runs before and after each parameter was refined [m];
+    refinements: factor by which each was refined.
 
     Examples
     --------
@@ -134,18 +128,10 @@ def orders(parameters: Collection[str]) -> Mapping[str, float]:
 
 
 def from_all(difference: float, refinement: float, parameters: Collection[str], step: float) -> float:
-    """RMS error left by a refinement of all parameters.
+    """RMS error [m] left by a refinement of all parameters that moved the result by the RMS distance `difference` [m].
 
-    Parameters
-    ----------
-    difference : float
-        RMS distance by which it moved the result [m].
-    refinement : float
-        Its factor.
-    parameters : collection of str
-        The parameters; with a d_hat the scene has contact.
-    step : float
-        Time step of the coarser run [s]: with long ones the order of BDF2 is not reached.
+    step: of the coarser run [s]: with long ones the order of BDF2 is not reached; parameters: with a d_hat the scene
+    has contact.
 
     Examples
     --------

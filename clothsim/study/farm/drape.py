@@ -38,20 +38,8 @@ class Drape:
 def drape(scene: Scene, folder: Path, farm: Path | None = None, frames: str = "last") -> Drape:
     """Simulate a scene in a folder of its own; what it refuses or fails at is the reason of a failed drape.
 
-    Parameters
-    ----------
-    scene : Scene
-    folder : Path
-        For the files of the run, which are deleted.
-    farm : Path, optional
-        Where the meshes are stored.
-    frames : {"last", "all"}
-        What is kept.
-
-    Raises
-    ------
-    OSError, MemoryError, KeyboardInterrupt
-        Faults of the machine, which are not those of the drape.
+    folder: of the files of the run, which are deleted; farm: where the meshes are stored; frames: "last" or "all", what
+    is kept. OSError, MemoryError and KeyboardInterrupt are faults of the machine, and are raised.
     """
     started, cpu = perf_counter(), process_time()
     try:
@@ -94,7 +82,8 @@ def _simulated(
     at_rest = scene.run_settings.until != "rest" or bool(certificate["at_rest"])
     free = certificate["intersection_free"] is True
     cause = "" if content["status"] == "completed" else str((run.summary["failure"] or {}).get("cause", "run"))
-    content["cause"] = cause or ("" if free else "not certified") or ("" if at_rest else "not at rest")
+    outside = "inside a body" if certificate["held_inside"] else ""
+    content["cause"] = cause or ("" if free else "not certified") or outside or ("" if at_rest else "not at rest")
     content["usable"] = not content["cause"]
     meshes = {} if farm is None else _stored(farm, world)
     return content, np.stack(shapes) if frames == "all" else shapes[0], meshes

@@ -30,6 +30,7 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
     settings, used = farm.settings, [row for row in rows if row["usable"]]
     same = settings["same"]
     cut = any(key.startswith("cloth.") and other.startswith("body.") for key, other in same.items())
+    reasons = {row["cause"]: str(row["reason"]) for row in reversed(rows) if not row["usable"]}
     cause = Counter(row["cause"] for row in rows if not row["usable"])
     lines = [
         f"# Drapes of {farm.directory.name}",
@@ -39,7 +40,7 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         f"* Planned {len(farm.jobs)}, published {len(rows)}, usable {len(used)}",
         "* Usable: completed"
         + (", at rest" if settings["scene"]["run"].get("until") == "rest" else "")
-        + ", and free of intersections by the exact test in every step",
+        + ", free of intersections by the exact test in every step, and no piece inside a body",
         f"* The garment is {'cut to the body' if cut else 'not cut to the body'}",
         f"* Kept: {'the last frame' if settings['frames'] == 'last' else 'all frames'}, positions in float32 [m]",
         f"* Processors: {', '.join(sorted({str(row['processor']) for row in rows}))}",
@@ -56,7 +57,7 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         "",
         "## Left out",
         "",
-        *([f"* {count} {name}: {_first(rows, name)}" for name, count in sorted(cause.items())] or ["Nothing."]),
+        *([f"* {count} {name}: {reasons[name]}" for name, count in sorted(cause.items())] or ["Nothing."]),
         "",
     ]
     return "\n".join(lines)
@@ -77,10 +78,6 @@ def _statistics(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     if not values:
         return [name, "", "", ""]
     return [name, *(f"{value:.4g}" for value in (min(values), float(np.median(values)), max(values)))]
-
-
-def _first(rows: Sequence[Mapping[str, Any]], cause: str) -> str:
-    return str(next(row["reason"] for row in rows if not row["usable"] and row["cause"] == cause))
 
 
 SHARD = 1000

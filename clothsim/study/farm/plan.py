@@ -73,29 +73,17 @@ class Farm:
         """The ids of the drapes that are done, failed ones too."""
         return {entry.name for entry in (self.directory / "drapes").iterdir()}
 
+    def unpublished(self) -> dict[str, Job]:
+        """The drapes that are left, by id, in the order of the plan."""
+        done = self.published()
+        return {job.id: job for job in self.jobs if job.id not in done}
+
 
 def plan(recipe: Recipe, directory: str | Path) -> Farm:
-    """Write the plan of a recipe; a folder that has the same plan goes on with it.
+    """Write the plan of a recipe to a folder; one that has the same plan goes on with it.
 
-    Parameters
-    ----------
-    recipe : Recipe
-        From `load_recipe`.
-    directory : path
-        Folder of the farm.
-
-    Returns
-    -------
-    Farm
-
-    Raises
-    ------
-    InputError
-        Where two drapes are the same, a value is out of range, or the folder has another plan.
-
-    Notes
-    -----
-    Every scene is made once, so that a bad key or value is reported here and not by a worker.
+    Every scene is made once, so that a bad key or value is reported here and not by a worker. InputError where two
+    drapes are the same, a value is out of range, or the folder has another plan.
     """
     folder = Path(directory)
     settings = {

@@ -71,35 +71,20 @@ def work(
 ) -> Tally:
     """Make drapes in this process until every one of the farm is published.
 
-    Parameters
-    ----------
-    farm : Farm
-        From `open_farm`.
-    worker : Worker, optional
-        Times of heartbeats.
-    most_attempts : int
-        Attempts that began and did not end, before a drape is published as killed.
-    progress : callable, optional
-        Called with each drape that this process published.
-    pause : float
-        Time between two looks at drapes that others make [s].
+    most_attempts: attempts that began and did not end, before a drape is published as killed; progress: called with
+    each drape that this process published; pause: between two looks at drapes that others make [s].
 
-    Returns
-    -------
-    Tally
-
-    Notes
-    -----
-    A pass goes through all drapes from a place of its own. It ends with none left, or waits for those that others
-    make: each of these is published, or its claim becomes stale at the latest after `Worker.longest`.
+    A pass goes through all drapes from a place of its own. It ends with none left, or waits for those that others make:
+    each of these is published, or its claim becomes stale at the latest after `Worker.longest`.
     """
     worker = worker or Worker()
     tally = Tally()
-    jobs = _rotated(farm.jobs, worker)
+    first = zlib.crc32(worker.token.encode()) % max(1, len(farm.jobs))
+    jobs = [*farm.jobs[first:], *farm.jobs[:first]]  # from a place of its own: processes seldom want the same claim
     with interruption() as flag:  # an exception within compiled code would be lost, and the drape published as a fault
-        while left := _left(jobs, farm):
+        while waiting := farm.unpublished():
             idle = True
-            for job in left:
+            for job in (job for job in jobs if job.id in waiting):
                 made = make(farm, job, worker, most_attempts)
                 flag.check()
                 if made is not None:
@@ -120,7 +105,8 @@ def make(farm: Farm, job: Job, worker: Worker, most_attempts: int = ATTEMPTS) ->
     with claimed(folder / "claims", job.id, worker) as own:
         if not own or (folder / "drapes" / job.id).is_dir():
             return None
-        _clear(folder, job)
+        for left in (folder / "tmp").glob(f"{job.id}.*"):  # of killed attempts: the claim says that none is alive
+            shutil.rmtree(left, ignore_errors=True)
         before = attempts(folder, job.id)
         if before >= most_attempts:
             made = Drape(failed(f"Killed {before} times.", "killed") | {"processor": processor(), "meshes": {}}, None)
@@ -154,23 +140,6 @@ def _published(farm: Farm, job: Job, worker: Worker, made: Drape) -> bool:
     return publish(farm.directory, job.id, worker, files)
 
 
-def _clear(folder: Path, job: Job) -> None:
-    """Delete what killed attempts at a drape left; the claim of this process says that none is alive."""
-    for left in (folder / "tmp").glob(f"{job.id}.*"):
-        shutil.rmtree(left, ignore_errors=True)
-
-
-def _left(jobs: Sequence[Job], farm: Farm) -> list[Job]:
-    done = farm.published()
-    return [job for job in jobs if job.id not in done]
-
-
-def _rotated(jobs: Sequence[Job], worker: Worker) -> list[Job]:
-    """The drapes from a place that differs between processes, so that they seldom want the same claim."""
-    first = zlib.crc32(worker.token.encode()) % max(1, len(jobs))
-    return [*jobs[first:], *jobs[:first]]
-
-
 FRUITLESS = 100
 """Rounds in a row without a new drape, with waits of up to 30 s for a lost scheduler, before the work ends."""
 AHEAD = 4
@@ -197,20 +166,10 @@ def work_with_dask(
     announce: Callable[[str], None] | None = None,
     stale_after: float = Worker.stale_after,
 ) -> None:
-    """Make all drapes of a farm by the workers of a Dask scheduler.
+    """Make all drapes of a farm, whose folder is seen by all workers under the same path, by the workers of Dask.
 
-    Parameters
-    ----------
-    farm : Farm
-        Its folder is seen by all workers under the same path.
-    scheduler : str or None
-        Address; None: a LocalCluster of `workers` processes with one thread each.
-    most_attempts : int
-        Before a drape is published as killed.
-    announce : callable, optional
-        Called with the address of the dashboard.
-    stale_after : float
-        Without a heartbeat for this time a claim is taken over [s].
+    scheduler: its address; None: a LocalCluster of `workers` processes with one thread each; announce: called with the
+    address of the dashboard; stale_after: without a heartbeat for this time a claim is taken over [s].
 
     Raises
     ------
@@ -231,12 +190,11 @@ def work_with_dask(
                 announce(client.dashboard_link)
         fruitless = 0
         while fruitless < FRUITLESS:
-            done = farm.published()
-            left = [job for job in farm.jobs if job.id not in done]
-            if not left:
+            waiting = farm.unpublished()
+            if not waiting:
                 return
-            _round(connect, farm, left, most_attempts, stale_after)
-            fruitless = 0 if len(farm.published()) > len(done) else fruitless + 1
+            _round(connect, farm, list(waiting.values()), most_attempts, stale_after)
+            fruitless = 0 if len(farm.unpublished()) < len(waiting) else fruitless + 1
             if fruitless:
                 sleep(PAUSE)
     raise InputError(

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from differences import gradient_error, hessian_error
 from effect_builders import bending, membrane, plastic_bending, rest_angle
-from meshes import UNIT, cloth, grid
+from meshes import UNIT, cloth, deformed, grid, small_world
 from small_scenes import EFFECTS, SHEET, small_scene
 from solving import equilibrium, held, step_at, those_on
 
@@ -16,6 +17,7 @@ from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
 from clothsim.physics.energies.hinge_kernels import angles
 from clothsim.physics.energies.plastic_hinges import flowed
+from tests.known_answers.plastic_strip import tip_left, tip_of_beam
 
 
 def sheet(**changes):
@@ -75,9 +77,9 @@ def test_how_fast_does_not_matter():
 # --- sheets ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("hardening", "left"), [(0.0, 80.0), (0.6, 50.0)])
+@pytest.mark.parametrize(("hardening", "left"), [(0.0, 80.0), (0.2, 80.0 / 1.2), (0.6, 20.0 / 0.6)])
 def test_a_fold_that_is_let_go_keeps_what_the_return_mapping_gives(hardening, left):
-    """Held at 100 degrees with a yield of 20: (100 - 20) / (1 + H)."""
+    """Held at 100 degrees with a yield of 20: (100 - 20) / (1 + H), or y/H where that yields backwards."""
     world = sheet()
     x, crease = folded(world, 100.0)
     energies = those_on(membrane=membrane(world), bending=bending(world, model="hinge"))
@@ -134,6 +136,61 @@ def test_a_curvature_is_an_angle_of_the_mesh():
     assert np.allclose(energy.yields[across], 2.0 * 0.25)
 
 
+# --- the flow of a step is solved with it -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["hinge", "midedge"])
+@pytest.mark.parametrize("hardening", [0.0, 0.5])
+def test_derivatives_below_and_beyond_the_yield(model, hardening):
+    world = small_world()
+    built = {"bending": bending(world, model=model)}
+    energy = plastic_bending(world, yield_angle_degrees=5.0, hardening=hardening, built=built)
+    energy = energy.begin(step_at(deformed(world, 1, 0.03)))
+    x = deformed(world, 2, 0.08)
+    beyond = energy._beyond(x)[1]
+    assert (beyond > 0).any()
+    assert energy.carry_over.any()
+    assert gradient_error(energy, x) < 1e-7
+    assert hessian_error(energy, x) < 1e-6
+
+
+@pytest.mark.parametrize("model", ["hinge", "midedge"])
+def test_with_bending_it_is_convex_over_the_angles(model):
+    """The Gauss-Newton parts: that which flow takes leaves H/(1 + H) of bending's or more."""
+    world = small_world()
+    plate = bending(world, model=model)
+    energy = plastic_bending(world, yield_angle_degrees=5.0, hardening=0.5, built={"bending": plate})
+    energy = energy.begin(step_at(world.start()))
+    rng, angles_before = np.random.default_rng(0), plate.rest_angles
+    values = lambda angles: _energy_of_angles(energy, plate, angles)  # noqa: E731
+    for _ in range(20):
+        one, other = (angles_before + 0.5 * rng.standard_normal(len(angles_before)) for _ in range(2))
+        middle = values((one + other) / 2)
+        least = 0.99 * 0.5 / 1.5 * _plate_of_angles(plate, (one - other) / 2)
+        assert (values(one) + values(other)) / 2 - middle >= least > 0
+
+
+def test_what_a_cantilever_retains_does_not_depend_on_the_steps_of_its_load():
+    """With the flow of a step at the start of the next one it was 42 % too little in 10 steps, 14 % in 40."""
+    four, one = tip_left(4, cells=20), tip_left(1, cells=20)
+    assert four == pytest.approx(one, rel=1e-4)
+    assert four == pytest.approx(tip_of_beam(), rel=0.02)
+
+
+def _plate_of_angles(plate, turned):
+    strains, weights = plate.strains_of_angles()
+    strain = (strains @ turned).reshape(len(weights), -1)
+    return 0.5 * float(weights @ (strain**2).sum(axis=1))
+
+
+def _energy_of_angles(energy, plate, angles):
+    turned = angles - plate.rest_angles
+    strain = energy._strain(turned)
+    beyond = np.maximum(np.linalg.norm(strain - (1 + energy.hardening) * energy.plastic, axis=1) - energy.yields, 0.0)
+    flow = energy.weights @ beyond**2 / (2 * (1 + energy.hardening))
+    return _plate_of_angles(plate, turned) + energy.offset - energy.moments @ turned - float(flow)
+
+
 # --- runs -----------------------------------------------------------------------------------------------------------
 
 STIFF = SHEET | {"bending_stiffness": 0.003}
@@ -152,8 +209,7 @@ def test_below_the_yield_a_run_is_the_same_bit_for_bit(tmp_path):
         for k, effects in enumerate((high, EFFECTS))
     )
     assert np.array_equal(frames(with_it), frames(without))
-    account = with_it.summary["effects"]["plastic_bending"]
-    assert account["idle_steps"] == account["steps"] > 0
+    assert with_it.summary["effects"]["plastic_bending"]["steps"] > 0
 
 
 class StoppedError(Exception):
@@ -163,7 +219,6 @@ class StoppedError(Exception):
 def test_a_resumed_run_restores_its_folds_bit_for_bit(tmp_path):
     scene = small_scene(cloth=STIFF, effects=CREASING)
     whole = simulate(scene, tmp_path / "whole")
-    assert whole.summary["effects"]["plastic_bending"]["idle_steps"] < whole.summary["steps"]
 
     def stop(progress):
         if progress.step == 6:

@@ -86,7 +86,7 @@ def straight_parts(points: Floats) -> tuple[Part, ...]:
 def parts_of_bezier(points: Floats) -> tuple[Part, ...]:
     """The curve of 3 or 4 control points (k, 2) [m]; in two halves where it ends at its start."""
     if np.linalg.norm(points[-1] - points[0]) > JOINED:
-        return (Part(points[0], points[-1], Bezier(along_chord(points[1:-1], points[0], points[-1]))),)
+        return (_bezier(points),)
     return tuple(part for half in divided(points, 0.5) for part in parts_of_bezier(half))
 
 

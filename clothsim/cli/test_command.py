@@ -1,0 +1,64 @@
+"""`clothsim test`: a standard test of a fabric, simulated."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from clothsim import engine
+from clothsim.base.errors import InputError
+from clothsim.cli import on_demand
+from clothsim.cli.arguments import as_count, as_length
+from clothsim.cli.report import Report, messages
+
+_DESCRIPTION = """\
+Simulate a standard test of a fabric: cusick, the drape of ISO 9073-9 (coefficient, folds, their depth over many lays);
+cantilever, the bending length of ASTM D1388; tensile, bias and shear, force against stretch. Each value comes with its
+spread over the specimens and with what is known of its error.
+
+  clothsim test cotton --method cusick
+  clothsim test denim --method cantilever --set bending_warp=3e-5
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    test = commands.add_parser("test", description=_DESCRIPTION)
+    test.add_argument("fabric", metavar="FABRIC", help="a named fabric (`clothsim fabrics` lists them)")
+    methods = ("cusick", "cantilever", "bias", "tensile", "shear")
+    test.add_argument("--method", choices=methods, default="cusick", help="the test (default cusick)")
+    test.add_argument("--lays", metavar="N", help="specimens (default 16 lays, or 3 strips of each direction)")
+    test.add_argument("--size", metavar="L", help="distance of the vertices of a drape (default 6mm)")
+    test.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a key of [cloth] to replace")
+    test.add_argument("-o", "--output", type=Path, metavar="DIR", help="leave test.json (and drape.png) there")
+    test.add_argument("--quiet", action="store_true", help="print the end only")
+    test.add_argument("--json", action="store_true", help="print test.json, the rest on stderr")
+    test.add_argument("--debug", action="store_true", help="show tracebacks")
+    test.set_defaults(handler=_test)
+
+
+def _test(arguments: argparse.Namespace) -> Report:
+    engine.fabric_named("FABRIC", arguments.fabric)
+    lays = None if arguments.lays is None else as_count("--lays", arguments.lays)
+    cloth = {"fabric": arguments.fabric, **dict(_assigned(text) for text in arguments.set)}
+    size = {} if arguments.size is None else {"size": as_length("--size", arguments.size)}
+    tell = messages(arguments, f"{arguments.fabric} by {arguments.method}")
+    done = on_demand.fabric_tested(cloth, arguments.method, lays, tell=tell, **size)
+    lines = done.text()
+    if arguments.output is not None:
+        arguments.output.mkdir(parents=True, exist_ok=True)
+        (arguments.output / "test.json").write_text(on_demand.to_json(done.document()), encoding="utf-8")
+        files = ["test.json"]
+        if arguments.method == "cusick":
+            on_demand.draw_drape(done, arguments.output / "drape.png")
+            files.append("drape.png")
+        lines += f"\n  files     {arguments.output}: {', '.join(files)}"
+    return Report(done.document(), lines, verdict=True)
+
+
+def _assigned(text: str) -> tuple[str, float]:
+    """Key and number of "bending_stiffness=1e-5"; the scene checks both."""
+    key, _, value = text.partition("=")
+    try:
+        return key.strip().removeprefix("cloth."), float(value)
+    except ValueError as error:
+        raise InputError(f"--set is {text!r}.", "Write it as --set bending_stiffness=1e-5.") from error

@@ -1,0 +1,1 @@
+"""Standard tests of a fabric, simulated: drape, cantilever, bias extension, tension, shear."""

@@ -1,0 +1,179 @@
+"""Bending with a slope and with a curl: moments of cylinders, derivatives, convexity, a strip that rolls up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from differences import dense_hessian, gradient_error, hessian_error
+from effect_builders import bending, membrane
+from meshes import UNIT, cloth, deformed, grid, irregular_grid
+from solving import equilibrium, held, step_at, those_on
+
+from clothsim.base.errors import InputError
+from clothsim.mesh.world import make_world
+from clothsim.physics.energies.midedge_bending import MidedgeBending
+from clothsim.physics.energies.midedge_softening import LEAST_TANGENT
+
+FLAT = replace(UNIT, poisson_ratio=0.0, bending_stiffness=1.0)
+WOVEN = replace(
+    UNIT, poisson_ratio=0.2, bending_warp=1.5, bending_weft=0.8, bending_slope_warp=-0.5, bending_slope_weft=-0.2,
+    bending_slope_bias=-0.4,
+)  # fmt: skip
+
+
+def world_of(fabric, mesh=None):
+    return make_world([cloth(*(irregular_grid(0) if mesh is None else mesh), fabric)])
+
+
+def rolled(positions, k):
+    """The plane rolled along x to a cylinder of curvature k towards +z."""
+    x, y = positions[:, 0], positions[:, 1]
+    return np.column_stack([np.sin(k * x) / k, y, (1 - np.cos(k * x)) / k])
+
+
+def energy_per_area(fabric, n, k, degrees=0.0):
+    """Of the inside of a cylinder: those of four sheets, so that their free borders, without moment, drop out."""
+    total = 0.0
+    for length, width, sign in ((2, 2, 1), (2, 1, -1), (1, 2, -1), (1, 1, 1)):
+        points, triangles = grid(length * n, width * n)
+        points = points * [length, width, 1]
+        wave = 0.05 * np.sin(2 * np.pi * points[:, 0]) * np.sin(2 * np.pi * points[:, 1])
+        points[:, 0] += wave  # on rows along the axis a cylinder's moment would be exact
+        points[:, 1] -= 2 * wave
+        world = world_of(fabric, (points, triangles))
+        total += sign * bending(world, angle_degrees=degrees).value(rolled(world.start(), k))
+    return total
+
+
+# --- softening ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slope", [-0.3, 0.3])
+@pytest.mark.parametrize("k", [0.8, 3.0])
+def test_moment_of_a_cylinder_converges_with_order_two(slope, k):
+    fabric = replace(FLAT, bending_slope=slope)
+    cap = (1 - LEAST_TANGENT) / (2 * abs(slope))
+    below, beyond = min(k, cap), max(k - cap, 0.0)
+    exact = below + slope * below**2 + (1 + 2 * slope * below) * beyond
+    errors = []
+    for n in (8, 16, 32):
+        high, low = (energy_per_area(fabric, n, k + step) for step in (1e-4, -1e-4))
+        errors.append(abs((high - low) / 2e-4 / exact - 1))
+    assert errors[-1] < 2e-3
+    assert np.log2(errors[1] / errors[2]) > 1.85
+
+
+@pytest.mark.parametrize(("degrees", "stiffness", "slope"), [(0, 1.5, -0.5), (90, 0.8, -0.2)])
+def test_each_direction_has_its_slope(degrees, stiffness, slope):
+    fabric, k = replace(WOVEN, poisson_ratio=0.0), 0.5
+    found = energy_per_area(fabric, 16, k, degrees)
+    assert found == pytest.approx(stiffness * k**2 / 2 + slope * k**3 / 3, rel=2e-3)
+
+
+def test_the_bias_has_its_own():
+    k, woven = 0.4, replace(WOVEN, poisson_ratio=0.0)
+    soft, stiff = (energy_per_area(replace(woven, bending_slope_bias=s), 16, k, 45.0) for s in (-0.4, -0.2))
+    assert soft - stiff == pytest.approx(-0.2 * k**3 / 3, rel=5e-3)
+
+
+@pytest.mark.parametrize("fabric", [WOVEN, replace(UNIT, bending_slope=-2.0), replace(UNIT, bending_slope=2.0)])
+def test_derivatives(fabric):
+    world = world_of(fabric)
+    energy = bending(world)
+    for amplitude in (0.02, 0.2):  # below and beyond the cap
+        x = deformed(world, 1, amplitude)
+        assert gradient_error(energy, x) < 1e-7
+        assert hessian_error(energy, x) < 1e-5
+
+
+@pytest.mark.parametrize("fabric", [WOVEN, replace(UNIT, bending_slope=-2.0), replace(UNIT, bending_slope=2.0)])
+def test_it_is_convex_over_the_angles_and_newton_s_springs_bound_it(fabric):
+    world = world_of(fabric)
+    energy = bending(world)
+    x = deformed(world, 1, 0.2)
+    tangents = np.einsum("mqj,mpj->mqp", energy._tangents(x), energy._tangents(x))
+    plates = np.einsum("mqj,mpj->mqp", energy.weights, energy.weights)
+    assert np.abs(np.trace(tangents, axis1=1, axis2=2) / np.trace(plates, axis1=1, axis2=2) - 1).max() > 0.1
+    squares = energy._squares(x).explicit().to_sparse(len(x)).toarray()
+    assert np.linalg.eigvalsh(squares)[0] > -1e-12 * np.abs(squares).max()
+    springs = dense_hessian(energy, x, project=True)
+    assert np.linalg.eigvalsh(springs - squares)[0] > -1e-10 * np.abs(springs).max()
+
+
+def test_least_tangent_is_left():
+    fabric = replace(FLAT, bending_slope=-1.0)
+    values = [energy_per_area(fabric, 8, k) for k in (2.0, 2.1, 2.2)]
+    assert np.diff(values, 2)[0] / 0.01 == pytest.approx(LEAST_TANGENT, rel=0.05)
+
+
+def test_without_a_slope_it_is_the_plate():
+    assert type(bending(world_of(UNIT))) is MidedgeBending
+
+
+def test_restricted_to_a_vertex_it_has_its_gradient():
+    world = world_of(WOVEN)
+    energy, x = bending(world), deformed(world, 1, 0.1)
+    moving = np.arange(len(x)) == 7
+    part = energy.restricted_to(moving, x)
+    assert len(part.elements) < len(energy.elements)
+    assert np.abs((part.gradient(x) - energy.gradient(x))[7]).max() < 1e-12
+
+
+@pytest.mark.parametrize("model", ["hinge", "quadratic"])
+def test_other_models_refuse_a_slope(model):
+    with pytest.raises(InputError, match=r"bending_slope.*midedge"):
+        bending(world_of(replace(UNIT, bending_slope=-0.1)), model=model)
+
+
+def test_slopes_of_both_signs_are_refused():
+    with pytest.raises(InputError, match="bending_slope"):
+        replace(UNIT, bending_slope_warp=1.0, bending_slope_weft=-1.0)
+
+
+# --- curl -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["midedge", "hinge", "quadratic"])
+@pytest.mark.parametrize("way", ["warp", "weft"])
+def test_a_curled_sheet_is_at_rest_on_its_cylinder(model, way):
+    k, left = 1.3, []
+    for n in (8, 16):
+        world = world_of(replace(FLAT, **{f"rest_curvature_{way}": k}), grid(n, n))
+        energy = bending(world, model=model)
+
+        def rolled_up(k, world=world):
+            start = world.start()
+            return rolled(start, k) if way == "warp" else rolled(start[:, [1, 0, 2]], k)[:, [1, 0, 2]]
+
+        flat, there, opposite = (
+            energy.begin(step_at(x)).value(x) for x in (world.start(), rolled_up(k), rolled_up(-k))
+        )
+        left.append(there / flat)
+        assert opposite > 3 * flat
+    assert left[1] < 1e-3
+
+
+@pytest.mark.parametrize("model", ["midedge", "hinge"])
+def test_a_free_strip_rolls_to_its_radius(model):
+    k, radii = 1.5, []
+    for n in (8, 16):
+        points, triangles = grid(n, 2)
+        points[:, 1] *= 0.25
+        world = world_of(replace(FLAT, youngs_modulus=1e4, rest_curvature_warp=k), (points, triangles))
+        energies = those_on(membrane=membrane(world), bending=bending(world, model=model))
+        end = equilibrium(
+            world, energies, world.start(), held(world.start(), np.flatnonzero(points[:, 0] < 1e-9)), tolerance=1e-7
+        )
+        middle = end[np.abs(points[:, 1] - points[:, 1].mean()) < 1e-9]
+        centre = np.linalg.lstsq(
+            np.column_stack([2 * middle[:, [0, 2]], np.ones(len(middle))]), (middle[:, [0, 2]] ** 2).sum(axis=1)
+        )[0]
+        radii.append(float(np.sqrt(centre[2] + centre[:2] @ centre[:2])))
+    assert radii[1] * k == pytest.approx(1.0, abs=0.02)
+
+
+def test_derivatives_with_curl_and_slope():
+    world = world_of(replace(WOVEN, rest_curvature_warp=2.0, rest_curvature_weft=-1.0))
+    energy, x = bending(world), deformed(world, 1, 0.1)
+    assert gradient_error(energy, x) < 1e-7
+    assert hessian_error(energy, x) < 1e-5
