@@ -11,9 +11,8 @@ from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import CONVERGED, Solver
 from clothsim.mesh.body import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, contact_time
 from clothsim.physics.energies.hessians import ByElement
-from clothsim.physics.energies.step import contact_time
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
 from clothsim.solve.linear.dependent_rows import DependentRows

@@ -7,7 +7,7 @@ from scipy.special import ellipk
 
 from clothsim import Scene, Simulation, simulate
 from clothsim.base.errors import InputError, IntersectionWarning
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Step
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.newton import nonlinear_elimination

@@ -38,7 +38,7 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.geometry.kinematics.warp_weft import thread_axes
+from clothsim.geometry.kinematics.deformation_gradient import thread_axes
 from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.topology import half_edges
 from clothsim.mesh.world import World

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Step
 
 RISE_TIME = 30.0
 """Shortest time in which a rise of the stiffness may add the kinetic and barrier energy to the cloth, over

@@ -14,7 +14,7 @@ from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example
-from clothsim.physics.energies.varying_values import over_cloth
+from clothsim.physics.energies.key_values import over_cloth
 
 MODELS = {
     "midedge": "clothsim.physics.energies.midedge_bending:midedge_bending",

@@ -17,10 +17,8 @@ from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy, Step
 from clothsim.physics.energies.protocols import Anchored, ContactGap
-from clothsim.physics.energies.step import Step
 from clothsim.scene.scene import Scene
 
 ROUND_OFF = 1e-9

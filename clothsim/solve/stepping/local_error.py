@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.world import World
-from clothsim.physics.energies.step import CONTACT_TIME_SCALE
+from clothsim.physics.energies.base import CONTACT_TIME_SCALE
 from clothsim.solve.newton.convergence import ErrorBalance, MotionStop
 from clothsim.solve.stepping.integrators import BDF2, Formula
 from clothsim.solve.stepping.state import State

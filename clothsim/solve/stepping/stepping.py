@@ -10,8 +10,7 @@ import numpy as np
 
 from clothsim.base.parallel import threads
 from clothsim.mesh.world import World
-from clothsim.physics.energies.constraint import Constraint, Prescribed
-from clothsim.physics.energies.step import CONTACT_TIME_SCALE, Step
+from clothsim.physics.energies.base import CONTACT_TIME_SCALE, Constraint, Prescribed, Step
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.threads import one_blas_thread
 from clothsim.solve.newton.convergence import ErrorBalance, MotionStop
@@ -99,7 +98,7 @@ class Integrator:
     refine : callable
         Refinement of each converged solve (differentiable runs).
     contact_time : float
-        Shortest time in which contact stops a motion [s] (`energies.step.contact_time`).
+        Shortest time in which contact stops a motion [s] (`energies.base.contact_time`).
     """
 
     world: World

@@ -12,7 +12,7 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact.stiffness import RISE_TIME, bounded_stiffness
-from clothsim.physics.energies.step import CONTACT_TIME_SCALE
+from clothsim.physics.energies.base import CONTACT_TIME_SCALE
 
 DT = 0.01
 RISE = RISE_TIME * CONTACT_TIME_SCALE

@@ -13,9 +13,8 @@ from clothsim.base.linalg import kabsch
 from clothsim.mesh.cloth import dihedral_angles
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.base import Off
+from clothsim.physics.energies.base import Off, Step
 from clothsim.physics.energies.quadratic_bending import folded
-from clothsim.physics.energies.step import Step
 
 MODELS = ["hinge", "quadratic", "midedge"]
 
