@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -140,7 +141,12 @@ def _document(name: str) -> dict[str, Any]:
     """Values of a fabric in SI units, null where no source gives one, and their sources."""
     named = engine.FABRICS[name]
     values = {key: getattr(named.fabric, key) for key in _VALUES}
-    return {"made_of": named.made_of, "values": values, "sources": dict(named.sources)}
+    return {
+        "made_of": named.made_of,
+        "values": values,
+        "sources": dict(named.sources),
+        "compared": asdict(named.compared),
+    }
 
 
 def _swatches(names: list[str], file: Path) -> Report:
@@ -178,8 +184,9 @@ def table(names: Sequence[str]) -> str:
             f"{1e6 * fabric.bending_stiffness:.1f}",
         )
         extensions = f"{100 * fabric.extension_along_warp:.3g}, {100 * fabric.extension_along_weft:.3g}"
-        estimated = dict.fromkeys(key.split("_")[-1] for key in named.estimated)
-        rows.append((fabric.name, *numbers, named.measured_by, extensions, ", ".join(estimated)))
+        estimated = dict.fromkeys("bending" if "bending" in key else key.split("_")[-1] for key in named.estimated)
+        shown = ", ".join(estimated) if len(estimated) <= 3 else "all but bending"
+        rows.append((fabric.name, *numbers, named.measured_by, extensions, shown))
     lines = text_table(header, rows)
     return f"{lines}\n\nThe extensions along warp and weft act with [effects.strain_limit]."
 
@@ -196,6 +203,13 @@ def sheet(name: str) -> str:
     lines.append(f"{named.measured_by}: {named.fabric.source}.")
     if silent:
         lines.append(f"No source gives: {', '.join(silent)}.")
+    beside = named.compared
+    drape = f"Drapes to {beside.coefficient:.0f} % by `clothsim test {name} --size {beside.size:g}mm`"
+    if beside.published:
+        drape += " (published: {:g} to {:g} %)".format(*beside.published)
+    lines.append(
+        f"{drape}; {beside.stiffer_than} % of {beside.of} fabrics of like weight bend more easily (Feng 2022)."
+    )
     return "\n\n".join(lines)
 
 

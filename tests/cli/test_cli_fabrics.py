@@ -14,7 +14,7 @@ def test_it_lists_every_fabric_with_numbers_and_source(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert {line.split()[0] for line in lines if line} >= set(FABRICS)
     denim = next(line for line in lines if line.startswith("denim"))
-    assert denim.split()[1:7] == ["324", "0.62", "2,027", "410", "122", "19.7"]
+    assert denim.split()[1:7] == ["324", "0.62", "2,027", "410", "122", "26.6"]
     assert "Wang 2011" in denim
     assert "thickness" in denim
     assert max(len(line) for line in lines) <= 120

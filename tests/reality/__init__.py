@@ -1,0 +1,1 @@
+"""Simulated fabrics against measured ones."""
