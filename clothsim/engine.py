@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from clothsim.mesh.weld import mean_of_parts
     from clothsim.mesh.winding import facing_away
     from clothsim.mesh.world import World
-    from clothsim.physics.energies.base import Energy, Off
-    from clothsim.physics.energies.constraint import Constraint, Prescribed
+    from clothsim.physics.energies.base import Constraint, Energy, Off, Prescribed
     from clothsim.physics.energies.hessians import ElementHessian
     from clothsim.run.check import Examination, examined
     from clothsim.run.export import unpack_bundle, write_bundle

@@ -18,15 +18,14 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
+from clothsim.gradients.differentiable_session import RecordedStep, bound_to, free_rows
 from clothsim.gradients.exact_system import exact_system, solved
-from clothsim.gradients.recorded_step import RecordedStep, bound_to, free_rows
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs
-from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.base import Energy, Past, Step
 from clothsim.physics.energies.hessians import ByElement, explicit
 from clothsim.physics.energies.protocols import PastSensitivity, SeesPast
-from clothsim.physics.energies.step import Past, Step
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.stepping import Integrator

@@ -8,8 +8,8 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.gradients.losses import Custom, Loss
+from clothsim.gradients.parameters import with_value
 from clothsim.gradients.run import Trace, traced
-from clothsim.gradients.scene_values import with_value
 from clothsim.scene.scene import Scene
 
 

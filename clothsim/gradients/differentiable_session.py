@@ -1,19 +1,99 @@
-"""Session whose run can be differentiated: contact stiffness held, solves polished, the rest refused by name."""
+"""Session whose run can be differentiated, and the record of its steps.
+
+Contact stiffness is held, solves are polished; what has no derivative is refused by name.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.polishing import MOST_STEPS, Polish
-from clothsim.gradients.recorded_step import RecordedStep, recorded
-from clothsim.physics.energies.base import Energy
+from clothsim.gradients.exact_system import MOST_STEPS, Polish
+from clothsim.physics.contact.barrier import Barrier
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.protocols import AdaptiveStiffness, History, Lagged
 from clothsim.run.session import Session
 from clothsim.solve.newton.potential import Potential
+from clothsim.solve.stepping.integrators import BACKWARD_EULER, Formula, formula_of, prescribed
 from clothsim.solve.stepping.state import State, first_state
-from clothsim.solve.stepping.stepping import Integrator, advance, unrefined
+from clothsim.solve.stepping.stepping import Integrator, StepReport, advance, step_of, unrefined
 from clothsim.solve.stepping.time_loop import steps
+from clothsim.solve.timers import Timers
+
+
+@dataclass(frozen=True)
+class RecordedStep:
+    """A step that was taken.
+
+    Parameters
+    ----------
+    start, end : State
+        States before and after it.
+    dt : float
+        Its length [s].
+    solution : (N, 3) float64
+        Minimiser of its energy [m]: the end but for the displacement that leaves an unstable equilibrium.
+    restarted : bool
+        True where backward Euler took the step of a run with BDF2.
+    pairs : mapping of str to (p,) int arrays
+        Keys of the contact pairs that are active at the solution, by effect.
+    """
+
+    start: State
+    end: State
+    dt: float
+    solution: Floats
+    restarted: bool
+    pairs: Mapping[str, Ints]
+
+    def formula(self, integrator: Integrator) -> Formula:
+        """Return the difference formula of the step."""
+        return formula_of(BACKWARD_EULER if self.restarted else integrator.formula, self.start, self.dt)
+
+    def step(self, integrator: Integrator) -> Step:
+        """Return the step as energies are bound to it."""
+        return step_of(integrator, self.start, self.formula(integrator), self.dt, self.end.time)
+
+    def fixed_rows(self, integrator: Integrator) -> Ints:
+        """Return the cloth rows whose positions were prescribed, (k,)."""
+        rows = prescribed(integrator.world, integrator.constraints.values(), self.end.time).vertices
+        return rows[rows < integrator.world.n_cloth]
+
+
+def recorded(start: State, report: StepReport) -> RecordedStep:
+    """Return the record of a step from `start`."""
+    x, contacts = report.result.x, report.potential.energies.items()
+    pairs = {name: each.candidates.active(x).keys for name, each in contacts if isinstance(each, Barrier)}
+    return RecordedStep(start, report.state, report.dt, x, report.restarted, pairs)
+
+
+def untimed(potential: Potential) -> Potential:
+    """Return a potential with timers of its own: what the backward pass does is no part of the run's account."""
+    return replace(potential, timers=Timers())
+
+
+def bound_to(integrator: Integrator, record: RecordedStep) -> tuple[Step, Potential]:
+    """Return the step of a record and the potential bound to it.
+
+    Raises
+    ------
+    AssertionError
+        Where the solution is no minimum of it: the record is of another scene.
+    """
+    step = record.step(integrator)
+    return step, untimed(integrator.potential).begin(step)
+
+
+def free_rows(integrator: Integrator, record: RecordedStep) -> np.ndarray:
+    """Return the mask (N,) of the rows that the step solved for."""
+    free = np.zeros(integrator.world.n_vertices, bool)
+    free[: integrator.world.n_cloth] = True
+    free[record.fixed_rows(integrator)] = False
+    return free
+
 
 REFUSED = {
     "plastic_bending": "its folds remember every step before",

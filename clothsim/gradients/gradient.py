@@ -14,10 +14,8 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.gradients.backward_pass import Adjoints
-from clothsim.gradients.differentiable_session import held_energies
-from clothsim.gradients.parameters import full_path, scene_derivative
-from clothsim.gradients.recorded_step import bound_to
-from clothsim.gradients.variation import SECOND_ORDER, Variant, Variation
+from clothsim.gradients.differentiable_session import bound_to, held_energies
+from clothsim.gradients.parameters import SECOND_ORDER, Variant, Variation, full_path, scene_derivative
 from clothsim.mesh.cloth import Cloth, triangle_planes
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.protocols import ContactGap, Lagged

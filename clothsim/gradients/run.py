@@ -13,11 +13,16 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.backward_pass import backward_pass
-from clothsim.gradients.differentiable_session import differentiable_session, forward, with_stiffness
+from clothsim.gradients.differentiable_session import (
+    RecordedStep,
+    differentiable_session,
+    forward,
+    recorded,
+    with_stiffness,
+)
+from clothsim.gradients.exact_system import MOST_STEPS
 from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Function, Loss, as_loss
-from clothsim.gradients.polishing import MOST_STEPS
-from clothsim.gradients.recorded_step import RecordedStep, recorded
 from clothsim.physics.energies.protocols import AdaptiveStiffness
 from clothsim.run.certificate import Certificate
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run

@@ -10,8 +10,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.gradients.exact_system import mean_adjoint
 from clothsim.mesh.world import World
-from clothsim.physics.energies.elementwise import Elementwise
-from clothsim.physics.energies.protocols import AdaptiveStiffness, DividedForce, History, Lagged
+from clothsim.physics.energies.protocols import AdaptiveStiffness, DividedForce, Elementwise, History, Lagged
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene

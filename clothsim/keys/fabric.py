@@ -32,7 +32,7 @@ class Fabric:
     bending_stiffness : float
         D [N m].
     warp_stiffness, weft_stiffness, shear_stiffness : float, optional
-        Of the threads [N/m] (see `energies.orthotropic`); None: the isotropic ones.
+        Of the threads [N/m] (see `energies.woven_membrane`); None: the isotropic ones.
     thread_poisson_ratio : float, optional
         Geometric mean of both Poisson ratios of the threads; None: poisson_ratio.
     warp_extension, weft_extension : float, optional

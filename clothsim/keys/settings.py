@@ -165,6 +165,9 @@ class RunSettings(KeyTable):
     forces: Annotated[
         bool, Key("Record at each step the contact force on each body and the reaction of each group of pins")
     ] = False
+    allow_inside: Annotated[
+        bool, Key("Simulate cloth that starts inside a body, all of it, where contact keeps it; else it is refused")
+    ] = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 Affine body dynamics (Lan et al. 2022, "Affine body dynamics: fast, stable and intersection-free simulation of stiff
 materials") follows the map x(X) = A X + t of a solid and keeps A near a rotation by a stiff energy
-(`energies.rigidity`). Here the map has k coordinates z_j, rows of x like the vertices of a cloth:
+(`energies.rigid_bodies`). Here the map has k coordinates z_j, rows of x like the vertices of a cloth:
 
     x(X) = c(X) + sum_j f_j(X) z_j,    A = C + sum_j z_j grad f_j'
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from clothsim.base.errors import InputError
 from clothsim.files.runs.checkpoint import Checkpoint
-from clothsim.physics.energies.varying_values import FUNCTION, lost_function
+from clothsim.physics.energies.key_values import FUNCTION, lost_function
 from clothsim.run.certificate import Certificate, certificate_from
 from clothsim.run.changes import HandMotions, hand_motions_from
 from clothsim.run.intersections import IntersectionHistory

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
+from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients, thread_axes
 from clothsim.geometry.kinematics.kabsch_frames import vertex_frames as kabsch_frames
 from clothsim.geometry.kinematics.stretch import PolarDecomposition, polar_decomposition, principal_stretches
 from clothsim.geometry.kinematics.thickness import deformed_thickness
-from clothsim.geometry.kinematics.warp_weft import thread_axes
 from clothsim.keys.value_checks import refuse_unknown
 from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World

@@ -11,7 +11,7 @@ from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import CONVERGED, Solver
 from clothsim.mesh.body import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, contact_time
 from clothsim.physics.energies.hessians import ByElement
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
@@ -205,7 +205,8 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     check_rotation_per_step(built, dt)
     if settings.error:
         _refuse_error(built)
-    control = ErrorControl(settings.error, run.duration, dt) if settings.error else None
+    least = contact_time(_d_hat(built), _gravity(built))
+    control = ErrorControl(settings.error, run.duration, dt, least) if settings.error else None
     formula = settings.integrator if dynamic else BACKWARD_EULER
     ramp = 0.0 if dynamic else run.duration
     integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
@@ -217,6 +218,7 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
         leaves_unstable=leaves,
         perturbation_seed=settings.perturbation_seed,
         carries_pinched=_carries_pinched(scene, built),
+        contact_time=least,
     )
 
 
@@ -286,6 +288,12 @@ def _gravity(built: Built) -> float:
     acceleration = getattr(built.energies.get("gravity"), "acceleration", None)  # without an import of the effect
     size = 0.0 if acceleration is None else float(np.linalg.norm(acceleration))
     return size or STANDARD_GRAVITY
+
+
+def _d_hat(built: Built) -> float:
+    """The largest d_hat of the contact effects, or their default where there is none [m]."""
+    given = [energy.d_hat for energy in built.energies.values() if hasattr(energy, "d_hat")]
+    return max(given, default=0.1 * built.world.cell)
 
 
 def _make_reproducible() -> str:

@@ -132,8 +132,8 @@ class Progress:
         Smallest distance in contact [m], inf where nothing is closer than d_hat.
     fastest : float
         Largest speed of a cloth vertex [m/s].
-    verdict : {"moving", "settled", "stalled", "unstable"}
-        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth; unstable: the step
+    verdict : {"moving", "slow", "stalled", "unstable"}
+        Slow: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth; unstable: the step
         ended in an unstable equilibrium.
     seconds : float
         Wall time since the start [s].
@@ -159,7 +159,7 @@ def progress_of(report: StepReport, session: Session, seconds: float) -> Progres
     if integrator.control is None and report.dt < integrator.dt / 8:
         verdict = "stalled"
     elif report.fastest < 10 * integrator.settings.tolerance:
-        verdict = "settled"
+        verdict = "slow"
     if report.switches:
         verdict = "unstable"
     return Progress(

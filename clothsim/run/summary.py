@@ -59,7 +59,8 @@ def summary_of(
     inside = held_inside(world, state.positions) if "body_contact" in session.built.energies else []
     return {
         "status": "completed" if failure is None else "failed",
-        "reason": _end_of(session, state) if failure is None else failure.reason,
+        "reason": _reason_of_end(session, state) if failure is None else failure.reason,
+        "end": "stopped" if failure is not None else "at rest" if state.at_rest else "time is over",
         "failure": None if failure is None else failure.as_dict(),
         "stages": ["start", *("simulated" for _ in range(state.frame))],
         **seconds,
@@ -87,7 +88,7 @@ def summary_of(
     }
 
 
-def _end_of(session: "Session", state: "State") -> str:
+def _reason_of_end(session: "Session", state: "State") -> str:
     """The sentence on the end of a completed run."""
     if session.scene.run_settings.until == "time":
         return f"{state.time:g} s were simulated."
@@ -119,6 +120,7 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
             parts.append(f"{SURFACES_OF_KIND[kind]} never intersect")
     if "rigid" in certificate and "rigid" not in certificate["intersections"]:
         parts.append(f"{SURFACES_OF_KIND['rigid']} never intersect")
+    parts += [f"{each['cloth']} is INSIDE {each['body']}" for each in certificate.get("held_inside", ())]
     if certificate["intersection_free"] is None:
         parts.append("earlier steps were NOT CHECKED")
     gap = certificate["minimum_gap"]

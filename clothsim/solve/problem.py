@@ -6,8 +6,7 @@ from functools import cached_property
 
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy
 from clothsim.solve.linear.dependent_rows import Dependence, DependentRows
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern

@@ -57,11 +57,11 @@ class Preview(Served):
         with self._lock:
             made = self.predictor.predicted(inputs)
             self.inputs, self.shown = np.array(inputs, np.float64), made
-            self._put(made.cloth, CROSSING if made.crossings else CLEAR)
+            self._put(made.cloth, CLEAR if made.clean else CROSSING)
             for node, points in zip(self.nodes["bodies"], made.bodies, strict=True):
                 node.vertices = points.astype(np.float32)
             seconds = perf_counter() - began
-            verdict = made.verdict if not made.crossings else f"**{made.verdict}**"
+            verdict = made.verdict if made.clean else f"**{made.verdict}**"
             self.controls["verdict"].content = f"Prediction: {verdict}\n\n{1e3 * seconds:.0f} ms"
         return made
 

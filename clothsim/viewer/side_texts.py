@@ -26,11 +26,13 @@ def _escaped(text: str) -> str:
 
 
 def state_text(run: "Run") -> str:
-    """Status and reason, and whether the cloth is free of intersections."""
+    """Status and reason, whether the cloth is free of intersections, and what is inside a body."""
     free = {True: "free of intersections (exact check)", False: "**it intersects**", None: "not checked yet"}
     going = not run.summary
     status = "running or stopped" if going else run.status
-    lines = [f"**{status}**, {len(run)} frames", "" if going else run.reason, free[run.intersection_free]]
+    inside = [] if going else run.summary["certificate"].get("held_inside", [])
+    held = [f"**{each['cloth']} is inside {each['body']}**" for each in inside]
+    lines = [f"**{status}**, {len(run)} frames", "" if going else run.reason, free[run.intersection_free], *held]
     return "\n\n".join(line for line in lines if line)
 
 

@@ -20,7 +20,7 @@ from adjoint_cases import (
 )
 
 from clothsim.gradients import backward_pass as module
-from clothsim.gradients import variation
+from clothsim.gradients import parameters
 from clothsim.gradients.exact_system import ExactSystem, NoMinimumError
 from clothsim.physics.contact import friction
 
@@ -159,8 +159,8 @@ def test_a_free_sheet_at_rest_has_no_derivative():
 
 
 def test_differences_have_orders():
-    assert sum(weight * offset for offset, weight in variation.SECOND_ORDER) == pytest.approx(1)
-    assert sum(weight * offset**3 for offset, weight in variation.FOURTH_ORDER) == pytest.approx(0)
+    assert sum(weight * offset for offset, weight in parameters.SECOND_ORDER) == pytest.approx(1)
+    assert sum(weight * offset**3 for offset, weight in parameters.FOURTH_ORDER) == pytest.approx(0)
 
 
 @pytest.mark.parametrize("friction", [False, True])

@@ -20,8 +20,8 @@ from adjoint_cases import (
 
 from clothsim.base.errors import InputError
 from clothsim.gradients.losses import Custom
+from clothsim.gradients.parameters import affected_effects, value_at, with_value
 from clothsim.gradients.run import Trace
-from clothsim.gradients.scene_values import affected_effects, value_at, with_value
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.stepping.state import first_state
 
@@ -139,7 +139,7 @@ def test_contact_weights_follow_the_rest_shape(case, monkeypatch):
 
 
 def _without_contact(build, step, stencil, affected):
-    from clothsim.gradients.variation import Variation
+    from clothsim.gradients.parameters import Variation
 
     return Variation(build, step, stencil, tuple(name for name in affected if name not in CONTACT))
 

@@ -11,10 +11,8 @@ from clothsim.gradients.backward_pass import SLOTS, _replace_slot, _values, past
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact.friction import FrictionEnergy
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy, Past, Step
 from clothsim.physics.energies.protocols import SeesPast
-from clothsim.physics.energies.step import Past, Step
 from clothsim.scene.effects import EFFECTS
 
 REFUSED = {"plastic_bending", "seams"}

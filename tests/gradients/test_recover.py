@@ -84,7 +84,7 @@ def test_points_without_correspondence(drape):
 def test_a_run_that_cannot_be_taken_is_no_end(drape, monkeypatch):
     """Numbers at which a run fails are left again."""
     from clothsim.base.errors import ClothsimError
-    from clothsim.gradients import recovery_problem
+    from clothsim.gradients import recover as module
 
     fails = []
 
@@ -94,7 +94,7 @@ def test_a_run_that_cannot_be_taken_is_no_end(drape, monkeypatch):
             raise ClothsimError("A run that cannot be taken.")
         return traced(scene, stiffness)
 
-    monkeypatch.setattr(recovery_problem, "traced", traced_or_not)
+    monkeypatch.setattr(module, "traced", traced_or_not)
     found = recover(hanging(6e4, 1e-5), Distance(drape), [YOUNG], 1)
     assert fails
     assert found.values[YOUNG] == pytest.approx(TRUE[YOUNG], rel=0.02)

@@ -10,8 +10,8 @@ from adjoint_cases import CONTACT, ELASTIC, FALLING, FRICTION, falling_scene
 import clothsim
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.losses import Custom, Distance, Height
+from clothsim.gradients.parameters import value_at
 from clothsim.gradients.run import DifferentiableRun, simulate_differentiably
-from clothsim.gradients.scene_values import value_at
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.paths import override
 

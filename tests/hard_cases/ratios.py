@@ -6,8 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.keys.fabric_table import FABRICS
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.run.results import Run
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene

@@ -7,8 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.mesh.world import World, make_world
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy
 from clothsim.solve.stepping.stepping import Integrator
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import UNIT, cloth, irregular_grid, random_rotation

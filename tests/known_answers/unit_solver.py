@@ -9,10 +9,8 @@ from scipy import sparse
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy, Off
-from clothsim.physics.energies.constraint import Constraint, Prescribed
+from clothsim.physics.energies.base import Constraint, Energy, Off, Prescribed, Step
 from clothsim.physics.energies.hessians import ByElement, SumHessian
-from clothsim.physics.energies.step import Step
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import Pattern, make_pattern
 from clothsim.solve.newton.newton import Newton, NewtonResult, NewtonSettings

@@ -6,7 +6,7 @@ from meshes import UNIT
 from solving import equilibrium
 
 from clothsim.physics.contact.stiffness import barrier_stiffness
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Step
 from tests.known_answers.a5_contact import G, gap_ratio, resting, slope
 
 

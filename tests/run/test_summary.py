@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from small_scenes import BALL, EFFECTS, RUN, SHEET, small_scene, without
 
-from clothsim import resume, simulate
+from clothsim import check, resume, simulate
+from clothsim.base.errors import InputError
 from clothsim.cli import main
 from clothsim.run.certificate import Pinches, pinched_vertices
-from clothsim.run.summary import LARGEST_STRETCH
+from clothsim.run.summary import LARGEST_STRETCH, certificate_rows
+from clothsim.scene.assembly.scene_world import build
+from clothsim.viewer.side_texts import state_text
 
 SHORT = RUN | {"duration": 0.04}
 SMALL = SHEET | {"size": [0.2, 0.2], "position": [0, 0, 0]}
@@ -26,16 +29,27 @@ def pressed(below, above, d_hat=0.01):
 
 
 def test_a_cloth_inside_a_body_is_in_the_certificate(tmp_path):
-    run = simulate(small_scene(SMALL, BALL, EFFECTS, run=SHORT), tmp_path)
+    run = simulate(small_scene(SMALL, BALL, EFFECTS, run=SHORT | {"allow_inside": True}), tmp_path)
     (inside,) = run.summary["certificate"]["held_inside"]
     assert (inside["cloth"], inside["body"], inside["pieces"], inside["of"]) == ("cloth", "ball", 1, 1)
     assert run.intersection_free
     assert len(run.summary["warnings"]) == 1
+    assert "INSIDE" in dict(certificate_rows(run.summary))["contact"]
+    assert "inside ball" in state_text(run)
+
+
+def test_cloth_that_starts_inside_a_body_is_refused():
+    scene = small_scene(SMALL, BALL, EFFECTS, run=SHORT)
+    with pytest.raises(InputError, match="cloth starts inside ball"):
+        build(scene)
+    assert [each.severity for each in check(scene) if "inside" in each.sentence] == ["error"]
+    assert build(small_scene(SMALL, BALL, without("body_contact"), run=SHORT))
 
 
 def test_a_cloth_on_a_body_is_as_it_should_be(tmp_path):
     run = simulate(small_scene(), tmp_path)
     certificate = run.summary["certificate"]
+    assert run.summary["end"] == "time is over"
     assert certificate["held_inside"] == []
     assert certificate["pinched"] == {"frames": 0, "most_vertices": 0, "first_time": None, "first_vertex": ""}
     assert run.summary["warnings"] == []
@@ -121,7 +135,7 @@ def test_the_warnings_are_printed_under_quiet(tmp_path, monkeypatch, capsys):
     (tmp_path / "inside.toml").write_text(
         '[cloth]\nmesh = "rectangle"\nsize = [0.2, 0.2]\ncells = [3, 3]\n[[body]]\nname = "ball"\nmesh = "sphere"\n'
         "[effects.inertia]\n[effects.membrane]\n[effects.body_contact]\n"
-        '[solver]\nlinear = "superlu"\n[run]\nduration = 0.04\n'
+        '[solver]\nlinear = "superlu"\n[run]\nduration = 0.04\nallow_inside = true\n'
     )
     assert main(["run", "inside.toml", "--quiet", "--no-picture"]) == 0
     assert "cloth is inside ball" in capsys.readouterr().out

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import clothsim
-from clothsim.physics.energies.selection import selected_vertices
+from clothsim.physics.energies.key_values import selected_vertices
 from clothsim.scene.assembly.scene_world import world_of
 
 LARGE = {"dress"}

@@ -7,8 +7,7 @@ from small_scenes import BALL, SHEET
 
 from clothsim import Scene
 from clothsim.gradients.backward_pass import backward_pass
-from clothsim.gradients.differentiable_session import differentiable_session
-from clothsim.gradients.recorded_step import bound_to, recorded
+from clothsim.gradients.differentiable_session import bound_to, differentiable_session, recorded
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.stepping.state import first_state

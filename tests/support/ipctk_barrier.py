@@ -14,7 +14,7 @@ from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import SLACK, Candidates
 from clothsim.physics.contact.filter import follows_path
 from clothsim.physics.contact.surface import ContactSurface
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Step
 
 MIN_SEPARATION = 1e-6
 """Fraction of d_hat below which no step brings a pair: ipctk's additive CCD takes millions of steps at round-off."""

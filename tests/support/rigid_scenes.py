@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim import Scene, Simulation
-from clothsim.physics.energies.rigidity import rigidity
+from clothsim.physics.energies.rigid_bodies import rigidity
 
 ASIDE = {"mesh": "rectangle", "size": [0.1, 0.1], "cells": [2, 2], "position": [0.0, 3.0, 2.0]}
 """A piece of cloth that takes no part: a scene has one."""

@@ -5,7 +5,7 @@ import pytest
 
 from clothsim import InputError
 from clothsim.mesh.generators.mannequin.generator import JOINTS, mannequin, template
-from clothsim.scene.assembly.drape_model import DrapeModel, Predictor, family
+from clothsim.scene.assembly.drape_model import DrapeModel, Prediction, Predictor, family
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
 
@@ -50,6 +50,21 @@ def test_the_prediction_is_that_of_the_model_on_the_body_of_its_inputs(file):
     assert large.pairs > 0  # the ball touches the sheet
     assert large.verdict.startswith(f"{large.pairs} ")
     assert shown.values([0.15]) == {"body.radius": 0.15, "cloth.density": 0.15}
+
+
+def test_a_prediction_inside_the_body_is_not_clear():
+    positions = np.zeros((25, 3))
+    positions[:, :2] = 0.01 * np.indices((5, 5)).reshape(2, 25).T
+    shown = Prediction(positions, (), (), "", 25)
+    assert not shown.clean
+    assert shown.verdict.startswith("25 of 25 vertices")
+
+
+def test_a_predicted_sheet_within_the_ball_is_counted(tmp_path):
+    scene = sheet(radius=0.6)
+    file = model_of(scene, 0.0, low=0.5, high=0.7).write(tmp_path / "model.npz")
+    made = Predictor.of_model(scene, file).predicted([0.6])
+    assert (made.crossings, made.inside) == ((), 25)
 
 
 def test_the_place_is_the_part_of_the_mannequin_with_most_pairs(tmp_path):

@@ -149,3 +149,232 @@ def _add_determinant2(e, n, x, a, b, i, j):
 @part
 def _sign(value):
     return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
+
+
+# Certain separation of two triangles: a separating direction found in doubles with an error bound.
+#
+# Neighbours in a flat sheet are coplanar but for round-off, where every orient3d would need exact arithmetic. These
+# tests settle nearly all of them first. A separation found here is proven; anything else goes to the exact test.
+#
+# The clearances are lower bounds: no motion of the corners that is shorter makes the triangles intersect.
+
+
+ROUND_OFF = 8.0 * EPSILON
+"""Error of a dot product of a vector with a difference of points, over the sum of its absolute terms; 4 would do."""
+UNDERFLOW = 1e-300
+"""Bound on the error by underflow."""
+DOWN = 1.0 - 64.0 * EPSILON
+"""Factor that exceeds the rounding of a few dozen operations."""
+
+
+@part
+def separated(x, s, t):
+    """True where triangles s and t (three rows of x each) certainly have no point in common.
+
+    Directions: between the centroids; then, for nearly coplanar triangles, perpendicular to each edge within the plane.
+    """
+    if _separated_along(x, _minus(_sum(x, t), _sum(x, s)), s, t):
+        return True
+    for triangle in (s, t):
+        a, b, c = triangle
+        normal = _cross(_edge(x, a, b), _edge(x, a, c))
+        for edge in (_edge(x, a, b), _edge(x, b, c), _edge(x, c, a)):
+            across = _cross(normal, edge)
+            if _separated_along(x, across, s, t) or _separated_along(x, across, t, s):
+                return True
+    return False
+
+
+@part
+def separated_beyond_vertex(x, v, s, t):
+    """True where triangles (v, s0, s1) and (v, t0, t1) certainly have only v in common.
+
+    Direction: between the two closest of the unit vectors from v, one of each.
+    """
+    nearest, n = -np.inf, (0.0, 0.0, 0.0)
+    for i in s:
+        for j in t:
+            a, b = _unit(_edge(x, v, i)), _unit(_edge(x, v, j))
+            cosine = _dot(a, b)
+            if cosine > nearest:
+                nearest, n = cosine, _minus(a, b)
+    for i in s:
+        distance, error = _projected(x, n, i, v)
+        if not distance > error:
+            return False
+    for j in t:
+        distance, error = _projected(x, n, j, v)
+        if not distance < -error:
+            return False
+    return True
+
+
+@part
+def opened(x, a, b, c, d):
+    """True where triangles abc and abd certainly make more than a right angle: their normals do, c and d opposite."""
+    e, u, w = _edge(x, a, b), _edge(x, a, c), _edge(x, a, d)
+    lengths = _dot(e, e) * np.sqrt(_dot(u, u)) * np.sqrt(_dot(w, w))
+    return _dot(_cross(e, u), _cross(e, w)) < -4.0 * ROUND_OFF * lengths - UNDERFLOW
+
+
+@part
+def clearance(x, s, t, wanted):
+    """Lower bound of the distance of triangles s and t (three rows of x each); 0: no direction separates them.
+
+    Directions: between the centroids, normal to both, perpendicular to each edge within the planes, and perpendicular
+    to an edge of both, until one gives `wanted`. In exact arithmetic one separates any two triangles that are disjoint.
+    """
+    of_s = (0.0, 0.0, 0.0), _edge(x, s[0], s[1]), _edge(x, s[0], s[2])
+    of_t = _edge(x, s[0], t[0]), _edge(x, s[0], t[1]), _edge(x, s[0], t[2])
+    n = _minus(_plus(_plus(of_t[0], of_t[1]), of_t[2]), _plus(of_s[1], of_s[2]))
+    best = _gap(n, of_s, of_t)
+    if best >= wanted and best > 0.0:
+        return best
+    edges_of_s = of_s[1], _minus(of_s[2], of_s[1]), of_s[2]
+    edges_of_t = _minus(of_t[1], of_t[0]), _minus(of_t[2], of_t[1]), _minus(of_t[2], of_t[0])
+    normals = _unit(_cross(of_s[1], of_s[2])), _unit(_cross(edges_of_t[0], edges_of_t[2]))
+    for k in range(17):
+        if k < 2:
+            n = normals[k]
+        elif k < 11:
+            n = _cross(edges_of_s[(k - 2) // 3], edges_of_t[(k - 2) % 3])
+        else:
+            n = _cross(normals[(k - 11) // 3], edges_of_s[(k - 11) % 3] if k < 14 else edges_of_t[(k - 11) % 3])
+        best = max(best, _gap(n, of_s, of_t))
+        if best >= wanted and best > 0.0:
+            return best
+    return best
+
+
+@part
+def clearance_beyond_vertex(x, v, s, t):
+    """Lower bound of the change of any edge at v before triangles (v, s0, s1) and (v, t0, t1) share more than v, or 0.
+
+    Direction: as of `separated_beyond_vertex`. Their plane through v separates them until a corner has crossed it.
+    """
+    nearest, n = -np.inf, (0.0, 0.0, 0.0)
+    for i in s:
+        for j in t:
+            a, b = _unit(_edge(x, v, i)), _unit(_edge(x, v, j))
+            cosine = _dot(a, b)
+            if cosine > nearest:
+                nearest, n = cosine, _minus(a, b)
+    least = np.inf
+    for i in s:
+        distance, error = _projected(x, n, i, v)
+        least = min(least, distance - error)
+    for j in t:
+        distance, error = _projected(x, n, j, v)
+        least = min(least, -distance - error)
+    return _over_length(least, n)
+
+
+@part
+def clearance_beyond_edge(x, a, b, c, d):
+    """Lower bound of the change of any edge before triangles abc and abd share more than the edge ab, or 0.
+
+    A plane through ab with c and d on opposite sides, its normal n bisects the angle between them. Edges that change by
+    up to r < |ab| / 4 leave c at a distance of (n . ac) - r - |change of n| |ac| or more from the plane that is turned
+    with ab, where |change of n| <= (|n . ab| + r) / (|ab| - r).
+    """
+    e, u, w = _edge(x, a, b), _edge(x, a, c), _edge(x, a, d)
+    along = _unit(e)
+    n = _unit(_minus(_unit(_across(along, u)), _unit(_across(along, w))))
+    length = np.sqrt(_dot(e, e))
+    if not length > 0.0 or not _dot(n, n) > 0.0:
+        return 0.0
+    farthest = max(np.sqrt(_dot(u, u)), np.sqrt(_dot(w, w)))
+    of_c, error_c = _projected(x, n, c, a)
+    of_d, error_d = _projected(x, n, d, a)
+    of_b, error_b = _projected(x, n, b, a)
+    turned = (farthest + 0.25 * length) / (0.75 * length)
+    least = min(of_c - error_c, -of_d - error_d) - 1.01 * (abs(of_b) + error_b) * turned
+    return max(min(0.25 * length, DOWN * least / (1.0 + turned) / 1.01), 0.0)
+
+
+@part
+def _gap(n, s, t):
+    """Lower bound of the gap of two triangles, corners (3, 3) relative to a point, along n; 0 without one."""
+    high_s, low_s, high_t, low_t, largest = -np.inf, np.inf, -np.inf, np.inf, 0.0
+    for p in s:
+        along = n[0] * p[0] + n[1] * p[1] + n[2] * p[2]
+        high_s, low_s = max(high_s, along), min(low_s, along)
+        largest = max(largest, abs(n[0] * p[0]) + abs(n[1] * p[1]) + abs(n[2] * p[2]))
+    for p in t:
+        along = n[0] * p[0] + n[1] * p[1] + n[2] * p[2]
+        high_t, low_t = max(high_t, along), min(low_t, along)
+        largest = max(largest, abs(n[0] * p[0]) + abs(n[1] * p[1]) + abs(n[2] * p[2]))
+    return _over_length(max(low_t - high_s, low_s - high_t) - 4.0 * (ROUND_OFF * largest + UNDERFLOW), n)
+
+
+@part
+def _over_length(gap, n):
+    """A gap along n, not a unit vector, rounded down; 0 where it is below."""
+    length = np.sqrt(_dot(n, n))
+    return DOWN * gap / length if gap > 0.0 and length > 0.0 else 0.0
+
+
+@part
+def _across(along, u):
+    """The part of u perpendicular to a unit vector."""
+    of_u = _dot(along, u)
+    return u[0] - of_u * along[0], u[1] - of_u * along[1], u[2] - of_u * along[2]
+
+
+@part
+def _separated_along(x, n, s, t):
+    """True where n . s < n . t for all corners, by more than the error."""
+    highest, lowest = -np.inf, np.inf
+    for i in s:
+        distance, error = _projected(x, n, i, s[0])
+        highest = max(highest, distance + error)
+    for j in t:
+        distance, error = _projected(x, n, j, s[0])
+        lowest = min(lowest, distance - error)
+    return highest < lowest
+
+
+@part
+def _projected(x, n, i, origin):
+    """n . (x_i - x_origin) and a bound on its error."""
+    p, q, r = n[0] * (x[i, 0] - x[origin, 0]), n[1] * (x[i, 1] - x[origin, 1]), n[2] * (x[i, 2] - x[origin, 2])
+    return p + q + r, ROUND_OFF * (abs(p) + abs(q) + abs(r)) + UNDERFLOW
+
+
+@part
+def _edge(x, i, j):
+    """x_j - x_i."""
+    return x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
+
+
+@part
+def _sum(x, t):
+    a, b, c = t
+    return x[a, 0] + x[b, 0] + x[c, 0], x[a, 1] + x[b, 1] + x[c, 1], x[a, 2] + x[b, 2] + x[c, 2]
+
+
+@part
+def _plus(u, v):
+    return u[0] + v[0], u[1] + v[1], u[2] + v[2]
+
+
+@part
+def _minus(u, v):
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+@part
+def _dot(u, v):
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@part
+def _cross(u, v):
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+@part
+def _unit(u):
+    """u / |u|; (0, 0, 0) for zero length, along which nothing is separated."""
+    length = np.sqrt(_dot(u, u))
+    return (u[0] / length, u[1] / length, u[2] / length) if length > 0.0 else (0.0, 0.0, 0.0)

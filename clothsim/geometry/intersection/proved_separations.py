@@ -24,9 +24,10 @@ from clothsim.geometry.intersection.intersecting_pairs import (
     leaf_range,
     tree,
 )
-from clothsim.geometry.intersection.predicates import EPSILON, LARGEST_EXPONENT
-from clothsim.geometry.intersection.separation import (
+from clothsim.geometry.intersection.predicates import (
     DOWN,
+    EPSILON,
+    LARGEST_EXPONENT,
     clearance,
     clearance_beyond_edge,
     clearance_beyond_vertex,

@@ -10,8 +10,7 @@ projection along an axis keep their arrangement in it.
 """
 
 from clothsim.base.jit import part
-from clothsim.geometry.intersection.predicates import orient2d, orient3d
-from clothsim.geometry.intersection.separation import opened, separated, separated_beyond_vertex
+from clothsim.geometry.intersection.predicates import opened, orient2d, orient3d, separated, separated_beyond_vertex
 
 
 @part

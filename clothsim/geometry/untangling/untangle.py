@@ -15,9 +15,8 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints, as_points, as_triangles
 from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
-from clothsim.geometry.untangling.displacement_targets import displacement_targets
-from clothsim.geometry.untangling.motion import NO_TARGETS, Sheet
-from clothsim.geometry.untangling.regions import Flags, Mesh, make_mesh
+from clothsim.geometry.untangling.contours import Flags, Mesh, make_mesh
+from clothsim.geometry.untangling.displacement_targets import NO_TARGETS, Sheet, displacement_targets
 from clothsim.mesh.cloth import triangle_planes
 
 ATTEMPTS = ((0.4, 2.5), (0.2, 1.5), (0.2, 2.5), (0.1, 1.5), (0.1, 2.5))

@@ -13,10 +13,9 @@ from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs, distinct
 from clothsim.physics.contact.psd_projection import positive_factors
 from clothsim.physics.contact.stiffness import HeavyBody, barrier_stiffness, bounded_stiffness, kinetic_energy_of_impact
-from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ByElement, ElementHessian, LowRankHessian, room_for
 from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, Coupling, Report, Restrictable
-from clothsim.physics.energies.step import Step
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
             kinetic = kinetic_energy_of_impact(step.velocities, self.masses)
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
             energy = self.value(step.positions) / self.stiffness
-            stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt)
+            stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt, step.contact_time)
         return replace(self, stiffness=stiffness)
 
     def value(self, x: Floats) -> float:

@@ -22,11 +22,18 @@ from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.barrier_kernels import barrier as barrier_function
 from clothsim.physics.contact.barrier_kernels import cross_squared, cross_squared_gradient, edges, mollifier
 from clothsim.physics.contact.distance import closest_points, tangent_directions
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.elementwise import Elementwise
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.protocols import History, Idling, Lagged, PastSensitivity, Report, SeesPast, Storing
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.protocols import (
+    Elementwise,
+    History,
+    Idling,
+    Lagged,
+    PastSensitivity,
+    Report,
+    SeesPast,
+    Storing,
+)
 
 NAME = "friction"
 

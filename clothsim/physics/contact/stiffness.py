@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Step
 
-RISE_TIME = 0.3
-"""Shortest time in which a rise of the stiffness may add the kinetic and barrier energy to the cloth [s]."""
+RISE_TIME = 30.0
+"""Shortest time in which a rise of the stiffness may add the kinetic and barrier energy to the cloth, over
+`contact_time`.
+"""
 
 
 def default_d_hat(edge_lengths: Floats) -> float:
@@ -63,7 +65,9 @@ def barrier_stiffness(
     return max(pressure, area_density * speed * rate, area_density * d_hat / contact_time_scale**2)
 
 
-def bounded_stiffness(wanted: float, before: float, barrier_energy: float, kinetic_energy: float, dt: float) -> float:
+def bounded_stiffness(
+    wanted: float, before: float, barrier_energy: float, kinetic_energy: float, dt: float, contact_time: float
+) -> float:
     """Return the stiffness kappa [Pa] of a step: that wanted, but for the energy that its rise would add.
 
     A rise from k to kappa adds (kappa - k) B to the pairs that are active. Unbounded, it feeds on itself: as a pair
@@ -78,26 +82,26 @@ def bounded_stiffness(wanted: float, before: float, barrier_energy: float, kinet
         B, the barrier energy at the start of the step for a stiffness of 1 Pa [m3].
     kinetic_energy : float
         K, of the cloth at the start [J].
-    dt : float
-        Length h of the step [s].
+    dt, contact_time : float
+        Length h of the step and the contact time T of the scene [s].
 
     Returns
     -------
     float
-        The lesser of `wanted` and the kappa with (kappa - k) B = (K + k B) h / RISE_TIME [Pa].
+        The lesser of `wanted` and the kappa with (kappa - k) B = (K + k B) h / (RISE_TIME T) [Pa].
 
     Examples
     --------
     Where nothing is in contact, and where a card of .1 mJ that stands on its barrier would be lifted:
 
-    >>> bounded_stiffness(900.0, 6.0, 0.0, 1e-4, 1e-3)
+    >>> bounded_stiffness(900.0, 6.0, 0.0, 1e-4, 1e-3, 0.01)
     900.0
-    >>> round(bounded_stiffness(900.0, 6.0, 1e-6, 1e-4, 1e-3), 3)
+    >>> round(bounded_stiffness(900.0, 6.0, 1e-6, 1e-4, 1e-3, 0.01), 3)
     6.353
     """
     if wanted <= before or not barrier_energy:
         return wanted
-    return min(wanted, before + dt / RISE_TIME * (kinetic_energy / barrier_energy + before))
+    return min(wanted, before + dt / (RISE_TIME * contact_time) * (kinetic_energy / barrier_energy + before))
 
 
 def kinetic_energy_of_impact(velocities: Floats, masses: Floats) -> float:

@@ -26,12 +26,11 @@ from clothsim.base.errors import InputError
 from clothsim.keys.effect_tables import Gust, Vortex
 from clothsim.keys.typed_effects import Air
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.physics.energies.key_values import Schedule, lost_function, over_cloth, schedule
 from clothsim.physics.energies.protocols import Driven, Idling
-from clothsim.physics.energies.step import Step
-from clothsim.physics.energies.varying_values import Schedule, lost_function, over_cloth, schedule
 
 # Wind fields: the velocity of the air over space and time.
 

@@ -1,12 +1,97 @@
-"""Energies: terms of E(x) with value, gradient and Hessian."""
+"""Energies: terms of E(x) with value, gradient and Hessian; the step that binds them; constraints."""
 
 import abc
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, Ints
 from clothsim.physics.energies.hessians import Hessian
-from clothsim.physics.energies.step import Step
+
+CONTACT_TIME_SCALE = 0.01
+"""`contact_time` at a d_hat of 2 mm on the earth [s], the usual dt of a scene; of steps that no scene makes."""
+
+PART_OF_FALL = 0.49
+"""Square of the contact time over d_hat / g."""
+
+
+def contact_time(d_hat: float, gravity: float) -> float:
+    """Return the shortest time in which the barrier of contact stops a motion [s].
+
+    That of a fall through a quarter of `d_hat` [m] at the acceleration `gravity` [m/s2]. The barrier of a shorter dt is
+    no stiffer: the energy stored below d_hat would grow with 1/dt^2, and finer steps would eject what starts there. So
+    it is at most about what lifts the cloth by d_hat, whatever the units of the scene.
+
+    Examples
+    --------
+    >>> round(contact_time(2e-3, 9.81), 4), round(contact_time(2e-2, 98.1), 4)
+    (0.01, 0.01)
+    """
+    return float((PART_OF_FALL * d_hat / gravity) ** 0.5)
+
+
+@dataclass(frozen=True)
+class Past:
+    """Past positions and velocities in the difference formula: velocities at the end are v = (x - positions) / dt.
+
+    Backward Euler: x_n, v_n and h; BDF2: x^, v^ and b h (docs/theory.md#time-integration). Inertia, damping and
+    friction use no other time.
+
+    Parameters
+    ----------
+    positions, velocities : (N, 3) arrays
+        [m], [m/s].
+    dt : float
+        Effective length of the step [s].
+    """
+
+    positions: Floats
+    velocities: Floats
+    dt: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the integrator, as an energy sees it in `Energy.begin`.
+
+    Parameters
+    ----------
+    time, dt : float
+        Start and length of the step [s].
+    positions, velocities : (N, 3) arrays
+        At the start [m], [m/s], in the order of the world: cloths, bodies, ghosts.
+    load : float
+        Fraction of the loads that acts; below 1 only during a quasi-static ramp.
+    gradient : (N, 3) array
+        Sum of the gradients of the energies that do not begin last, at the start [N].
+    bound : mapping
+        The energies already bound to this step, by name. Complete, as `gradient` is, for energies that begin last.
+    memory : mapping
+        The `History.carry_over` of each energy from the step before, by name.
+    weighed : Past or None
+        The past of a difference formula other than backward Euler.
+    contact_time_scale : float or None
+        Time in which the barrier stops a motion [s], None for dt.
+    contact_time : float
+        Least such time of the scene [s], see `contact_time`.
+    """
+
+    time: float
+    dt: float
+    positions: Floats
+    velocities: Floats
+    load: float
+    gradient: Floats
+    bound: Mapping[str, object] = field(default_factory=dict)
+    memory: Mapping[str, float | Floats] = field(default_factory=dict)
+    weighed: Past | None = None
+    contact_time_scale: float | None = None
+    contact_time: float = CONTACT_TIME_SCALE
+
+    @property
+    def past(self) -> Past:
+        """The past from which velocities are computed."""
+        return self.weighed or Past(self.positions, self.velocities, self.dt)
 
 
 class Energy(abc.ABC):
@@ -67,3 +152,32 @@ class Off:
     """A named effect without anything to do, returned by its builder: the `reason` is reported by `explain`."""
 
     reason: str
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Vertices with prescribed positions: `vertices` (k,), rows of x, and their `positions` (k, 3) [m]."""
+
+    vertices: Ints
+    positions: Floats
+
+
+class Constraint(abc.ABC):
+    """Dirichlet positions over time."""
+
+    @property
+    @abc.abstractmethod
+    def still(self) -> bool:
+        """True where the prescribed positions never change."""
+
+    @abc.abstractmethod
+    def at(self, time: float) -> Prescribed:
+        """The prescribed vertices and their positions at `time` [s]."""
+
+    def holder(self, row: int) -> str:
+        """The scene's name of the group that prescribes a row of x ("pins.group[1]"), empty if none does."""
+        return ""
+
+    def angular_velocities(self) -> Mapping[str, Floats]:
+        """The angular velocity (3,) [rad/s] of each group that turns as a rigid body, by its name."""
+        return {}

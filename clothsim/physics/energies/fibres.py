@@ -18,7 +18,7 @@ from clothsim.keys.typed_effects import Fibres
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example
-from clothsim.physics.energies.varying_values import over_cloth
+from clothsim.physics.energies.key_values import over_cloth
 
 
 def fibres(world: World, keys: Fibres) -> Energy | Off:
@@ -29,7 +29,7 @@ def fibres(world: World, keys: Fibres) -> Energy | Off:
     stiff = np.flatnonzero(sum(stiffness.values()))
     if not len(stiff):
         return Off('warp, weft and shear are 0 (a fabric\'s own: effects.membrane.material = "orthotropic")')
-    from clothsim.physics.energies.threads import (  # after the last Off: no kernel is imported for a zero
+    from clothsim.physics.energies.woven_membrane import (  # after the last Off: no kernel is imported for a zero
         FibresEnergy,
         LinearThreads,
     )

@@ -10,13 +10,10 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.vectors import as_rows, taken
 from clothsim.keys.typed_effects import Gravity
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy, Off
-from clothsim.physics.energies.diagonal import diagonal_hessian, every_vertex
-from clothsim.physics.energies.elementwise import Elementwise
+from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example
-from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.protocols import PastSensitivity, SeesPast
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.hessians import ElementHessian, diagonal_hessian, every_vertex
+from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, SeesPast
 
 
 @dataclass(frozen=True)

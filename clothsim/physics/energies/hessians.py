@@ -1,4 +1,4 @@
-"""Second derivatives by element: dense blocks, low-rank factors, and blocks that are computed as they are assembled."""
+"""Second derivatives by element: dense blocks, low-rank factors, blocks computed as they are assembled, diagonals."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -8,8 +8,9 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.jit import LANES
-from clothsim.physics.energies.lanes import unpack
+from clothsim.base.jit import LANES, inlined, kernel
+from clothsim.base.linalg import dot
+from clothsim.base.vectors import as_rows, taken
 
 AT_ONCE = 1024
 """Elements of a `LanesHessian` that are computed before they are assembled: 0.7 MB of hinges, within the L2 cache."""
@@ -248,3 +249,67 @@ def room_for(elements: Ints) -> Floats:
     """
     size = 3 * elements.shape[1]
     return np.empty((len(elements), size, size))
+
+
+# SIMD lanes: entries of LANES elements side by side (`jit.LANES`).
+
+
+@inlined
+def point(numbers, k, lane):
+    """Read entries k, k + 1 and k + 2 of the element in a lane."""
+    return numbers[k * LANES + lane], numbers[(k + 1) * LANES + lane], numbers[(k + 2) * LANES + lane]
+
+
+@inlined
+def write(numbers, block, lane, rows):
+    """Write a 3 x 3 block, given as three rows, to the blocks of the element in a lane."""
+    at = 9 * block * LANES + lane
+    numbers[at], numbers[at + LANES], numbers[at + 2 * LANES] = rows[0]
+    numbers[at + 3 * LANES], numbers[at + 4 * LANES], numbers[at + 5 * LANES] = rows[1]
+    numbers[at + 6 * LANES], numbers[at + 7 * LANES], numbers[at + 8 * LANES] = rows[2]
+
+
+@kernel
+def unpack(blocks, lanes):
+    """Copy lanes (g, size) to the dense `blocks` (m, 3k, 3k)."""
+    corners = blocks.shape[1] // 3
+    for e in range(len(blocks)):
+        numbers, lane = lanes[e // LANES], e % LANES
+        for p in range(corners):
+            for q in range(p, corners):
+                for row in range(3):
+                    for column in range(3):
+                        entry = numbers[lane]
+                        blocks[e, 3 * p + row, 3 * q + column] = entry
+                        blocks[e, 3 * q + column, 3 * p + row] = entry
+                        lane += LANES
+
+
+# Diagonal quadratic energies: weighted squared distances of single vertices, and their derivatives.
+
+
+def every_vertex(n: int) -> Ints:
+    """The first n rows of x as elements of one vertex each, (n, 1)."""
+    return np.arange(n)[:, None]
+
+
+def weighted_square(rows: Ints, weights: Floats, x: Floats, target: Floats) -> float:
+    """sum w |x - target|^2 over the rows (n, 1) of x, which ascend, in the order of weights (n,) and target (n, 3)."""
+    squares = taken(x, as_rows(rows[:, 0])) - target
+    squares *= squares
+    # sum(axis=1) over three columns takes ten times as long
+    return dot(weights, squares[:, 0] + squares[:, 1] + squares[:, 2])
+
+
+def weighted_difference(rows: Ints, weights: Floats, x: Floats, target: Floats) -> Floats:
+    """w (x - target) in the given rows, 0 in the others, (N, 3)."""
+    out, at = np.zeros_like(x), as_rows(rows[:, 0])
+    difference = taken(x, at) - target
+    difference *= weights[:, None]
+    out[at] = difference
+    return out
+
+
+def diagonal_hessian(rows: Ints, weights: Floats) -> ElementHessian:
+    """The block w I, 3 x 3, for each of the rows [N/m]."""
+    return ElementHessian(rows, weights[:, None, None] * np.eye(3))

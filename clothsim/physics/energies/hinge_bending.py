@@ -27,8 +27,8 @@ from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
 from clothsim.physics.energies import hinge_kernels as kernels
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import LanesHessian
+from clothsim.physics.energies.protocols import Elementwise
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import LANES, inlined, kernel, natural
 from clothsim.base.vectors import four_points
 from clothsim.geometry.kinematics.hinge_angle import hinge_angle_gradient, hinge_blocks, hinge_direction
-from clothsim.physics.energies.lanes import point, write
+from clothsim.physics.energies.hessians import point, write
 
 
 @kernel

@@ -21,12 +21,11 @@ from clothsim.base.errors import InputError
 from clothsim.base.linalg import dot
 from clothsim.physics.energies import hinge_kernels as kernels
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import LanesHessian, SumHessian
 from clothsim.physics.energies.hinge_bending import HingeBending
 from clothsim.physics.energies.midedge_bending import MidedgeBending
 from clothsim.physics.energies.midedge_softening import SofteningBending
-from clothsim.physics.energies.protocols import Idling
+from clothsim.physics.energies.protocols import Elementwise, Idling
 
 BendingModel: TypeAlias = HingeBending | MidedgeBending
 """Bending models with rest angles that can change."""

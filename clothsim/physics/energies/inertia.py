@@ -8,13 +8,16 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
-from clothsim.physics.energies.elementwise import Elementwise
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.example import Example
-from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.protocols import PastSensitivity, SeesPast
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.hessians import (
+    ElementHessian,
+    diagonal_hessian,
+    every_vertex,
+    weighted_difference,
+    weighted_square,
+)
+from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, SeesPast
 
 
 @dataclass(frozen=True)

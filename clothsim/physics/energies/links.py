@@ -14,9 +14,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.protocols import Idling
+from clothsim.physics.energies.protocols import Elementwise, Idling
 
 
 @dataclass(frozen=True)

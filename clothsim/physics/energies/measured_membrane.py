@@ -5,7 +5,7 @@ Between the rows the stress is a monotone cubic (Fritsch, Carlson 1980; scipy's 
 the last row it continues with the slope there, and in compression, which no such test measures, with the initial slope.
 Rows of shear are [sine of the change of angle between warp and weft, shear stress].
 
-Warp and weft are not coupled: a stretched strip does not narrow, and reproduces its table exactly. As in `orthotropic`,
+Warp and weft are not coupled: a stretched strip does not narrow, and reproduces its table exactly. As in the woven one,
 a Neo-Hookean sheet with lam = 0 prevents collapsed triangles; mu is a tenth of the smallest initial secant of a table,
 and the stress that it adds along the threads, mu (l - 1/l), and in shear, mu I8 to third order, is subtracted.
 """
@@ -20,7 +20,7 @@ from scipy.interpolate import PchipInterpolator
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World
-from clothsim.physics.energies.orthotropic import ThreadedMembrane
+from clothsim.physics.energies.woven_membrane import ThreadedMembrane
 
 SHEET = 0.1
 """mu of the sheet relative to the smallest initial secant of a table."""
@@ -66,7 +66,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class MeasuredThreads:
-    """The law (`threads.ThreadLaw`) of three tables, less the stress of the sheet of modulus mu [N/m]."""
+    """The law (`woven_membrane.ThreadLaw`) of three tables, less the stress of the sheet of modulus mu [N/m]."""
 
     warp: Curve
     weft: Curve

@@ -9,7 +9,7 @@ from clothsim.keys.typed_effects import Membrane
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example
-from clothsim.physics.energies.varying_values import over_cloth
+from clothsim.physics.energies.key_values import over_cloth
 
 MATERIALS: Mapping[str, tuple[str, ...]] = {
     "neo_hookean": ("elements",),
@@ -60,7 +60,7 @@ def membrane(world: World, keys: Membrane) -> Energy | Off:
 
         return NeoHookeanMembrane.of(world)
     if material == "orthotropic":
-        from clothsim.physics.energies.orthotropic import orthotropic
+        from clothsim.physics.energies.woven_membrane import orthotropic
 
         return orthotropic(world, angles, by_fabric)
     from clothsim.physics.energies.measured_membrane import measured

@@ -6,16 +6,19 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; E = sum A psi(F).
 import numpy as np
 
 from clothsim.base.jit import LANES, kernel, natural
-from clothsim.physics.energies.neo_hookean import density, inverse_factor, other_modes, stretch_block
 from clothsim.physics.energies.triangle_kernels import (
     VALUES_PER_LANE,
     deformation_gradient,
+    density,
     fill_lanes,
+    inverse_factor,
     normal,
+    other_modes,
     principal_state,
     products,
     project_2x2,
     store_lane,
+    stretch_block,
 )
 
 

@@ -23,6 +23,7 @@ from clothsim.base.arrays import Floats
 from clothsim.geometry.kinematics.curvature import matrices_of_threads, threads_in_triangles
 from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Step
 from clothsim.physics.energies.midedge_softening import (
     SofteningBending,
     maps_of_curvature,
@@ -30,7 +31,6 @@ from clothsim.physics.energies.midedge_softening import (
     softening_bending,
 )
 from clothsim.physics.energies.protocols import History
-from clothsim.physics.energies.step import Step
 
 NAME = "bending"
 

@@ -1,4 +1,4 @@
-"""Constant-strain triangles of the compressible Neo-Hookean sheet (`neo_hookean`)."""
+"""Constant-strain triangles of the compressible Neo-Hookean sheet (`triangle_kernels`)."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -9,8 +9,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.world import World
 from clothsim.physics.energies import membrane_kernels as kernels
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import LanesHessian
+from clothsim.physics.energies.protocols import Elementwise
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ psi(F),
 import numpy as np
 
 from clothsim.base.jit import inlined, kernel
-from clothsim.physics.energies.neo_hookean import density, inverse_factor
-from clothsim.physics.energies.triangle_kernels import project_2x2
+from clothsim.physics.energies.triangle_kernels import density, inverse_factor, project_2x2
 
 
 @inlined

@@ -24,8 +24,8 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies import hourglass_kernels
 from clothsim.physics.energies import paired_kernels as kernels
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.elementwise import Elementwise
 from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.physics.energies.protocols import Elementwise
 from clothsim.physics.energies.triangle_pairs import (
     hourglass_modes,
     pairs,

@@ -11,10 +11,9 @@ from clothsim.keys.typed_effects import Pins
 from clothsim.mesh.body import LaterMotion, RigidMotion, prescribed_motion
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.constraint import Constraint, Prescribed
+from clothsim.physics.energies.base import Constraint, Off, Prescribed
 from clothsim.physics.energies.example import Example
-from clothsim.physics.energies.selection import selected_vertices
+from clothsim.physics.energies.key_values import selected_vertices
 
 
 @dataclass(frozen=True)

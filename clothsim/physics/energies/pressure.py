@@ -18,12 +18,11 @@ from clothsim.base.linalg import cross_matrices
 from clothsim.keys.typed_effects import Pressure
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.physics.energies.key_values import Schedule, by_cloth
 from clothsim.physics.energies.protocols import Idling, Nonconservative
-from clothsim.physics.energies.step import Step
-from clothsim.physics.energies.varying_values import Schedule, by_cloth
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,13 @@ An energy takes part by deriving from a class of this file; callers ask by `isin
 
 import abc
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Energy, Step
 
 
 class Idling(abc.ABC):
@@ -229,3 +228,15 @@ NO_REPORT = Report()
 def report_of(energy: Energy) -> Report:
     """The report of an energy, an empty one if it has none."""
     return energy if isinstance(energy, Report) else NO_REPORT
+
+
+class Elementwise(Restrictable):
+    """Restriction by dropping the elements without a moving vertex. For frozen dataclasses."""
+
+    per_element: ClassVar[tuple[str, ...]]
+    """Names of the arrays with one row an element; the first holds the rows of x of each element, (m, k)."""
+
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
+        """The elements with a vertex that moves."""
+        selected = np.flatnonzero(moving[getattr(self, self.per_element[0])].any(axis=1))
+        return replace(cast("Any", self), **{name: getattr(self, name)[selected] for name in self.per_element})

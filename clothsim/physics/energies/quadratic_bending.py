@@ -27,9 +27,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import kabsch
 from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.step import Step
 
 
 @dataclass(frozen=True)

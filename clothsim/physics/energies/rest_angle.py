@@ -10,24 +10,25 @@ zigzags, and hinges off one line cannot all rotate by the angle without stretch:
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
+from scipy import sparse
 
 from clothsim.base.arrays import Ints, as_points
 from clothsim.base.errors import InputError
+from clothsim.base.linalg import dot
 from clothsim.keys.effect_tables import Crease
 from clothsim.keys.typed_effects import RestAngle
 from clothsim.mesh.lines import path_along
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example, Idle
-from clothsim.physics.energies.selection import cloth_number, of_pattern, vertex_numbers
-from clothsim.physics.energies.varying_values import schedule
-
-if TYPE_CHECKING:
-    from clothsim.physics.energies.hinge_moments import BendingModel
+from clothsim.physics.energies.hinge_moments import BendingModel, ShiftedAngles, hinges_of_bending
+from clothsim.physics.energies.key_values import Schedule, cloth_number, of_pattern, schedule, vertex_numbers
+from clothsim.physics.energies.protocols import Driven
 
 LINES = ("through", "vertices", "panel", "label")
 """Keys of which a crease has one."""
@@ -48,9 +49,6 @@ def rest_angle(world: World, keys: RestAngle, *, built: Mapping[str, Energy] | N
     bending = (built or {}).get("bending")
     if bending is None:
         return Off("the scene has no bending")
-    from clothsim.physics.energies.creases import radians, rest_angles  # as late as the kernels of bending
-    from clothsim.physics.energies.hinge_moments import hinges_of_bending
-
     hinges = hinges_of_bending("rest_angle", bending)
     creases = [(f"effects.rest_angle.crease[{k}]", crease) for k, crease in enumerate(keys.crease)]
     rows = [_hinges_along(name, world, crease, hinges) for name, crease in creases]
@@ -65,7 +63,7 @@ def rest_angle(world: World, keys: RestAngle, *, built: Mapping[str, Energy] | N
     return rest_angles(hinges, chosen, schedules, tuple(map(len, rows)))
 
 
-def _hinges_along(name: str, world: World, keys: Crease, hinges: "BendingModel") -> Ints:
+def _hinges_along(name: str, world: World, keys: Crease, hinges: BendingModel) -> Ints:
     """The numbers of the hinges along a crease."""
     if sum(key in keys.given for key in LINES) != 1 or (keys.panel is None) != (keys.edge is None):
         raise InputError(
@@ -97,7 +95,7 @@ def _hinges_along(name: str, world: World, keys: Crease, hinges: "BendingModel")
     return selected
 
 
-def _hinges_of_pattern(name: str, world: World, keys: Crease, hinges: "BendingModel") -> Ints:
+def _hinges_of_pattern(name: str, world: World, keys: Crease, hinges: BendingModel) -> Ints:
     """The numbers of the hinges along welded edges of a sewing pattern."""
     select: dict[str, Any] = {key: getattr(keys, key) for key in ("panel", "edge", "label") if key in keys.given}
     of_pattern(name, world, select)  # refuses names that no cloth has
@@ -117,7 +115,7 @@ def _hinges_of_pattern(name: str, world: World, keys: Crease, hinges: "BendingMo
     return found
 
 
-def _refuse_twice(hinges: "BendingModel", chosen: Ints) -> None:
+def _refuse_twice(hinges: BendingModel, chosen: Ints) -> None:
     twice = np.flatnonzero(np.bincount(chosen) > 1)
     if twice.size:
         a, b = hinges.vertices[twice[0], :2]
@@ -134,3 +132,66 @@ EXAMPLE = Example(
         sometimes={"crease": [{**_LINE, "angle_degrees": [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]}]},
     ),
 )
+
+
+# With the shifts s of the rest angles and the bending energy (theta - theta0)' K (theta - theta0)/2 the moments are K s
+# (`hinge_moments`): in the mid-edge model those of the hinges around a crease too.
+
+
+@dataclass(frozen=True)
+class RestAngleEnergy(ShiftedAngles, Driven):
+    """Shifted rest angles along creases.
+
+    Parameters
+    ----------
+    stiffness : (h, k) sparse array
+        Columns of K [N m].
+    schedules : tuple of Schedule
+        Rest angle of each crease [degrees].
+    counts_of_hinges : tuple of int
+        Number of hinges along each crease.
+    """
+
+    stiffness: sparse.csr_array
+    schedules: tuple[Schedule, ...]
+    counts_of_hinges: tuple[int, ...]
+
+    @property
+    def drives(self) -> bool:
+        """True where a rest angle varies over time, which does external work."""
+        return not all(angle.is_constant for angle in self.schedules)
+
+    def begin(self, step: Step) -> Self:
+        """A copy with the rest angles of the end of the step; a quasi-static ramp scales constant ones."""
+        now = step.time + step.dt
+        goals = np.repeat([radians(angle, now) for angle in self.schedules], self.counts_of_hinges)
+        loads = np.repeat([step.load if a.is_constant else 1.0 for a in self.schedules], self.counts_of_hinges)
+        shifts = loads * (goals - self.references[: len(goals)])
+        moments = self.stiffness @ shifts
+        return replace(self, shifts=shifts, moments=moments, offset=0.5 * dot(moments[: len(goals)], shifts))
+
+
+def rest_angles(
+    bending: BendingModel, chosen: Ints, schedules: tuple[Schedule, ...], counts: tuple[int, ...]
+) -> RestAngleEnergy:
+    """Creases along the hinges `chosen` (k,) of a bending energy, `counts` of them for each schedule."""
+    columns = _columns(bending, chosen)
+    around = np.concatenate([chosen, np.setdiff1d(columns.indices, chosen)])
+    rest, none = bending.rest_angles[around], np.zeros(len(around))
+    moments = bending.vertices[around], rest, none, 0.0
+    return RestAngleEnergy(*moments, chosen, none[: len(chosen)], columns.T.tocsr()[around], schedules, counts)
+
+
+def _columns(bending: BendingModel, chosen: Ints) -> sparse.csr_array:
+    """The columns of K = B' w B of the chosen hinges, as rows: (k, h) [N m]."""
+    strains, weights = bending.strains_of_angles()
+    own = sparse.diags_array(np.repeat(weights, strains.shape[0] // len(weights))) @ strains
+    return (strains.T.tocsr()[chosen] @ own).tocsr()
+
+
+def radians(angle: Schedule, time: float) -> float:
+    """The rest angle at `time` [s] in radians. InputError for half a turn and more."""
+    degrees = angle.at(time)
+    if not abs(degrees) < 180:
+        raise InputError(f"{angle.name} is {degrees:g} at {time:g} s.", "Give less than 180 degrees.")
+    return float(np.radians(degrees))

@@ -16,13 +16,11 @@ from clothsim.keys.effect_tables import Spring
 from clothsim.keys.typed_effects import Springs
 from clothsim.mesh.body import RigidMotion, prescribed_motion
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example, Idle
+from clothsim.physics.energies.key_values import Schedule, schedule, selected_vertices
 from clothsim.physics.energies.links import Links
 from clothsim.physics.energies.protocols import Anchored, Driven, PastSensitivity, SeesPast
-from clothsim.physics.energies.selection import selected_vertices
-from clothsim.physics.energies.step import Step
-from clothsim.physics.energies.varying_values import Schedule, schedule
 
 
 @dataclass(frozen=True)

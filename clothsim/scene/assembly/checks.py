@@ -17,10 +17,8 @@ from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy, Step
 from clothsim.physics.energies.protocols import Anchored, ContactGap
-from clothsim.physics.energies.step import Step
 from clothsim.scene.scene import Scene
 
 ROUND_OFF = 1e-9
@@ -206,6 +204,19 @@ def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
     if "body_contact" not in energies:
         return []
     return held_sentences(held_inside(world, world.start()), "starts")
+
+
+def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
+    """Raise an InputError where all of a cloth starts inside a body: contact would keep it there."""
+    if "body_contact" not in energies:
+        return
+    for each in held_inside(world, world.start()):
+        if each.pieces == each.of:
+            raise InputError(
+                f"{each.cloth} starts inside {each.body}, {each.where}: contact would keep it in.",
+                f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
+                "meant to hold it, give run.allow_inside = true.",
+            )
 
 
 def held_sentences(found: Sequence[HeldInside], verb: str) -> list[str]:

@@ -24,6 +24,8 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import replacing
 from clothsim.geometry.intersection.crossings import Crossing, crossings
 from clothsim.mesh.generators.mannequin.generator import JOINTS, template
+from clothsim.mesh.topology import components
+from clothsim.mesh.winding import is_inside
 from clothsim.scene import paths
 from clothsim.scene.assembly.meshes import body_of, mesh_shape
 from clothsim.scene.assembly.scene_world import world_of
@@ -154,12 +156,20 @@ class Prediction:
         All intersections, by the exact test.
     place : str
         Where most of the pairs are; "" without intersections.
+    inside : int
+        Number of vertices of pieces whose first vertex is inside a body.
     """
 
     cloth: Floats
     bodies: tuple[Floats, ...]
     crossings: tuple[Crossing, ...]
     place: str
+    inside: int
+
+    @property
+    def clean(self) -> bool:
+        """True where nothing intersects and no piece is inside a body."""
+        return not self.crossings and not self.inside
 
     @property
     def pairs(self) -> int:
@@ -169,9 +179,11 @@ class Prediction:
     @property
     def verdict(self) -> str:
         """Text: "free of intersections", or "12 pairs of triangles intersect, at the left upper arm"."""
+        held = f"{self.inside:,} of {len(self.cloth):,} vertices are inside a body"
         if not self.crossings:
-            return "free of intersections"
-        return f"{self.pairs:,} {'pair' if self.pairs == 1 else 'pairs'} of triangles intersect, {self.place}"
+            return held if self.inside else "free of intersections"
+        found = f"{self.pairs:,} {'pair' if self.pairs == 1 else 'pairs'} of triangles intersect, {self.place}"
+        return f"{found}; {held}" if self.inside else found
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +267,18 @@ class Predictor:
         scene = self._varied(given)
         bodies = tuple(_body_at_start(scene, number) for number in range(len(self.bodies)))
         found = crossings(np.concatenate([cloth, *bodies]), [*self.cloths, *self.bodies])
-        return Prediction(cloth, bodies, found, self._place(found))
+        return Prediction(cloth, bodies, found, self._place(found), self._count_inside(cloth, bodies))
+
+    def _count_inside(self, cloth: Floats, bodies: tuple[Floats, ...]) -> int:
+        """Vertices of pieces inside a body: one vertex of a piece tells for it, where the two do not intersect."""
+        pieces = components(np.concatenate([part.triangles for part in self.cloths]), len(cloth))
+        held = {
+            piece
+            for piece, first in zip(*np.unique(pieces, return_index=True), strict=True)
+            for part, points in zip(self.bodies, bodies, strict=True)
+            if is_inside(cloth[first], points, part.triangles - int(part.triangles.min()))
+        }
+        return int(np.isin(pieces, list(held)).sum())
 
     def _varied(self, inputs: ArrayLike) -> Scene:
         """The scene with the values of all varied keys."""

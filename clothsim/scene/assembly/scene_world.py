@@ -9,11 +9,10 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World, make_world, with_local_origin
-from clothsim.physics.energies.base import Energy, Off
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy, Off
+from clothsim.physics.energies.key_values import selected_vertices
 from clothsim.physics.energies.protocols import report_of
-from clothsim.physics.energies.selection import selected_vertices
-from clothsim.scene.assembly.checks import refuse_unsupported, scene_warnings, size_warnings
+from clothsim.scene.assembly.checks import refuse_start_inside, refuse_unsupported, scene_warnings, size_warnings
 from clothsim.scene.assembly.initial_positions import initial_positions, untangled
 from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, rigid_body_of
 from clothsim.scene.effects import CONTACTS, EFFECTS
@@ -76,7 +75,10 @@ def build(scene: Scene) -> Built:
             'Load one with clothsim.load_scene("scene.toml"), or make it: clothsim.Scene(cloth=..., effects=...).',
         )
     world, notes = _world(scene)
-    return build_effects(scene, world, notes)
+    built = build_effects(scene, world, notes)
+    if not scene.run_settings.allow_inside:
+        refuse_start_inside(built.world, built.energies)
+    return built
 
 
 def build_effects(
@@ -143,7 +145,7 @@ def _rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) 
         raise InputError("Rigid bodies need effects.inertia.", "Write [effects.inertia], or make the body a [[body]].")
     if scene.contact_settings.pinch != "stop":
         raise InputError('contact.pinch = "carry" does not work with rigid bodies.', "Leave the key out.")
-    from clothsim.physics.energies import rigid_ties, rigidity, seams  # a scene without rigid bodies loads none of them
+    from clothsim.physics.energies import rigid_bodies, seams  # a scene without rigid bodies loads none of them
 
     tied = []
     for number, keys in enumerate(scene.rigid_bodies):
@@ -153,9 +155,9 @@ def _rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) 
             where = f"{body}.tie[{k}]"
             vertices = selected_vertices(f"{where}.select", world, tie.select)
             stiffness = seams.STIFFER * _fabric_stiffness(where, world) if tie.stiffness is None else tie.stiffness
-            tied.append(rigid_ties.Tied(number, vertices, stiffness))
-    made: dict[str, Energy] = {"rigidity": rigidity.rigidity(world)}
-    return made | ({"rigid_ties": rigid_ties.rigid_ties(world, tied)} if tied else {})
+            tied.append(rigid_bodies.Tied(number, vertices, stiffness))
+    made: dict[str, Energy] = {"rigidity": rigid_bodies.rigidity(world)}
+    return made | ({"rigid_ties": rigid_bodies.rigid_ties(world, tied)} if tied else {})
 
 
 def _fabric_stiffness(where: str, world: World) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.linalg import dot
-from clothsim.physics.energies.constraint import Prescribed
+from clothsim.physics.energies.base import Prescribed
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.convergence import ErrorBalance, LastStep, MotionStop
 from clothsim.solve.newton.curved_step import longer_step

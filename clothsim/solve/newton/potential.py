@@ -13,7 +13,7 @@ from scipy import sparse
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
-from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import Hessian, ImplicitHessian, LanesHessian, SumHessian
 from clothsim.physics.energies.protocols import (
     BarrierGap,
@@ -26,7 +26,6 @@ from clothsim.physics.energies.protocols import (
     report_of,
     restricted,
 )
-from clothsim.physics.energies.step import Step
 from clothsim.solve.timers import Timers
 
 P = TypeVar("P")

@@ -14,11 +14,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.vectors import taken
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.diagonal import diagonal_hessian, every_vertex
-from clothsim.physics.energies.hessians import Hessian, explicit, split
+from clothsim.physics.energies.base import Energy, Step
+from clothsim.physics.energies.hessians import Hessian, diagonal_hessian, every_vertex, explicit, split
 from clothsim.physics.energies.protocols import Lagged, Nonconservative, is_idle
-from clothsim.physics.energies.step import Step
 from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.world import Surface, World
-from clothsim.physics.energies.constraint import Constraint, Prescribed
+from clothsim.physics.energies.base import Constraint, Prescribed
 from clothsim.solve.pinch.pinch_gaps import Sides, frames, normals
 from clothsim.solve.stepping.state import State
 

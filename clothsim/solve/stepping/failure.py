@@ -9,8 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Constraint, Prescribed
+from clothsim.physics.energies.base import Constraint, Energy, Prescribed
 from clothsim.physics.energies.protocols import report_of
 from clothsim.solve.newton.newton import NewtonResult
 from clothsim.solve.newton.outcome import Ending, Outcome

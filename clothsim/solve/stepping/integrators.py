@@ -12,8 +12,7 @@ from clothsim.base.arrays import Floats
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.rigid_body import CORNERS, RigidBody
 from clothsim.mesh.world import World
-from clothsim.physics.energies.constraint import Constraint, Prescribed
-from clothsim.physics.energies.step import Past
+from clothsim.physics.energies.base import Constraint, Past, Prescribed
 from clothsim.solve.linear.dependent_rows import DependentRows
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.state import Previous, State

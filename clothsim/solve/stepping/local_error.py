@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.world import World
-from clothsim.physics.energies.step import CONTACT_TIME_SCALE
+from clothsim.physics.energies.base import CONTACT_TIME_SCALE
 from clothsim.solve.newton.convergence import ErrorBalance, MotionStop
 from clothsim.solve.stepping.integrators import BDF2, Formula
 from clothsim.solve.stepping.state import State
@@ -168,11 +168,14 @@ class ErrorControl:
         Duration of the run [s].
     longest : float
         Longest step [s].
+    contact_time : float
+        Contact time of the scene [s].
     """
 
     error: float
     duration: float
     longest: float
+    contact_time: float = CONTACT_TIME_SCALE
 
     @property
     def shortest(self) -> float:
@@ -185,7 +188,7 @@ class ErrorControl:
 
         A barrier that became stiffer with a shorter dt would add energy to whatever is in contact.
         """
-        return min(self.longest, CONTACT_TIME_SCALE)
+        return min(self.longest, self.contact_time)
 
     def exceeds(self, state: State, h: float, error: float) -> bool:
         """True where a step of length h [s] from `state` added too much `error` [m]."""

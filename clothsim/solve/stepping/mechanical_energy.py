@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.mesh.world import World
-from clothsim.physics.energies.constraint import Prescribed
+from clothsim.physics.energies.base import Prescribed
 from clothsim.physics.energies.protocols import Storing, is_driven
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.state import State

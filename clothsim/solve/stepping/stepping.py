@@ -10,8 +10,7 @@ import numpy as np
 
 from clothsim.base.parallel import threads
 from clothsim.mesh.world import World
-from clothsim.physics.energies.constraint import Constraint, Prescribed
-from clothsim.physics.energies.step import CONTACT_TIME_SCALE, Step
+from clothsim.physics.energies.base import CONTACT_TIME_SCALE, Constraint, Prescribed, Step
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.threads import one_blas_thread
 from clothsim.solve.newton.convergence import ErrorBalance, MotionStop
@@ -98,6 +97,8 @@ class Integrator:
         True where cloth in a pinch of bodies is carried (`solve.pinch`).
     refine : callable
         Refinement of each converged solve (differentiable runs).
+    contact_time : float
+        Shortest time in which contact stops a motion [s] (`energies.base.contact_time`).
     """
 
     world: World
@@ -115,6 +116,7 @@ class Integrator:
     perturbation_seed: int = 0
     carries_pinched: bool = False
     refine: Refine = unrefined
+    contact_time: float = CONTACT_TIME_SCALE
 
     def load(self, time: float) -> float:
         """Return the fraction of the loads that acts at `time` [s]."""
@@ -276,8 +278,9 @@ def step_of(integrator: Integrator, state: State, formula: Formula, h: float, en
     zero = np.zeros_like(state.positions)
     start = Step(state.time, h, state.positions, state.velocities, integrator.load(end), zero, memory=state.memory)
     control = integrator.control
-    scale = max(h, CONTACT_TIME_SCALE) if control is None else control.contact_time_scale
-    return replace(start, weighed=formula.past, contact_time_scale=scale)
+    least = integrator.contact_time
+    scale = max(h, least) if control is None else control.contact_time_scale
+    return replace(start, weighed=formula.past, contact_time_scale=scale, contact_time=least)
 
 
 def _solve(

@@ -9,8 +9,7 @@ from clothsim.base.arrays import Floats
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.geometry.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.newton.stability import Mode, lowest_mode, way_down
 from clothsim.solve.newton.statics import StaticModel

@@ -82,7 +82,8 @@ def _simulated(
     at_rest = scene.run_settings.until != "rest" or bool(certificate["at_rest"])
     free = certificate["intersection_free"] is True
     cause = "" if content["status"] == "completed" else str((run.summary["failure"] or {}).get("cause", "run"))
-    content["cause"] = cause or ("" if free else "not certified") or ("" if at_rest else "not at rest")
+    outside = "inside a body" if certificate["held_inside"] else ""
+    content["cause"] = cause or ("" if free else "not certified") or outside or ("" if at_rest else "not at rest")
     content["usable"] = not content["cause"]
     meshes = {} if farm is None else _stored(farm, world)
     return content, np.stack(shapes) if frames == "all" else shapes[0], meshes

@@ -40,7 +40,7 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         f"* Planned {len(farm.jobs)}, published {len(rows)}, usable {len(used)}",
         "* Usable: completed"
         + (", at rest" if settings["scene"]["run"].get("until") == "rest" else "")
-        + ", and free of intersections by the exact test in every step",
+        + ", free of intersections by the exact test in every step, and no piece inside a body",
         f"* The garment is {'cut to the body' if cut else 'not cut to the body'}",
         f"* Kept: {'the last frame' if settings['frames'] == 'last' else 'all frames'}, positions in float32 [m]",
         f"* Processors: {', '.join(sorted({str(row['processor']) for row in rows}))}",

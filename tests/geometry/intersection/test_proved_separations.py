@@ -5,7 +5,7 @@ import pytest
 from meshes import grid
 
 from clothsim.base.jit import kernel
-from clothsim.geometry.intersection import proved_separations, separation
+from clothsim.geometry.intersection import predicates, proved_separations
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.geometry.intersection.proved_separations import Effort, ProvedSeparations
 from clothsim.geometry.intersection.triangle_pair import triangles_intersect
@@ -13,9 +13,9 @@ from clothsim.geometry.intersection.triangle_pair import triangles_intersect
 clearance, beyond_vertex, beyond_edge, meet = map(  # compiled, as in use
     kernel,
     (
-        separation.clearance,
-        separation.clearance_beyond_vertex,
-        separation.clearance_beyond_edge,
+        predicates.clearance,
+        predicates.clearance_beyond_vertex,
+        predicates.clearance_beyond_edge,
         triangles_intersect,
     ),
 )

@@ -4,9 +4,8 @@ import numpy as np
 from tangles import crossing_sheets, joined, sleeve_through_sheet
 
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.geometry.untangling.contours import contours, edge_triangle_intersections
+from clothsim.geometry.untangling.contours import contours, edge_triangle_intersections, make_mesh, sides
 from clothsim.geometry.untangling.displacement_targets import contour_gradients, slides
-from clothsim.geometry.untangling.regions import make_mesh, sides
 from clothsim.mesh.generators.shapes import rectangle
 
 

@@ -12,8 +12,10 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact.stiffness import RISE_TIME, bounded_stiffness
+from clothsim.physics.energies.base import CONTACT_TIME_SCALE
 
 DT = 0.01
+RISE = RISE_TIME * CONTACT_TIME_SCALE
 
 
 @pytest.fixture(scope="module")
@@ -36,24 +38,24 @@ def step_of(world, load, speed=0.0, before=None, dynamic=True, height=0.0):
 def test_no_rise_adds_more_than_its_power():
     rng = np.random.default_rng(0)
     for before, wanted, unit, kinetic, dt in np.exp(rng.uniform(-12, 6, (200, 5))):
-        kappa = bounded_stiffness(wanted, before, unit, kinetic, dt)
-        allowed = dt / RISE_TIME * (kinetic + before * unit)
+        kappa = bounded_stiffness(wanted, before, unit, kinetic, dt, CONTACT_TIME_SCALE)
+        allowed = dt / RISE * (kinetic + before * unit)
         assert kappa <= wanted
         assert (kappa - before) * unit <= allowed * (1 + 1e-9) + 1e-12 * before * unit
         assert kappa == wanted or (kappa - before) * unit == pytest.approx(allowed, rel=1e-6)
 
 
 def test_a_fall_and_a_rise_without_contact_are_free():
-    assert bounded_stiffness(1.0, 5.0, 1e-3, 0.0, 1e-3) == 1.0
-    assert bounded_stiffness(1e6, 5.0, 0.0, 0.0, 1e-3) == 1e6
+    assert bounded_stiffness(1.0, 5.0, 1e-3, 0.0, 1e-3, CONTACT_TIME_SCALE) == 1.0
+    assert bounded_stiffness(1e6, 5.0, 0.0, 0.0, 1e-3, CONTACT_TIME_SCALE) == 1e6
 
 
 def test_a_longer_time_allows_the_same_rise_in_any_number_of_steps():
-    """At rest kappa grows by e in RISE_TIME, however short the steps."""
+    """At rest kappa grows by e in RISE, however short the steps."""
     for steps in (100, 1000):
         kappa = 2.0
         for _ in range(steps):
-            kappa = bounded_stiffness(np.inf, kappa, 1e-4, 0.0, RISE_TIME / steps)
+            kappa = bounded_stiffness(np.inf, kappa, 1e-4, 0.0, RISE / steps, CONTACT_TIME_SCALE)
         assert kappa == pytest.approx(2.0 * np.e, rel=1 / steps)
 
 
@@ -70,7 +72,7 @@ class TestStep:
         bound = contact.begin(step)
         kinetic = 0.5 * world.masses.sum() * 0.02**2
         added = bound.stiffness_energy(step.positions, low)
-        assert added == pytest.approx(DT / RISE_TIME * (kinetic + low * contact.value(step.positions)), rel=1e-9)
+        assert added == pytest.approx(DT / RISE * (kinetic + low * contact.value(step.positions)), rel=1e-9)
         assert added == pytest.approx(bound.value(step.positions) * (1 - low / bound.stiffness), rel=1e-12)
         assert bound.carry_over == bound.stiffness > low
 

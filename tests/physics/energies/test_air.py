@@ -11,8 +11,7 @@ from solving import integrator_of, run_of, step_at
 from clothsim import Gust, InputError, Scene, Vortex, resume, simulate
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.air import swing, wind_of
-from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.step import Past
+from clothsim.physics.energies.base import Off, Past
 
 G = 9.81
 

@@ -14,9 +14,8 @@ from clothsim.base.errors import InputError
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.damping import MassDamping
+from clothsim.physics.energies.damping import MassDamping, past_of
 from clothsim.physics.energies.hinge_bending import hinge_bending
-from clothsim.physics.energies.strain_damping import past_of
 from clothsim.solve.stepping.integrators import bdf2_past
 from clothsim.solve.stepping.state import Previous, first_state
 

@@ -9,7 +9,7 @@ from effect_builders import fibres, membrane
 from meshes import UNIT, cloth, deformed, irregular_grid, random_rotation, small_world
 
 from clothsim.base.errors import InputError
-from clothsim.geometry.kinematics.warp_weft import thread_axes
+from clothsim.geometry.kinematics.deformation_gradient import thread_axes
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.shapes import tube
 from clothsim.mesh.world import make_world

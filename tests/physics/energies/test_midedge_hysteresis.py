@@ -10,8 +10,9 @@ from meshes import UNIT, cloth, deformed, grid, small_world
 from small_scenes import EFFECTS, SHEET, small_scene
 from solving import step_at
 
-from clothsim import simulate
+from clothsim import resume, simulate
 from clothsim.base.errors import InputError
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.midedge_bending import MidedgeBending
 from clothsim.physics.energies.midedge_hysteresis import HystereticBending
@@ -89,16 +90,43 @@ def test_without_hysteresis_it_is_the_plate():
     assert type(bending(small_world())) is MidedgeBending
 
 
-def test_a_run_has_it(tmp_path):
-    own = {"bending_stiffness": 3e-3, "bending_hysteresis": 0.05}
-    effects = EFFECTS | {"bending": {"model": "midedge"}}
-    runs = [
-        simulate(small_scene(cloth=SHEET | each, effects=effects), tmp_path / str(k))
-        for k, each in enumerate((own, {"bending_stiffness": 3e-3}))
-    ]
-    assert [run.status for run in runs] == ["completed"] * 2
-    ends = [run.positions(len(run.times) - 1) for run in runs]
-    assert np.abs(ends[0] - ends[1]).max() > 1e-3
+OWN = {"bending_stiffness": 3e-3, "bending_hysteresis": 0.05, "hysteresis_curvature": 0.1}
+MIDEDGE = EFFECTS | {"bending": {"model": "midedge"}}
+
+
+def frames(run):
+    assert run.status == "completed", run.reason
+    return np.array([run.positions(k) for k in range(len(run.times))])
+
+
+class StoppedError(Exception):
+    """Raised by a listener, to stop a run."""
+
+
+def test_a_resumed_run_restores_its_slips_bit_for_bit(tmp_path):
+    scene = small_scene(cloth=SHEET | OWN, effects=MIDEDGE)
+    whole = frames(simulate(scene, tmp_path / "whole"))
+    plain = small_scene(cloth=SHEET | {"bending_stiffness": 3e-3}, effects=MIDEDGE)
+    assert np.abs(whole[-1] - frames(simulate(plain, tmp_path / "plain"))[-1]).max() > 1e-3
+
+    def stop(progress):
+        if progress.step == 6:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        simulate(scene, tmp_path / "part", progress=stop)
+    assert np.abs(read_checkpoint(tmp_path / "part" / CHECKPOINT_NAME).state.memory["bending"]).max() > 1e-3
+    assert np.array_equal(frames(resume(tmp_path / "part")), whole)
+
+
+def test_zeros_keep_every_bit(tmp_path):
+    zeros = dict.fromkeys(("bending_slope", "rest_curvature_warp", "rest_curvature_weft", "bending_hysteresis"), 0.0)
+    one, other = (
+        frames(simulate(small_scene(cloth=SHEET | own, effects=MIDEDGE), tmp_path / str(len(own))))
+        for own in ({"bending_slope_warp": 0.0}, zeros)
+    )
+    assert np.array_equal(one, frames(simulate(small_scene(effects=MIDEDGE), tmp_path / "none")))
+    assert np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("model", ["hinge", "quadratic"])

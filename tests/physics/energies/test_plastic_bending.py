@@ -16,7 +16,7 @@ from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
 from clothsim.physics.energies.hinge_kernels import angles
-from clothsim.physics.energies.plastic_hinges import flowed
+from clothsim.physics.energies.plastic_bending import flowed
 from tests.known_answers.plastic_strip import tip_left, tip_of_beam
 
 

@@ -18,8 +18,7 @@ from clothsim.keys.fabric_table import FABRICS
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.strain_limit import limit_of_extension
-from clothsim.physics.energies.stretch_barrier import SLACK
+from clothsim.physics.energies.strain_limit import SLACK, limit_of_extension
 
 STIFFNESS = 2.0
 KEYS = {

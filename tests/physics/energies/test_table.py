@@ -14,11 +14,9 @@ from scipy import sparse
 
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Constraint
+from clothsim.physics.energies.base import Constraint, Energy, Step
 from clothsim.physics.energies.hessians import ByElement, explicit
 from clothsim.physics.energies.protocols import ContactGap, restricted
-from clothsim.physics.energies.step import Step
 from clothsim.scene.effects import CONTACTS, EFFECTS
 
 EXAMPLES = {name: effect.example() for name, effect in EFFECTS.items()}

@@ -131,10 +131,10 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(tmp_path):
 
 
 def test_a_body_that_leaps_through_the_cloth_in_a_frame_never_crosses_it(tmp_path):
-    # with BDF2, or steps that are not converged, the cloth flies higher, and crosses itself there
+    # the cloth flies high and may cross itself there: the scene has no self-contact
     solver = {**SOLVER, "integrator": "backward_euler", "converge": True}
     run = clothsim.simulate(animated(tmp_path, [0, 0, 0], [0, 0, 1.0], solver=solver), tmp_path / "run")
-    assert run.summary["certificate"]["intersection_free"]
+    assert run.summary["certificate"]["intersections"]["cloth_body"]["states"] == 0
     assert run.status == "completed", run.reason
     assert run.positions(-1)[:, 2].max() > 1.3
 

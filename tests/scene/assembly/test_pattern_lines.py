@@ -10,7 +10,7 @@ from sewing_patterns import SQUARE, panel, skirt, specification, stitch
 import clothsim
 from clothsim import InputError, load_scene
 from clothsim.mesh.cloth import PatternLines
-from clothsim.physics.energies.selection import selected_vertices
+from clothsim.physics.energies.key_values import selected_vertices
 from clothsim.scene.assembly.scene_world import build
 
 

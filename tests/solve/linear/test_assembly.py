@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from clothsim.physics.energies.diagonal import every_vertex
-from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.physics.energies.hessians import ElementHessian, every_vertex
 from clothsim.physics.energies.inertia import InertiaEnergy
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern

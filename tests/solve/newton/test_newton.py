@@ -12,8 +12,7 @@ from clothsim import Scene, simulate
 from clothsim.mesh.body import make_body
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.constraint import Prescribed
+from clothsim.physics.energies.base import Energy, Prescribed
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern

@@ -9,7 +9,7 @@ from meshes import cloth, grid
 from solving import newton_of
 
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.constraint import Prescribed
+from clothsim.physics.energies.base import Prescribed
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton import newton, nonlinear_elimination
 from clothsim.solve.newton.nonlinear_elimination import NONE, unconverged

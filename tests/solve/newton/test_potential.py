@@ -9,10 +9,9 @@ from effect_builders import bending, gravity, membrane
 from meshes import deformed, small_world
 from solving import step_at
 
-from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import ContactGap, Coupling, Idling, Lagged
-from clothsim.physics.energies.step import Step
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers
 

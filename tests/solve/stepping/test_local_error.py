@@ -13,7 +13,7 @@ from solving import integrator_of, run_of
 from clothsim import simulate
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.step import Past
+from clothsim.physics.energies.base import Past
 from clothsim.solve.stepping.integrators import LARGEST_RATIO, Formula
 from clothsim.solve.stepping.local_error import (
     LARGEST_FACTOR,

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from small_scenes import small_scene
+from small_scenes import SHEET, small_scene
 
 from clothsim import InputError
 from clothsim.cli import main
@@ -184,6 +184,17 @@ def test_verify_makes_drapes_again_and_finds_torn_ones(made):
     file.write_bytes(before[:-4])
     assert verify(farm, fraction=0).torn == (farm.jobs[0].id,)
     file.write_bytes(before)
+
+
+def test_cloth_inside_a_body_is_not_usable(tmp_path):
+    sheet = {"size": [0.2, 0.2], "position": [0, 0, 0]}
+    for number, (allowed, cause) in enumerate([(False, "refused"), (True, "inside a body")]):
+        run = {"duration": 0.08, "frames_per_second": 25, "allow_inside": allowed}
+        folder = tmp_path / str(number)
+        scene = small_scene(cloth=SHEET | sheet, run=run)
+        farm = plan(make_recipe(scene, {"count": 1, "until": "time"}, {}, {}), folder)
+        assert work(farm).usable == 0
+        assert status(farm).causes == {cause: 1}
 
 
 def test_drapes_that_fail_are_published_with_their_sentence(tmp_path):

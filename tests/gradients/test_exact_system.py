@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from adjoint_cases import ELASTIC, FALLING, Chain, falling_scene, stepped
 
-from clothsim.gradients import polishing
+from clothsim.gradients import exact_system
+from clothsim.gradients.differentiable_session import bound_to, free_rows
 from clothsim.gradients.exact_system import NoMinimumError
-from clothsim.gradients.recorded_step import bound_to, free_rows
 
 
 def pressed(amplitude):
@@ -32,10 +32,10 @@ def left(made):
     return np.abs(gradient[free_rows(made.integrator, record)]).max()
 
 
-@pytest.mark.parametrize(("amplitude", "descents"), [(1e-9, 0), (1e-9, polishing.MOST_DESCENTS), (0.0, 1)])
+@pytest.mark.parametrize(("amplitude", "descents"), [(1e-9, 0), (1e-9, exact_system.MOST_DESCENTS), (0.0, 1)])
 def test_a_step_beside_a_saddle_goes_on_to_a_minimum(amplitude, descents, monkeypatch):
     """Beside it, and on it: a flat strip, of which no force leads away."""
-    monkeypatch.setattr(polishing, "MOST_DESCENTS", descents)
+    monkeypatch.setattr(exact_system, "MOST_DESCENTS", descents)
     made, start = pressed(amplitude)
     made.start, made.lengths = replace(made.start, positions=start), (0.02,) * 3
     made.records = stepped(made.integrator, made.start, made.lengths)

@@ -6,7 +6,7 @@ from meshes import cloth, grid
 
 from clothsim import InputError, Scene
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.varying_values import by_cloth, over_cloth, schedule
+from clothsim.physics.energies.key_values import by_cloth, over_cloth, schedule
 from clothsim.scene.assembly.scene_world import build
 
 

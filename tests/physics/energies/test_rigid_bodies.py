@@ -8,8 +8,7 @@ from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
 from clothsim.mesh.rigid_body import Joint, rigid_body
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.rigid_ties import Tied, functions_at, rigid_ties
-from clothsim.physics.energies.rigidity import rigidity
+from clothsim.physics.energies.rigid_bodies import Tied, functions_at, rigid_ties, rigidity
 from tests.known_answers.unit_meshes import cloth, grid
 
 TURN = rotation_matrix(np.array([0.4, -1.9, 2.5]))

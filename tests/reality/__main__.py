@@ -1,0 +1,103 @@
+"""`python -m tests.reality --data FOLDER`: simulated drapes of every measured fabric, scored against simple rivals."""
+
+import argparse
+import datetime
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from clothsim.base.file_writing import write_atomically
+from tests.benchmarks.stored_tables import markdown_table, write_between
+from tests.reality.borders import NAME, Lays, measured_lays
+from tests.reality.ensembles import BENDING_LENGTHS, of_coefficient, simulated
+from tests.reality.score import Scored, scored
+
+MARK = "reality"
+RECORD = Path(__file__).parents[2] / "docs" / "results" / "reality.json"
+HEADER = (
+    "fabric", "lays", "c [mm]", "coefficient [%]", "n_eff", "sd r [mm]", "simulated", "with spread", "fitted lay",
+    "quadratic", "ceiling", "skill", "with spread",
+)  # fmt: skip
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Simulate or read the ensembles, fit and score every fabric; exit code 0, also where there are no data."""
+    parser = argparse.ArgumentParser(prog="python -m tests.reality", description=__doc__)
+    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER", help=f"folder with {NAME}")
+    parser.add_argument("--record", type=Path, default=RECORD, metavar="FILE", help="stored ensembles (JSON)")
+    parser.add_argument("--simulate", action="store_true", help="simulate the ensembles anew, for minutes")
+    parser.add_argument("--lays", type=int, default=4, metavar="N", help="of each bending length (default 4)")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="write the table between FILE's marks")
+    arguments = parser.parse_args(argv)
+    if not (arguments.data / NAME).is_file():
+        print(f"Skipped: {arguments.data} has no {NAME}, the scanned drapes.")
+        return 0
+    if arguments.simulate:
+        table = simulated(arguments.lays, lambda line: print(line, flush=True))
+        made = {"date": datetime.date.today().isoformat(), "lengths_mm": BENDING_LENGTHS}
+        write_atomically(arguments.record, (json.dumps({**made, "lays": table}) + "\n").encode())
+    stored = json.loads(arguments.record.read_text(encoding="utf-8"))
+    lays = measured_lays(arguments.data)
+    fits = [of_coefficient(stored["lays"], each.centre[0]) for each in lays]
+    scores = scored(lays, [ensemble for _, ensemble in fits])
+    text = page(lays, fits, scores, stored)
+    print(text)
+    if arguments.page:
+        write_between(arguments.page, MARK, text)
+    return 0
+
+
+def page(lays: Sequence[Lays], fits: Sequence[tuple[float, np.ndarray]], scores: Sequence[Scored], stored: dict) -> str:
+    """The table in Markdown, and what it comes to."""
+    rows, away = [], []
+    for own, (length, ensemble), score in zip(lays, fits, scores, strict=True):
+        cloth, cloud = own.others.mean(axis=0), ensemble.mean(axis=0)
+        away.append((cloud / cloth - 1, cloud[1] - cloth[1]))
+        both = [
+            f"{100 * cloud[0]:.0f} / {100 * cloth[0]:.0f}",
+            f"{cloud[1]:.1f} / {cloth[1]:.1f}",
+            f"{1e3 * cloud[2]:.1f} / {1e3 * cloth[2]:.1f}",
+        ]
+        numbers = (score.simulated, score.dressed, score.fitted_lay, score.quadratic, score.ceiling)
+        skills = [f"{score.skill(value):.1f}" for value in (score.simulated, score.dressed)]
+        rows.append(
+            [str(own.fabric), str(score.lays), f"{length:.1f}", *both]
+            + [f"{value:.2f}" for value in numbers]
+            + (skills if score.rival > score.ceiling else ["", ""])
+        )
+    means = [np.mean([getattr(each, name) for each in scores]) for name in ("simulated", "dressed", "rival", "ceiling")]
+    skills = [(means[2] - means[k]) / (means[2] - means[3]) for k in (0, 1)]
+    better = [sum(getattr(each, name) < each.rival for each in scores) for name in ("simulated", "dressed")]
+    depth = np.median([100 * each[0][2] for each in away])
+    folds = np.median([abs(each[1]) for each in away])
+    count = len(stored["lays"][0])
+    summary = [
+        f"Ensembles of {count} lays, {stored['date']}.",
+        f"Mean scores: simulated {means[0]:.2f}, with the spread of other fabrics {means[1]:.2f},",
+        f"best rival {means[2]:.2f}, ceiling {means[3]:.2f}: skill {skills[0]:.2f} and {skills[1]:.2f};",
+        f"better than the best rival on {better[0]} and {better[1]} of {len(scores)} fabrics.",
+        f"Medians: sd r {depth:+.0f} %, n_eff off by {folds:.1f};",
+        f"fold slope {_slopes(lays):+.2f} points a fold in the cloth and {_slopes_of(stored):+.2f} simulated.",
+    ]
+    return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
+
+
+def _slopes(lays: Sequence[Lays]) -> float:
+    """Points of the coefficient that a fold more has among lays of one fabric: slope over all, centred by fabric."""
+    return _slope([each.others for each in lays])
+
+
+def _slopes_of(stored: dict) -> float:
+    return _slope([np.array(each) for each in stored["lays"]])
+
+
+def _slope(groups: Sequence[np.ndarray]) -> float:
+    centred = np.concatenate([each - each.mean(axis=0) for each in groups])
+    return float(100 * (centred[:, 0] @ centred[:, 1]) / (centred[:, 1] @ centred[:, 1]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
