@@ -17,6 +17,10 @@ MOST = {
     "nodes": 10_000,  # of a character's file
     "points": 300_000,  # of the outlines of a drawing, after curves are flattened
     "points of a piece": 10_000,
+    "panels": 1_000,  # of a sewing pattern; GarmentCode's largest have some 60
+    "edges": 20_000,
+    "stitches": 20_000,
+    "points of a panel": 10_000,
 }
 """Largest promise of a file, by what is counted."""
 
