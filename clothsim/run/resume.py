@@ -51,8 +51,19 @@ def continued_output(directory: Path) -> Iterator[None]:
         yield
 
 
-def refuse_earlier_run(directory: Path, overwrite: bool) -> None:
-    """InputError where the directory holds an earlier run that may not be overwritten."""
+def refuse_earlier_run(
+    directory: Path, overwrite: bool, names: Iterable[str] = (), inputs: Iterable[object] = ()
+) -> None:
+    """InputError where a command would replace an earlier run, or a file that no run wrote, without `overwrite`.
+
+    names: the files that the command writes besides those of a run; inputs: what it reads, of which those that are
+    files are never replaced.
+    """
+    written = (*RUN_FILES, *names)
+    places = {(directory / name).resolve() for name in written}
+    for given in inputs:
+        if isinstance(given, str | Path) and Path(given).resolve() in places:
+            raise InputError(f"{given} is read, and would be replaced by the output.", "Choose another directory: -o.")
     if overwrite:
         return
     unfinished = os.path.isfile(directory / CHECKPOINT_NAME) and not os.path.isfile(directory / SUMMARY_NAME)
@@ -65,6 +76,9 @@ def refuse_earlier_run(directory: Path, overwrite: bool) -> None:
             f"{directory} holds a run that was stopped before its end.",
             f"Continue it with `clothsim resume {directory}`, or replace it: --overwrite.",
         )
+    for file in (directory / name for name in names):
+        if os.path.lexists(file):
+            raise InputError(f"{file} exists.", "Choose another directory with -o, or replace it: --overwrite.")
 
 
 def _remove(file: Path) -> None:
