@@ -76,15 +76,17 @@ MOST_UNPACKED = 4 << 30
 """Largest size of an array of an archive [bytes]."""
 
 
-def read_arrays(path: Path, names: list[str]) -> dict[str, NDArray]:
+def read_arrays(path: Path, names: list[str], most: int = MOST_UNPACKED) -> dict[str, NDArray]:
     """The arrays of real numbers of these names that an archive has; others, also pickled ones, are not touched.
+
+    most: largest size of one of them [bytes].
 
     InputError: there is no such file, it is no archive, or one of the arrays is pickled, broken or too large.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             there = {entry.filename: entry for entry in archive.infolist()}
-            return {name: _array(path, archive, there[f"{name}.npy"]) for name in names if f"{name}.npy" in there}
+            return {name: _array(path, archive, there[f"{name}.npy"], most) for name in names if f"{name}.npy" in there}
     except FileNotFoundError as error:
         raise InputError(f"There is no file {path.name}.") from error
     except InputError:
@@ -105,7 +107,7 @@ def _header(content: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
     return reader(content, max_header_size=MOST_HEADER)
 
 
-def _array(path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray:
+def _array(path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: int) -> NDArray:
     name = entry.filename.removesuffix(".npy")
     with archive.open(entry) as content:
         shape, order, dtype = _header(content)
@@ -114,7 +116,7 @@ def _array(path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDAr
                 f"{name!r} of {path.name} is no array of numbers: pickled data is not read.", "Save it as numbers."
             )
         size = int(np.prod(shape, dtype=object)) * dtype.itemsize
-        if size > MOST_UNPACKED or size > entry.file_size or min(shape, default=0) < 0:
+        if size > most or size > entry.file_size or min(shape, default=0) < 0:
             raise InputError(f"{name!r} of {path.name} says {shape}, more than it holds or than is read.")
         data = content.read(size)
     if len(data) < size:

@@ -23,6 +23,7 @@ from clothsim.garments.dress.measurements import measurement_entries
 from clothsim.garments.dress.pipeline import STAGES, DressState, DressTask
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
+from clothsim.garments.fit.moving_body import BODY, REST, START
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, run_stages
@@ -252,7 +253,7 @@ def dress(
     """
     started = perf_counter()
     chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
-    directory = _directory(output, overwrite)
+    directory = _directory(output, overwrite, (pattern, on, made_for))
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
     read = pattern if isinstance(pattern, Pattern) else read_pattern(pattern, rotation_order, seams)
@@ -304,14 +305,14 @@ def dress(
     return worn
 
 
-def _directory(output: str | Path | None, overwrite: bool) -> Path:
-    """Output directory. InputError where it holds an earlier run."""
+def _directory(output: str | Path | None, overwrite: bool, inputs: tuple[object, ...]) -> Path:
+    """Output directory. InputError where it holds an earlier run, or another file that would be replaced."""
     if output is None:
         return Path(tempfile.mkdtemp(prefix="clothsim-dress-"))
     if not isinstance(output, str | Path):
         raise InputError(f"output is of the type {type(output).__name__}.", "Give the name of a directory.")
     directory = Path(output)
-    refuse_earlier_run(directory, overwrite)
+    refuse_earlier_run(directory, overwrite, (GARMENT, PATTERN, DRAWING, GRADED, REST, START, BODY), inputs)
     return directory
 
 

@@ -202,7 +202,7 @@ def fit(
     refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
-    refuse_earlier_run(directory, overwrite)
+    refuse_earlier_run(directory, overwrite, (FITTED_NAME, REST, START, BODY, *CLOSING), (garment, to, made_for))
     named = fabric or (garment.fabric if isinstance(garment, Cloth) else Cloth.fabric)
     fabric_named("fabric", named)
     base = to if made_for is None else made_for

@@ -122,6 +122,10 @@ class Bending(EffectKeys):
         Key("Curvature by triangle, which converges on any mesh; hinge angles; or a constant Hessian"),
     ] = "midedge"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
+    curvature_jumps: Annotated[
+        float,
+        Key("Weight of the jumps of curvature between triangles: 0.25 is right down to 4 cells a wave", least=0),
+    ] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.base.reading_budget import Budget
 from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord
 from clothsim.patterns.pattern import Panel, Pattern, PatternEdge, Side, Stitch
 
@@ -23,7 +24,7 @@ NAMED = 6
 """Panels that a note names."""
 ALIKE = np.radians(1.0)
 """Angle between the rotations of both orders below which they are not told apart [rad]."""
-LARGEST = 64 * 2**20
+LARGEST = 16 * 2**20
 """Largest file that is read [bytes]."""
 DEEPEST = 64
 """Deepest nesting of lists and tables that is read."""
@@ -59,7 +60,9 @@ def read_specification(path: str | Path, rotation_order: str = "zyx") -> Pattern
     if not file.is_file():
         raise InputError(f"{file} is no file.", "Give the specification.json of a sewing pattern.")
     if file.stat().st_size > LARGEST:
-        raise InputError(f"{file} has {file.stat().st_size >> 20} MiB: no sewing pattern is larger than 64 MiB.")
+        raise InputError(
+            f"{file} has {file.stat().st_size >> 20} MiB: no sewing pattern is larger than {LARGEST >> 20} MiB."
+        )
     try:
         entries = json.loads(file.read_text(encoding="utf-8-sig"), object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
@@ -82,9 +85,10 @@ def pattern_of(entries: Any, rotation_order: str = "zyx") -> Pattern:
     unit, notes = _metres(properties)
     absolute = properties.get("curvature_coords", "relative") == "absolute"
     raw = {
-        str(name): _table(f"Panel {name}", panel)
+        _name(name): _table(f"Panel {name}", panel)
         for name, panel in _table("The pattern", pattern.get("panels"), "panels").items()
     }
+    _count(raw, _given(pattern, "stitches", []))
     rotations = {
         name: np.radians(_numbers(f"Panel {name}: rotation", _given(panel, "rotation", [0, 0, 0]), (3,)))
         for name, panel in raw.items()
@@ -105,6 +109,29 @@ def pattern_of(entries: Any, rotation_order: str = "zyx") -> Pattern:
     kept = {key: value for key, value in pattern.items() if key not in ("panels", "stitches")}
     source = {"file": other, "pattern": kept, "properties": dict(properties)}
     return Pattern(panels, sewn, notes, source)
+
+
+def _name(name: Any) -> str:
+    """The name of a panel, which reports print as it is. InputError where it would steer a terminal."""
+    if not str(name).isprintable():
+        raise InputError(f"The panel {str(name)!r} has control characters in its name.", "Name it in letters.")
+    return str(name)
+
+
+def _count(panels: Mapping[str, Mapping[str, Any]], stitches: Any) -> None:
+    """InputError for more panels, edges, points or stitches than are read."""
+    budget = Budget("The pattern")
+    budget.spend("panels", len(panels))
+    budget.spend("stitches", len(stitches) if isinstance(stitches, list) else 0)
+    for name, panel in panels.items():
+        edges = panel.get("edges")
+        edges = edges if isinstance(edges, list) else []
+        curves = [edge.get("curvature") if isinstance(edge, Mapping) else None for edge in edges]
+        inner = [curve.get("params") if isinstance(curve, Mapping) else None for curve in curves]
+        own = Budget(f"Panel {name}")
+        for points in (panel.get("vertices"), *inner):
+            own.spend("points of a panel", len(points) if isinstance(points, list) else 0)
+        budget.spend("edges", len(edges))
 
 
 def write_specification(path: str | Path, pattern: Pattern) -> None:
@@ -244,7 +271,7 @@ def _given(entries: Mapping[str, Any], key: str, default: Any) -> Any:
 
 def _label(where: str, entries: Mapping[str, Any]) -> str:
     label = _given(entries, "label", "")
-    if not isinstance(label, str):
+    if not isinstance(label, str) or not label.isprintable():
         raise InputError(f"{where} has the label {label!r}.", "Give a word.")
     return label
 

@@ -12,7 +12,7 @@ from clothsim.base.errors import InputError
 from clothsim.keys.value_checks import refuse_absent, refuse_unknown
 from clothsim.mesh.body import LaterMotion, RigidMotion, motion_of
 from clothsim.mesh.world import World, make_world
-from clothsim.physics.energies.pins import PinnedGroup, PinsConstraint
+from clothsim.physics.energies.base import PinnedGroup, PinsConstraint
 from clothsim.physics.energies.protocols import BarrierGap
 from clothsim.run.session import Session, rebuilt
 from clothsim.scene.assembly.meshes import FABRIC, fabric_of

@@ -22,7 +22,7 @@ from clothsim.run.results import Run
 from clothsim.run.session import check_displacement_per_step, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene, scene_from_text
-from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.state import State, first_state
 
 RUN_FILES = (TRAJECTORY_NAME, RECORD_NAME, SUMMARY_NAME, CHECKPOINT_NAME)
 
@@ -51,8 +51,19 @@ def continued_output(directory: Path) -> Iterator[None]:
         yield
 
 
-def refuse_earlier_run(directory: Path, overwrite: bool) -> None:
-    """InputError where the directory holds an earlier run that may not be overwritten."""
+def refuse_earlier_run(
+    directory: Path, overwrite: bool, names: Iterable[str] = (), inputs: Iterable[object] = ()
+) -> None:
+    """InputError where a command would replace an earlier run, or a file that no run wrote, without `overwrite`.
+
+    names: the files that the command writes besides those of a run; inputs: what it reads, of which those that are
+    files are never replaced.
+    """
+    written = (*RUN_FILES, *names)
+    places = {(directory / name).resolve() for name in written}
+    for given in inputs:
+        if isinstance(given, str | Path) and Path(given).resolve() in places:
+            raise InputError(f"{given} is read, and would be replaced by the output.", "Choose another directory: -o.")
     if overwrite:
         return
     unfinished = os.path.isfile(directory / CHECKPOINT_NAME) and not os.path.isfile(directory / SUMMARY_NAME)
@@ -65,6 +76,9 @@ def refuse_earlier_run(directory: Path, overwrite: bool) -> None:
             f"{directory} holds a run that was stopped before its end.",
             f"Continue it with `clothsim resume {directory}`, or replace it: --overwrite.",
         )
+    for file in (directory / name for name in names):
+        if os.path.lexists(file):
+            raise InputError(f"{file} exists.", "Choose another directory with -o, or replace it: --overwrite.")
 
 
 def _remove(file: Path) -> None:
@@ -153,6 +167,7 @@ def _continued(
     if len(saved.state.positions) != session.built.world.n_vertices:
         raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
     state = saved.state
+    _refuse_another_frame(state, scene.run_settings.frames_per_second)
     restore(session.integrator.potential.timers, saved.counters)
     certificate = certificate_from(saved.counters["certificate"])
     if announce is not None:
@@ -160,6 +175,16 @@ def _continued(
     run = recorded_run(session, state, certificate, folder, started, listeners, log, resumed=True)
     warn_of(run.intersections, session.built.energies)
     return run
+
+
+def _refuse_another_frame(state: State, frames_per_second: float) -> None:
+    """InputError for a number of frames that are not yet due: the run would end before its time."""
+    due = state.time * frames_per_second
+    if state.frame > due * (1 + 1e-9) + 1 + 1e-6:  # the last frame may be due after the end of the run
+        raise InputError(
+            f"{CHECKPOINT_NAME} has {state.frame:,} frames at {state.time:.6g} s, and {due:.6g} are due.",
+            "Repeat the run from its scene.",
+        )
 
 
 def _refuse_a_fit(folder: Path) -> None:

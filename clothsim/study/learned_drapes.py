@@ -13,7 +13,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.engine import DrapeModel
 from clothsim.study.farm.plan import Farm
-from clothsim.study.farm.publication import CLOTH
+from clothsim.study.farm.publication import CLOTH, mesh_file
 from clothsim.study.farm.status import manifest
 from transfer.subspace import metric_components, nearest, ridge
 
@@ -120,7 +120,7 @@ def _meshes(farm: Farm, row: dict[str, Any]) -> tuple[NDArray[np.int32], Floats]
     """Triangles of all cloths of a drape one after the other, and the areas of their vertices at rest [m^2]."""
     triangles, areas, first = [], [], 0
     for digest in row["meshes"]["cloth"].values():
-        with np.load(farm.directory / "meshes" / f"{digest}.npz") as arrays:
+        with np.load(mesh_file(farm.directory, digest)) as arrays:
             faces, rest = arrays["triangles"], arrays["start"].astype(np.float64)
         a, b, c = rest[faces].transpose(1, 0, 2)
         of_faces = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6

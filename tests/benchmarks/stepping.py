@@ -5,6 +5,7 @@ SCENE is a file of scenes/ without its ending, a scene of tests/known_answers/er
 sheet200: a sheet of 1 m that falls 5 cm on a ball. The reference has an eighth of the dt (a sixteenth of the sheets')
 and a tolerance of 1e-3 m/s; its own doubt is its distance to a run with twice its dt. Errors are root mean squares
 over the vertices at each frame. Of several starts, 1e-7 m apart, the medians are given: creases are chosen by less.
+SCENE "untuned" is each of untuned_scenes.py: both stops at three dt, reference dt / 32, and the errors at equal cost.
 """
 
 import argparse
@@ -19,12 +20,15 @@ import numpy as np
 
 from clothsim import Scene, load_scene
 from clothsim.base.arrays import Floats
+from clothsim.mesh.body import LaterMotion, RigidMotion
+from clothsim.physics.energies.pins import PinsConstraint
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.stepping.mechanical_energy import mechanical_energy
-from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.time_loop import finished, next_step
 from tests.benchmarks.bench.bench_cases import sphere
+from tests.benchmarks.untuned_scenes import STOPPED, UNTUNED_SCENES
 from tests.known_answers.error_scenes import ERROR_SCENES
 
 ROOT = Path(__file__).parents[2]
@@ -42,6 +46,9 @@ SETTINGS: Mapping[str, tuple[float, Mapping[str, Any]]] = {
     "converge, dt / 2": (0.5, {"converge": True}),
 }
 """What is compared: a factor of dt, and keys of the solver."""
+
+UNTUNED_STOPS: Mapping[str, Mapping[str, Any]] = {"default": {}, "converge": {"converge": True}}
+COUNTS = ("iterations", "patch_iterations")
 
 
 @dataclass(frozen=True)
@@ -64,14 +71,34 @@ def scene_of(name: str, seconds: float = 0.0) -> Scene:
         solver = {key: value for key, value in scene.solver.items() if key != "tolerance"}
         scene = replace(scene, solver=solver, run={"duration": seconds or 0.4, "frames_per_second": 50})
     else:
-        scene = ERROR_SCENES[name] if name in ERROR_SCENES else load_scene(ROOT / "scenes" / f"{name}.toml")
+        generated = {**ERROR_SCENES, **UNTUNED_SCENES}
+        scene = generated[name] if name in generated else load_scene(ROOT / "scenes" / f"{name}.toml")
         longest = min(seconds or np.inf, SHORTEN.get(name, np.inf), scene.run_settings.duration)
         scene = replace(scene, run={**scene.run, "duration": longest, "until": "time"})
     return replace(scene, solver={**scene.solver, "threads": 1})
 
 
-def measured(scene: Scene, factor: float, keys: Mapping[str, Any], start: int = 0) -> Measured:
-    """Run `scene` with its dt times `factor` and with `keys` of the solver, from the start of a number."""
+def _with_still_pins(integrator: Any, state: State) -> tuple[Any, State]:
+    """The integrator with every pin where it is now; BDF2 starts anew, as after `Simulation.drive_pins`."""
+    still = RigidMotion(np.zeros(3), np.zeros(3), np.zeros(3))
+
+    def held(constraint: Any) -> Any:
+        if not isinstance(constraint, PinsConstraint):
+            return constraint
+        groups = (
+            replace(g, motion=LaterMotion(state.positions[g.vertices], still, state.time)) for g in constraint.groups
+        )
+        return replace(constraint, groups=tuple(groups))
+
+    constraints = {name: held(each) for name, each in integrator.constraints.items()}
+    return replace(integrator, constraints=constraints), replace(state, previous=None)
+
+
+def measured(scene: Scene, factor: float, keys: Mapping[str, Any], start: int = 0, stop: float = np.inf) -> Measured:
+    """Run `scene` with its dt times `factor` and with `keys` of the solver, from the start of a number.
+
+    stop: time from which its pins stand still [s].
+    """
     given = {**scene.solver, "dt": factor * scene.solver_settings.dt, **keys}
     if "tolerance" in given:
         given.pop("newton_error_fraction", None)
@@ -96,6 +123,8 @@ def measured(scene: Scene, factor: float, keys: Mapping[str, Any], start: int = 
             spent += process_time() - began
             energy = mechanical_energy(world, report.potential, state).total
             rows.append((spent, energy, state.positions[: world.n_unknowns].copy()))
+            if state.time > stop - 1e-9:
+                (integrator, state), stop = _with_still_pins(integrator, state), np.inf
             began = process_time()
     cpu, energies, positions = (np.array(column) for column in zip(*rows, strict=True))
     return Measured(cpu, energies, positions, *map(int, counts))
@@ -142,6 +171,54 @@ def table(name: str, starts: int, seconds: float) -> list[str]:
     return lines
 
 
+def _curve(runs: Sequence[tuple[float, float]], cpu: float) -> float:
+    """The error of (CPU s, error) at `cpu`, both by logarithms, on the lines between the points."""
+    seconds, errors = np.log(np.array(sorted(runs))).T
+    return float(np.exp(np.interp(np.log(cpu), seconds, errors)))
+
+
+def ratios_at_equal_cost(one: Sequence[tuple[float, float]], other: Sequence[tuple[float, float]]) -> Floats:
+    """Errors of the curve `one` over those of `other` at each point (CPU s, error) in the range that both have.
+
+    Empty where they share none.
+    """
+    low, high = (pick([limit(runs)[0] for runs in (one, other)]) for pick, limit in ((max, min), (min, max)))
+    inside = sorted({cpu for cpu, _ in (*one, *other) if low <= cpu <= high})
+    return np.array([_curve(one, cpu) / _curve(other, cpu) for cpu in inside])
+
+
+def untuned_table(name: str, starts: int, seconds: float = 0.0) -> list[str]:
+    """Rows of one scene of UNTUNED_SCENES: both stops at three dt, and the errors at equal cost. Markdown."""
+    scene, stop = scene_of(name, seconds), STOPPED.get(name, np.inf)
+    fine: Mapping[str, Any] = {"tolerance": 1e-3}
+    reference, twice = (measured(scene, factor, fine, stop=stop) for factor in (1 / 32, 1 / 16))
+    doubt, half = distances(twice, reference), len(reference.positions) // 2
+    lines = [
+        f"### {name}: twice its dt moves the reference by {doubt[:half].mean():.2f} and {doubt.mean():.2f} mm",
+        "| stop | dt s | CPU s | Newton + patch | steps | RMS mm, first half | all |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    points: dict[str, list[tuple[float, float, float]]] = {}
+    for label, keys in UNTUNED_STOPS.items():
+        for factor in (1.0, 0.5, 0.25):
+            runs = [measured(scene, factor, keys, start, stop) for start in range(starts)]
+            errors = np.median([distances(run, reference) for run in runs], axis=0)
+            means = float(errors[:half].mean()), float(errors.mean())
+            cpu = float(np.median([run.cpu[-1] for run in runs]))
+            newton, patch = (int(np.median([getattr(run, key) for run in runs])) for key in COUNTS)
+            points.setdefault(label, []).append((cpu, *means))
+            failed = f", {runs[0].failures} tries failed" if runs[0].failures else ""
+            lines.append(
+                f"| {label} | {factor * scene.solver_settings.dt:g} | {cpu:.2f} | {newton} + {patch}{failed} "
+                f"| {runs[0].steps} | {means[0]:.2f} | {means[1]:.2f} |"
+            )
+    for k, window in enumerate(("first half", "all"), start=1):
+        one, other = ([(point[0], point[k]) for point in points[label]] for label in UNTUNED_STOPS)
+        shown = ", ".join(f"{each:.2f}" for each in ratios_at_equal_cost(one, other)) or "no CPU time in common"
+        lines.append(f"Error of the default over that of converge at equal CPU, {window}: {shown}")
+    return lines
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the tables, and write them where that is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -151,8 +228,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="file for the tables")
     given = parser.parse_args(arguments)
     text: list[str] = []
-    for name in given.scenes or (*ERROR_SCENES, *SHIPPED):
-        rows = table(name, max(1, given.starts), given.seconds)
+    names = [
+        each
+        for name in given.scenes or (*ERROR_SCENES, *SHIPPED)
+        for each in (UNTUNED_SCENES if name == "untuned" else [name])
+    ]
+    for name in names:
+        rows = (untuned_table if name in UNTUNED_SCENES else table)(name, max(1, given.starts), given.seconds)
         print("\n".join(rows), flush=True)
         text += [*rows, ""]
         if given.out is not None:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from sewing_patterns import PATTERN_FILES, SQUARE, panel, skirt, specification, stitch
 
 from clothsim.base.errors import InputError
+from clothsim.patterns import specification as specification_module
 from clothsim.patterns.curves import Arc, Bezier, Straight
 from clothsim.patterns.pattern import Pattern
 from clothsim.patterns.pattern_mesh import mesh_pattern, turned_panels
@@ -194,7 +195,8 @@ UNMESHABLE = {
     "on one line": ([[0, 0], [10, 0], [20, 0], [10, 0]], ("front", "edges 0 and 3")),
     "neck": (NARROW, ("front", "wide")),
     "crossing": (np.random.default_rng(0).random((2000, 2)) * 20, ("front", "edges")),
-    "too many edges": (np.random.default_rng(0).random((20_001, 2)), ("front", "20001 edges")),
+    "too many samples": (np.random.default_rng(0).random((9_000, 2)) * 1000, ("front", "9000 edges")),
+    "too many edges": (np.random.default_rng(0).random((20_001, 2)), ("front", "20,001")),
 }
 
 
@@ -242,3 +244,41 @@ def test_entries_keep_what_is_not_read():
     written = entries_of(pattern_of(entries))
     assert written["parameters"] == {"length": 3}
     assert written["pattern"]["panel_order"] == ["back", "front"]
+
+
+def fan(points):
+    """A panel with an edge through so many points."""
+    spoilt = panel()
+    spoilt["edges"][0]["curvature"] = {"type": "polyline", "params": [[0.5, 0.1]] * points}
+    return spoilt
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        specification({f"p{k}": panel() for k in range(10_000)}),
+        specification({"front": fan(20_000)}),
+        specification({"front": panel()}, [stitch(("front", 0), ("front", 2))] * 30_000),
+        specification({"\x1b[2Jfront": panel()}),
+    ],
+    ids=["panels", "points", "stitches", "name"],
+)
+def test_promises_and_names_are_bounded_before_a_panel_is_built(entries, monkeypatch):
+    monkeypatch.setattr(specification_module, "_edge", lambda *_: pytest.fail("built"))
+    with pytest.raises(InputError) as caught:
+        pattern_of(entries)
+    assert "\x1b" not in str(caught.value)
+
+
+def test_a_label_has_no_control_characters():
+    with pytest.raises(InputError) as caught:
+        pattern_of(specification({"front": panel(label="\x1b[31mred")}))
+    assert "\x1b" not in str(caught.value)
+
+
+def test_a_file_of_60_mb_is_not_read(tmp_path):
+    file = tmp_path / "large.json"
+    with file.open("wb") as handle:
+        handle.truncate(60_000_000)
+    with pytest.raises(InputError, match=r"large\.json has 57 MiB"):
+        read_specification(file)

@@ -245,3 +245,13 @@ def test_vertices_follow_their_coordinates_where_patches_are_eliminated(monkeypa
     body, rows, surface = world.rigid[0], world.coordinate_slices[0], world.rigid_slices[0]
     assert x[surface] == pytest.approx(body.offset + body.weights @ x[rows], abs=1e-12)
     assert found[-1].strain < 1e-3
+
+
+def test_a_block_just_above_a_floor_is_not_thrown_up_by_the_cell_of_a_cloth():
+    sheet = {"name": "sheet", "mesh": "rectangle", "size": [1, 1], "cells": [10, 10], "position": [3, 0, 0.5]}
+    block = {"name": "block", "mesh": "slab", "size": [0.1, 0.1, 0.1], "position": [0, 0, 0.0505], "density": 500}
+    effects = EFFECTS | {"body_contact": {}}
+    simulation = Simulation(rigid_scene(block, FLOOR, effects, cloth=sheet, tolerance=1e-3))
+    heights = [state.bodies["block"][:, 2].min() for state in simulation]
+    assert min(heights) > 0
+    assert max(heights) < 0.001  # 16 mm at the d_hat of the cloth's cells, 10 mm

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
+from clothsim.base.reading_budget import Budget
 from clothsim.files.characters.quaternions import from_matrices, to_matrices
 from clothsim.files.characters.skeleton import Pose, Skeleton, orthonormal
 
@@ -249,6 +250,7 @@ def node_order(file: GltfFile) -> tuple[list[int], Ints]:
         A node has two parents, or is its own ancestor.
     """
     nodes = file.table("nodes")
+    Budget(file.path.name).spend("nodes", len(nodes))
     parents = np.full(len(nodes), -1)
     for k, node in enumerate(nodes):
         for child in node.get("children", []):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_arrays, read_regular_file
+from clothsim.base.reading_budget import MOST, Budget
 from clothsim.files.characters.character import SMPL_JOINTS, parents_of_smpl
 from clothsim.files.characters.clip import Clip, Interpolation, Track, uniform_clip
 from clothsim.files.characters.clip import Path as Part
@@ -70,6 +71,7 @@ def read_bvh(path: Path) -> Clip:
         raise InputError(f"{path.name} is no BVH file: HIERARCHY or MOTION is missing.", "Export it as BVH.")
     joints = _hierarchy(path, head)
     count, seconds, values = _bvh_frames(path, frames, sum(map(len, joints.channels)))
+    Budget(path.name).spend("numbers", count, len(joints.names), 4)
     return _bvh_clip(path, joints, count, seconds, values)
 
 
@@ -126,6 +128,8 @@ def _bvh_frames(path: Path, text: str, width: int) -> tuple[int, float, Floats]:
         raise InputError(f"{path.name}: its MOTION is broken ({error}).", "Export it again.") from error
     if count < 1 or not 0 < seconds < np.inf:
         raise InputError(f"{path.name} has {count} frames of {seconds} s.", "Export it again.")
+    if not width:
+        raise InputError(f"{path.name} has no CHANNELS: nothing moves.", "Export it with its motion.")
     if len(values) != count * width:
         whole = len(values) // max(width, 1)
         raise InputError(f"{path.name} says {count:,} frames of {width} channels, and has {whole:,}.", "Copy it again.")
@@ -170,7 +174,6 @@ def _unique(names: list[str]) -> tuple[str, ...]:
 
 
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
-MOST_FRAMES = 1_000_000
 _T_POSE = {
     "pelvis": (0, 0, 0), "spine1": (0, 0.11, 0), "spine2": (0, 0.24, 0), "spine3": (0, 0.3, 0),
     "neck": (0, 0.5, 0), "head": (0, 0.6, 0), "hip": (0.08, -0.08, 0), "knee": (0.08, -0.46, 0),
@@ -207,7 +210,7 @@ def read_amass(path: Path, skeleton: Skeleton | None = None) -> Clip:
     InputError
         The file is missing, broken or pickled, or lacks a key.
     """
-    arrays = read_arrays(path, ["poses", "trans", *RATES])
+    arrays = read_arrays(path, ["poses", "trans", *RATES], MOST["bytes"])
     for name in ("poses", "trans"):
         if name not in arrays:
             raise InputError(f"{path.name} has no {name!r}.", "An AMASS motion has poses, trans and mocap_framerate.")
@@ -217,6 +220,7 @@ def read_amass(path: Path, skeleton: Skeleton | None = None) -> Clip:
     poses, trans = _amass_frames(path, arrays["poses"], arrays["trans"])
     body = t_pose() if skeleton is None else skeleton
     known, moved = poses.shape[1], len(body.names)
+    Budget(path.name).spend("numbers", len(poses), moved, 4)
     count = moved if known == moved else min(len(SMPL_JOINTS), known, moved)
     rotations = np.tile([1.0, 0.0, 0.0, 0.0], (len(poses), moved, 1))
     rotations[:, :count] = from_rotation_vectors(poses[:, :count])
@@ -234,8 +238,7 @@ def _amass_frames(path: Path, poses: NDArray, trans: NDArray) -> tuple[Floats, F
         raise InputError(f"poses of {path.name} has shape {poses.shape}.", "It has 72, 156 or 165 numbers a frame.")
     if trans.shape != (len(poses), 3):
         raise InputError(f"trans of {path.name} has shape {trans.shape}, not ({len(poses)}, 3).")
-    if len(poses) > MOST_FRAMES:
-        raise InputError(f"{path.name} has {len(poses):,} frames, more than {MOST_FRAMES:,}.", "Cut it.")
+    Budget(path.name).spend("numbers", *poses.shape)
     for name, values in (("poses", poses), ("trans", trans)):
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):

@@ -24,6 +24,11 @@ k = (k_11, sqrt(2) k_12, k_22), 1 along the warp, it is k'Ck/2 with
 so that strips cut along warp and weft bend with D1 (1 - nu^2) and D2 (1 - nu^2). D1 = D2 = D with the twisting
 stiffness T = (1 - nu) D is the isotropic plate, D/2 [(1 - nu) |S|^2 + nu tr(S)^2] (Timoshenko & Woinowsky-Krieger 1959,
 Theory of plates and shells, section 85).
+
+The curvature of a triangle is a mean over it and its neighbours, which loses a wave of wavelength w on cells h: its
+energy is 1 - .12 (2 pi h/w)^2 of the true one on equilateral meshes, 1 - .14 (2 pi h/w)^2 on random ones. The jumps of
+the curvature between neighbours measure what is lost (`curvature_jumps`): with their squares at a weight of .2 the
+energy is right to the next order, with .25 within 5 % from 4 cells a wave on.
 """
 
 from dataclasses import dataclass
@@ -142,6 +147,9 @@ undetermined."""
 SMOOTH_BORDER_ANGLE = 0.25
 """Borders whose normals differ by less than about this angle [rad] count as one, smooth: only corners have two."""
 
+ALIKE = 1e-6
+"""Plate laws of two triangles that differ by less, relative to their stiffness, count as one."""
+
 FREE, CLAMPED, INTERIOR, FIXED = range(4)
 """Kinds of a triangle's edge: free border; clamped (m = theta); interior (theta/2 +- phi); fixed itself (m = 0)."""
 
@@ -199,6 +207,54 @@ def bending_strains(world: World, hinges: Hinges, angles: Floats | None = None) 
     strains.data[np.abs(strains.data) <= 1e-13 * np.abs(strains.data).max(initial=0.0)] = 0.0
     strains.eliminate_zeros()
     return strains
+
+
+def curvature_jumps(
+    world: World, hinges: Hinges, strains: sparse.csr_array, angles: Floats | None = None
+) -> tuple[sparse.csr_array, Floats]:
+    """Jumps of the bending strains between neighbouring triangles.
+
+    The energy w |root(C) (S_1 - S_2)|^2/2 over the edges between triangles of one plate law, where S_1 and S_2 are in
+    one frame and w = (3 A_1/n_1 + 3 A_2/n_2) D/2, n the number of such edges of a triangle: beside borders, clamps and
+    other fabrics the edges that are left count for those that are missing. It vanishes for constant curvatures.
+
+    Parameters
+    ----------
+    world, hinges, angles
+        As those of `bending_strains`.
+    strains : (3 m, h) sparse array
+        G of `bending_strains`.
+
+    Returns
+    -------
+    (3 e, h) sparse array, (e,) array
+        Rows J of E = |J theta|^2/2 [sqrt(J)], three an edge; the w [J m2].
+    """
+    edges = _edges(world, hinges)
+    law = plate_law(world, np.zeros(len(world.triangles)) if angles is None else angles)
+    stiffness = world.per_triangle("bending_stiffness")
+    roots = np.sqrt(stiffness)[:, None, None] * law.roots()
+    sides = [np.full((len(hinges.vertices), 2), -1) for _ in range(2)]
+    for side in range(2):
+        t, i = np.nonzero((edges.kinds == INTERIOR) & (edges.sides == side))
+        sides[side][edges.hinges[t, i]] = np.column_stack([t, i])
+    inside = (sides[0][:, 0] >= 0) & (sides[1][:, 0] >= 0)
+    (t1, i1), (t2, i2) = (side[inside].T for side in sides)
+    turn1, turn2 = (rotation_of_curvature(edges.directions[t, i]) for t, i in ((t1, i1), (t2, i2)))
+    turn = np.einsum("eki,ekj->eij", turn1, turn2)
+    other = roots[t1] - np.einsum("eik,ekl,ejl->eij", turn, roots[t2], turn)
+    alike = np.abs(other).max(axis=(1, 2), initial=0.0) <= ALIKE * np.abs(roots[t1]).max(axis=(1, 2), initial=0.0)
+    t1, t2, turn = t1[alike], t2[alike], turn[alike]
+    m, count = len(world.triangles), np.bincount(np.concatenate([t1, t2]), minlength=len(world.triangles))
+    shares = 1.5 * edges.areas / np.maximum(count, 1)
+    areas, places = shares[t1] + shares[t2], np.arange(len(t1) + 1)
+    first = np.sqrt(areas / edges.areas[t1])[:, None, None] * np.eye(3)
+    second = np.sqrt(areas / edges.areas[t2])[:, None, None] * turn
+    shape = (3 * len(t1), 3 * m)
+    differences = sparse.bsr_array((first, t1, places), shape=shape) - sparse.bsr_array(
+        (second, t2, places), shape=shape
+    )
+    return (differences.tocsr() @ strains).tocsr(), areas * stiffness[t1]
 
 
 def angles_of_curvature(world: World, hinges: Hinges, curvatures: Floats) -> Floats:

@@ -32,7 +32,7 @@ def contact_energy(world: World, keys: ContactKeys, surface: ContactSurface) -> 
         d_hat does not suit the mesh, or surfaces intersect or touch at the start.
     """
     name, offset = keys.name, keys.offset
-    d_hat = _resolved_d_hat(name, world, keys.d_hat)
+    d_hat = _resolved_d_hat(name, world, surface, keys.d_hat)
     adaptive = isinstance(keys.stiffness, str)
     kappa = 1.0 if isinstance(keys.stiffness, str) else keys.stiffness
     start = world.start()
@@ -52,11 +52,11 @@ def _heavy_bodies(world: World) -> tuple[HeavyBody, ...]:
     return tuple(found)
 
 
-def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:
-    """d_hat [m]: "auto" from the mesh, else as given. InputError for one as large as the cloth."""
+def _resolved_d_hat(name: str, world: World, surface: ContactSurface, d_hat: float | str) -> float:
+    """d_hat [m]: "auto" from the mesh and the gaps of rigid bodies, else as given. InputError for one of cloth size."""
     default = default_d_hat(edge_lengths(world))
     if isinstance(d_hat, str):
-        return default
+        return min(default, _d_hat_below_rigid_gaps(world, surface, default))
     coordinate = float(np.abs(world.start()).max())
     if d_hat < LEAST_D_HAT * coordinate:
         raise InputError(
@@ -71,6 +71,21 @@ def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:
             f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
         )
     return d_hat
+
+
+def _d_hat_below_rigid_gaps(world: World, surface: ContactSurface, most: float) -> float:
+    """The smallest gap of a rigid body and another body at the start, within a tenth of `most` and `most` [m].
+
+    A block that lies half a millimetre above a floor is thrown up where the cloth's cells make d_hat a centimetre.
+    """
+    bodies = np.isin(world.names, [body.name for body in world.bodies])
+    rigid = np.isin(world.names, [body.name for body in world.rigid])
+    pairs = rigid[:, None] & bodies
+    allowed = surface.allowed & (pairs | pairs.T)
+    if not allowed.any():
+        return most
+    gap = Candidates(replace(surface, allowed=allowed), most, skin=0.0).minimum_gap(world.start())
+    return float(np.clip(gap, 0.1 * most, most))
 
 
 def d_hat_below_rest_gaps(world: World, surface: ContactSurface) -> float:

@@ -5,7 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
+import numpy as np
+
 from clothsim.base.arrays import Floats, Ints
+from clothsim.mesh.body import LaterMotion, RigidMotion
 from clothsim.physics.energies.hessians import Hessian
 
 CONTACT_TIME_SCALE = 0.01
@@ -181,3 +184,56 @@ class Constraint(abc.ABC):
     def angular_velocities(self) -> Mapping[str, Floats]:
         """The angular velocity (3,) [rad/s] of each group that turns as a rigid body, by its name."""
         return {}
+
+
+@dataclass(frozen=True)
+class PinnedGroup:
+    """Vertices with one prescribed motion.
+
+    Parameters
+    ----------
+    vertices : (k,) int array
+        Rows of x.
+    start : (k, 3) array
+        Positions at time 0 [m].
+    motion : RigidMotion
+        Prescribed motion.
+    name : str
+        The scene's name, "pins" or "pins.group[1]".
+    """
+
+    vertices: Ints
+    start: Floats
+    motion: RigidMotion | LaterMotion
+    name: str
+
+
+@dataclass(frozen=True)
+class PinsConstraint(Constraint):
+    """Prescribed positions of the groups, with the ghost vertices that fix the direction at clamped edges."""
+
+    groups: tuple[PinnedGroup, ...]
+
+    @property
+    def still(self) -> bool:
+        """True where no group ever moves."""
+        return all(group.motion.still for group in self.groups)
+
+    def at(self, time: float) -> Prescribed:
+        """The pinned vertices and their positions at `time` [s]."""
+        return Prescribed(
+            np.concatenate([group.vertices for group in self.groups]),
+            np.concatenate([group.motion.apply(group.start, time) for group in self.groups]),
+        )
+
+    def holder(self, row: int) -> str:
+        """The name of the group that prescribes a row of x, empty if none does."""
+        return next((group.name for group in self.groups if row in group.vertices), "")
+
+    def angular_velocities(self) -> Mapping[str, Floats]:
+        """Of each group, also one that was set by hand."""
+        motions = {group.name: group.motion for group in self.groups}
+        return {
+            name: (each.motion if isinstance(each, LaterMotion) else each).angular_velocity
+            for name, each in motions.items()
+        }

@@ -40,13 +40,14 @@ def bending(world: World, keys: Bending) -> Energy | Off:
     Raises
     ------
     InputError
-        For an angle, bending_slope or bending_hysteresis that the model does not take.
+        For an angle, curvature_jumps, bending_slope or bending_hysteresis that the model does not take.
     """
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
-    if turned and keys.model != "midedge":
-        raise InputError(
-            f'effects.bending.angle_degrees has no effect with model = "{keys.model}".', 'It is for "midedge".'
-        )
+    for key, given in {"angle_degrees": turned, "curvature_jumps": keys.curvature_jumps != 0}.items():
+        if given and keys.model != "midedge":
+            raise InputError(
+                f'effects.bending.{key} has no effect with model = "{keys.model}".', 'It is for "midedge".'
+            )
     hinges = world.hinges
     if not len(hinges.vertices):
         return Off("the cloth has no interior edge")
@@ -64,7 +65,16 @@ def bending(world: World, keys: Bending) -> Energy | Off:
     angles = np.radians(over_cloth("effects.bending.angle_degrees", keys.angle_degrees, world))
     if any(world.per_triangle(name).any() for name in CURLS):
         stiff_hinges = curled(stiff_hinges, world, angles)
-    return build(stiff_hinges, world) if keys.model != "midedge" else build(stiff_hinges, world, angles)
+    if keys.model != "midedge":
+        return build(stiff_hinges, world)
+    if keys.curvature_jumps == 0:
+        return build(stiff_hinges, world, angles)
+    if sloped or looped:
+        key = "bending_slope" if sloped else "bending_hysteresis"
+        raise InputError(
+            f"effects.bending.curvature_jumps is for linear bending, and a cloth has {key}.", "Set it to 0."
+        )
+    return build(stiff_hinges, world, angles, keys.curvature_jumps)
 
 
 def curled(hinges: Hinges, world: World, angles: Floats) -> Hinges:

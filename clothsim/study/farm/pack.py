@@ -17,7 +17,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import replacing, write_atomically
 from clothsim.base.text import text_table
 from clothsim.study.farm.plan import Farm
-from clothsim.study.farm.publication import CLOTH, PARAMETERS, SUMMARY, array_hash
+from clothsim.study.farm.publication import CLOTH, PARAMETERS, SUMMARY, array_hash, mesh_file
 from clothsim.study.farm.status import manifest
 
 # Data card: what a data set holds, its licence, the statistics of its certificates, and what failed.
@@ -151,7 +151,7 @@ def _mesh_names(row: Mapping[str, Any], kind: str) -> list[str]:
 
 
 def _mesh(farm: Farm, name: str) -> dict[str, NDArray[Any]]:
-    with np.load(farm.directory / "meshes" / f"{name}.npz") as arrays:
+    with np.load(mesh_file(farm.directory, name)) as arrays:
         return {key: arrays[key] for key in arrays.files}
 
 
@@ -189,9 +189,7 @@ def _shards(farm: Farm, folder: Path, used: Sequence[Mapping[str, Any]], size: i
         )
         yield _tar(folder / f"shard-{first // size:06d}.tar", files)
     names = sorted({name for row in used for kind in ("cloth", "body") for name in _mesh_names(row, kind)})
-    yield _tar(
-        folder / "meshes.tar", ((f"{n}.npz", (farm.directory / "meshes" / f"{n}.npz").read_bytes()) for n in names)
-    )
+    yield _tar(folder / "meshes.tar", ((f"{n}.npz", mesh_file(farm.directory, n).read_bytes()) for n in names))
 
 
 def _tar(path: Path, files: "Iterator[tuple[str, bytes]]") -> Path:

@@ -9,9 +9,10 @@ from typing import Any
 
 from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import build
-from clothsim.study.farm.publication import content_id
+from clothsim.study.farm.publication import checked_id, content_id
 from clothsim.study.farm.recipe import Recipe, changed
 
 FARM_NAME, JOBS_NAME = "farm.json", "jobs.jsonl"
@@ -51,9 +52,10 @@ class Farm:
 
     @cached_property
     def jobs(self) -> tuple[Job, ...]:
-        """All drapes of the plan."""
-        with (self.directory / JOBS_NAME).open(encoding="utf-8") as lines:
-            return tuple(Job(**json.loads(line)) for line in lines)
+        """All drapes of the plan. InputError where a line is cut, or its id is none."""
+        file = self.directory / JOBS_NAME
+        lines = read_regular_file(file, remedy="Plan the recipe again.").splitlines()
+        return tuple(_job(line, file, number) for number, line in enumerate(lines))
 
     def scene_of(self, job: Job) -> Scene:
         """The scene of a drape. InputError where it is no longer the one that was planned."""
@@ -71,7 +73,7 @@ class Farm:
 
     def published(self) -> set[str]:
         """The ids of the drapes that are done, failed ones too."""
-        return {entry.name for entry in (self.directory / "drapes").iterdir()}
+        return {entry.name for entry in (self.directory / "drapes").iterdir() if entry.is_dir()}
 
     def unpublished(self) -> dict[str, Job]:
         """The drapes that are left, by id, in the order of the plan."""
@@ -146,6 +148,22 @@ def open_farm(directory: str | Path) -> Farm:
     except (OSError, ValueError) as error:
         raise InputError(f"{folder / FARM_NAME} cannot be read: {error}.", "Plan the recipe again.") from error
     return Farm(folder, settings)
+
+
+def _job(line: bytes, file: Path, number: int) -> Job:
+    """The drape of a line of the plan, the `number`-th."""
+    try:
+        entry = json.loads(line)
+        index, name, values = entry["index"], entry["id"], entry["values"]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(
+            f"{file}, line {number + 1}, is no drape of a plan.", "Plan the recipe again in another folder."
+        ) from error
+    if index != number or not isinstance(values, dict):
+        raise InputError(
+            f"{file}, line {number + 1}, is not drape {number}.", "Plan the recipe again in another folder."
+        )
+    return Job(number, checked_id(name, file), values)
 
 
 def _entries(recipe: Recipe) -> Iterator[dict[str, Any]]:

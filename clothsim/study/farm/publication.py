@@ -5,6 +5,7 @@ import io
 import json
 import os
 import platform
+import re
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim import Scene, __version__
+from clothsim.base.errors import InputError
 from clothsim.engine import by_content
 from clothsim.study.farm.claims import Worker
 
@@ -32,6 +34,22 @@ def content_id(scene: Scene, version: int) -> str:
     content = {"scene": by_content(data, folder), "recipe": version, "package": __version__}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
+
+
+def checked_id(name: Any, where: Path) -> str:
+    """An id or a hash that a file names: whatever is joined to the folder of a farm goes through here.
+
+    Raises
+    ------
+    InputError
+        Where it is not LETTERS hexadecimal digits, such as a path that leads out of the farm.
+    """
+    if isinstance(name, str) and re.fullmatch(f"[0-9a-f]{{{LETTERS}}}", name):
+        return name
+    raise InputError(
+        f"{where} names {name!r}, which is no id of a farm: an id is {LETTERS} hexadecimal digits.",
+        "Take the file from where the farm was planned, or plan the recipe again in another folder.",
+    )
 
 
 def array_hash(*arrays: NDArray[Any]) -> str:
@@ -91,8 +109,8 @@ def publish(farm: Path, name: str, worker: Worker, files: Mapping[str, bytes]) -
 
 def store_mesh(farm: Path, arrays: Mapping[str, NDArray[Any]]) -> str:
     """Store arrays once under their hash, and return it."""
-    digest = array_hash(*(arrays[name] for name in sorted(arrays)))[:16]
-    file = farm / "meshes" / f"{digest}.npz"
+    digest = array_hash(*(arrays[name] for name in sorted(arrays)))[:LETTERS]
+    file = mesh_file(farm, digest)
     if not file.is_file():
         beside = farm / "tmp" / f"{digest}.{os.getpid()}.{os.urandom(4).hex()}.npz"
         with beside.open("wb") as handle:
@@ -101,6 +119,11 @@ def store_mesh(farm: Path, arrays: Mapping[str, NDArray[Any]]) -> str:
             os.fsync(handle.fileno())
         beside.replace(file)
     return digest
+
+
+def mesh_file(farm: Path, digest: Any) -> Path:
+    """The file of a stored mesh. InputError where a summary names what is no hash."""
+    return farm / "meshes" / f"{checked_id(digest, farm / 'drapes')}.npz"
 
 
 def as_npy(array: NDArray[Any]) -> bytes:

@@ -11,6 +11,7 @@ from meshes import UNIT, cloth, deformed, grid, irregular_grid, random_rotation,
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import kabsch
 from clothsim.mesh.cloth import dihedral_angles
+from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off, Step
 from clothsim.physics.energies.quadratic_bending import folded
@@ -205,3 +206,54 @@ def test_unknown_models_are_refused_by_name(model, words):
     with pytest.raises(InputError, match=words) as refusal:
         bending(small_world(), model=model)
     assert repr(model) in str(refusal.value)
+
+
+# --- jumps of curvature ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("curved", [False, True])
+def test_derivatives_and_balance_with_jumps(curved):
+    world = small_world(0, curved=curved)
+    x = deformed(world, 0)
+    energy = bending(world, curvature_jumps=0.3)
+    assert gradient_error(energy, x) < 1e-7
+    assert hessian_error(energy, x) < 1e-6
+    assert np.linalg.eigvalsh(dense_hessian(energy, x, project=True)).min() > -1e-9
+    assert np.abs(energy.gradient(x).sum(axis=0)).max() < 1e-10 * np.abs(energy.gradient(x)).max()
+    assert energy.value(x) > bending(world).value(x)
+    rotation = random_rotation(np.random.default_rng(2))
+    assert energy.value(x @ rotation.T + 1.0) == pytest.approx(energy.value(x), rel=1e-9)
+
+
+def test_jumps_of_a_quadratic_surface_have_no_force():
+    positions, triangles = grid(16, 16)
+    side = np.ptp(positions[:, 0])
+    inside = ~np.isin(np.arange(len(positions)), border_edges(triangles)[0])
+    positions[inside, :2] += side / 80 * np.random.default_rng(0).uniform(-1, 1, (int(inside.sum()), 2))
+    world = make_world([cloth(positions, triangles)])
+    x = world.start()
+    x[:, 2] = 1e-6 * (x[:, 0] ** 2 + x[:, 0] * x[:, 1]) / side
+    far = np.abs(positions[:, :2] - positions[:, :2].mean(axis=0)).max(axis=1) < 0.15 * side
+    force = np.linalg.norm(bending(world, curvature_jumps=10.0).gradient(x), axis=1)
+    assert far.sum() > 8
+    assert force[far].max() < 1e-6 * force.max()
+
+
+@pytest.mark.parametrize("cells", [10, 6, 4])
+def test_jumps_restore_the_energy_of_waves(cells):
+    positions, triangles = grid(8 * cells, 8 * cells)
+    world = make_world([cloth(positions, triangles)])
+    x = world.start()
+    size = np.ptp(x[:, 0])
+    q = 16 * np.pi / size
+    x[:, 2] = 1e-6 * size * np.sin(q * x[:, 0])
+    exact = world.per_triangle("bending_stiffness") @ world.rest_areas / 4 * (1e-6 * size * q * q) ** 2
+    without, with_jumps = (bending(world, curvature_jumps=c).value(x) / exact - 1 for c in (0.0, 0.25))
+    assert without < -0.09 * (2 * np.pi / cells) ** 2
+    assert abs(with_jumps) < 0.5 * abs(without)
+
+
+@pytest.mark.parametrize("model", ["hinge", "quadratic"])
+def test_jumps_are_of_midedge(model):
+    with pytest.raises(InputError, match="curvature_jumps"):
+        bending(small_world(0), model=model, curvature_jumps=0.25)

@@ -265,6 +265,42 @@ def test_processes_killed_in_a_drape_lose_nothing_and_the_third_is_the_last(tmp_
     assert [p for name in ("tmp", "claims") for p in (tmp_path / name).iterdir()] == []
 
 
+@pytest.mark.parametrize("name", ["../../thesis", "/thesis", "", "..", "0" * 15, "0" * 15 + "/", "G" * 16, None, 7])
+def test_an_id_that_is_none_is_refused_and_no_folder_outside_is_touched(tmp_path, name, capsys):
+    thesis = tmp_path / "thesis" / "draft.txt"
+    thesis.parent.mkdir()
+    thesis.write_text("years")
+    (tmp_path / "thesis.bak").mkdir()
+    plan(recipe(1), tmp_path / "farm")
+    lines = tmp_path / "farm" / "jobs.jsonl"
+    lines.write_text(json.dumps(json.loads(lines.read_text()) | {"id": name}) + "\n")
+    for action in ("work", "status", "verify"):
+        assert main(["farm", action, str(tmp_path / "farm")]) == 2
+    assert "16 hexadecimal digits" in capsys.readouterr().err
+    assert thesis.read_text() == "years"
+    assert (tmp_path / "thesis.bak").is_dir()
+
+
+@pytest.mark.parametrize("line", ["{", "[]", "{}", '{"index": 1, "id": "0123456789abcdef", "values": {}}', "\x00"])
+def test_a_line_of_the_plan_that_is_none_is_refused(tmp_path, line):
+    plan(recipe(1), tmp_path)
+    (tmp_path / "jobs.jsonl").write_text(line + "\n")
+    assert main(["farm", "work", str(tmp_path)]) == 2
+
+
+def test_a_mesh_outside_of_the_farm_is_not_read(tmp_path):
+    farm = plan(recipe(1), tmp_path / "farm")
+    work(farm)
+    summary = farm.folder(farm.jobs[0].id) / "summary.json"
+    content = json.loads(summary.read_text())
+    mesh = content["meshes"]["cloth"]["cloth"]
+    (tmp_path / "outside.npz").write_bytes((tmp_path / "farm" / "meshes" / f"{mesh}.npz").read_bytes())
+    content["meshes"]["cloth"]["cloth"] = "../../outside"
+    summary.write_text(json.dumps(content))
+    for target in ("data.h5", "shards"):
+        assert main(["farm", "pack", str(tmp_path / "farm"), "-o", str(tmp_path / target)]) == 2
+
+
 def test_a_changed_package_or_file_makes_no_drape_of_the_plan(tmp_path):
     farm = plan(recipe(1), tmp_path)
     text = (tmp_path / "farm.json").read_text()

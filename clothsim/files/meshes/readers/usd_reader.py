@@ -35,7 +35,7 @@ def read_usd(path: Path) -> Polygons:
         The file is broken, or names other layers.
     """
     stage = _opened(path)
-    return _read_meshes(path, stage, _range(stage)[0])
+    return _read_meshes(path, stage, _range(path, stage)[0])
 
 
 def read_usd_frames(path: Path, rate: float, most: int) -> list[Polygons]:
@@ -44,8 +44,10 @@ def read_usd_frames(path: Path, rate: float, most: int) -> list[Polygons]:
     most: largest number of frames. Between its own samples USD interpolates linearly.
     """
     stage = _opened(path)
-    first, last = _range(stage)
+    first, last = _range(path, stage)
     codes = stage.GetTimeCodesPerSecond() / rate
+    if not (0 < codes < np.inf and first <= last):
+        raise _broken(path, f"it has {stage.GetTimeCodesPerSecond():g} time codes a second, from {first:g} to {last:g}")
     count = int((last - first) / codes + 1e-6) + 1
     if count > most:
         raise InputError(f"{path} has {count:,} frames at {rate:g} a second, more than {most:,}.", "Take a lower rate.")
@@ -65,11 +67,14 @@ def _opened(path: Path) -> Any:
     return Usd.Stage.Open(layer)
 
 
-def _range(stage: Any) -> tuple[float, float]:
+def _range(path: Path, stage: Any) -> tuple[float, float]:
     """First and last time code; 0 and 0 where the file gives none."""
     if not stage.HasAuthoredTimeCodeRange():
         return 0.0, 0.0
-    return float(stage.GetStartTimeCode()), float(stage.GetEndTimeCode())
+    first, last = float(stage.GetStartTimeCode()), float(stage.GetEndTimeCode())
+    if not (np.isfinite(first) and np.isfinite(last)):
+        raise _broken(path, f"its time codes are {first:g} to {last:g}")
+    return first, last
 
 
 def _read_meshes(path: Path, stage: Any, code: float) -> Polygons:

@@ -12,6 +12,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.base.file_reading import read_regular_file
+from clothsim.base.reading_budget import Budget
 from clothsim.files.patterns.dxf.outline import Part, parts_of_bezier, straight_parts
 from clothsim.patterns.curves import Arc, Straight
 
@@ -35,22 +36,34 @@ def in_plane(point: Any) -> Floats:
     return np.array([point[0], point[1]], np.float64)
 
 
-def parts_of(entity: Any, metres: float) -> tuple[Part, ...]:
-    """Curves of an entity of an outline [m]; none of a text or a point."""
+def parts_of(entity: Any, metres: float, budget: Budget) -> tuple[Part, ...]:
+    """Curves of an entity of an outline [m]; none of a text or a point. The points of flattened ones are counted."""
     kind = entity.dxftype()
     if kind == "LINE":
         return (Part(metres * in_plane(entity.dxf.start), metres * in_plane(entity.dxf.end), Straight()),)
     if kind in ("ARC", "CIRCLE"):
         return _arcs(entity, metres)
     if kind == "ELLIPSE":
-        return straight_parts(metres * np.array([in_plane(point) for point in entity.flattening(FLAT / metres)]))
+        return _flattened(entity, metres, budget)
     if kind != "SPLINE":
         return ()
     spline = entity.construction_tool()
     points = metres * np.array([in_plane(point) for point in spline.control_points])
     if not spline.is_rational and spline.is_clamped and spline.degree in (2, 3) and len(points) == spline.degree + 1:
         return parts_of_bezier(points)
-    return straight_parts(metres * np.array([in_plane(point) for point in spline.flattening(FLAT / metres)]))
+    return _flattened(spline, metres, budget)
+
+
+def _flattened(curve: Any, metres: float, budget: Budget) -> tuple[Part, ...]:
+    """Chords of an ellipse or a spline."""
+    try:
+        points = list(budget.counted(curve.flattening(FLAT / metres), "points", "points of a piece"))
+    except (ValueError, OverflowError, ZeroDivisionError, RecursionError) as error:
+        raise InputError(
+            f"{budget.name}: a curve of an outline cannot be flattened ({type(error).__name__}).",
+            "Draw it smaller, or as a polyline.",
+        ) from error
+    return straight_parts(metres * np.array([in_plane(point) for point in points])) if points else ()
 
 
 def _arcs(entity: Any, metres: float) -> tuple[Part, ...]:
@@ -140,7 +153,8 @@ def read_drawing(path: Path, units: str = "", layer: str = "") -> Drawing:
     """
     document = _document(path)
     unit, notes = _unit(document, units)
-    found = (_piece(*block, UNITS[unit], layer) for block in _blocks(document))
+    budget = Budget(path.name)
+    found = (_piece(*block, UNITS[unit], layer, budget) for block in _blocks(document))
     pieces = tuple(piece for piece in found if piece is not None)
     if not pieces:
         raise InputError(
@@ -193,9 +207,11 @@ def _texts(entities: Iterable[Any]) -> Iterator[str]:
             yield entity.plain_text()
 
 
-def _piece(block: str, given: Iterable[Any], inserted: bool, metres: float, layer: str) -> Piece | None:
+def _piece(block: str, given: Iterable[Any], inserted: bool, metres: float, layer: str, budget: Budget) -> Piece | None:
     """The piece of a block; None for one without an outline."""
-    entities = [part for entity in given for part in exploded(entity)]
+    budget.spent["points of a piece"] = 0
+    drawn_parts = (part for entity in given for part in exploded(entity))
+    entities = list(budget.counted(drawn_parts, "points", "points of a piece"))
     layers: dict[str, list[Any]] = {}
     for entity in entities:
         layers.setdefault(str(entity.dxf.layer).strip(), []).append(entity)
@@ -204,7 +220,7 @@ def _piece(block: str, given: Iterable[Any], inserted: bool, metres: float, laye
     if outline not in drawn:
         return None
     said = list(_texts(entities))
-    parts = tuple(part for entity in layers[outline] for part in parts_of(entity, metres))
+    parts = tuple(part for entity in layers[outline] for part in parts_of(entity, metres, budget))
     return Piece(
         _said(said, "piece name") or block,
         _said(said, "size"),

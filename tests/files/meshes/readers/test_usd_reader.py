@@ -10,6 +10,7 @@ from clothsim.keys.mesh_keys import check_body
 from clothsim.scene.assembly.meshes import body_of
 
 pxr = pytest.importorskip("pxr", reason="needs clothsim[usd]")
+usd_reader = pytest.importorskip("clothsim.files.meshes.readers.usd_reader")
 
 QUAD = """#usda 1.0
 (
@@ -94,3 +95,22 @@ def test_a_file_that_is_no_usd_is_refused(tmp_path):
     path.write_bytes(b"not a crate file")
     with pytest.raises(InputError):
         read_mesh(path)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "startTimeCode = nan\n    endTimeCode = 10",
+        "startTimeCode = 0\n    endTimeCode = inf",
+        "startTimeCode = 0\n    endTimeCode = 10\n    timeCodesPerSecond = 0",
+        "startTimeCode = 0\n    endTimeCode = 10\n    timeCodesPerSecond = nan",
+        "startTimeCode = 0\n    endTimeCode = 10\n    timeCodesPerSecond = -24",
+        "startTimeCode = 10\n    endTimeCode = 0",
+    ],
+)
+def test_time_codes_that_are_no_times(tmp_path, header):
+    """They ended in a ValueError, OverflowError or ZeroDivisionError."""
+    path = quad(tmp_path)
+    path.write_text(path.read_text().replace('upAxis = "Z"', f'upAxis = "Z"\n    {header}'))
+    with pytest.raises(InputError, match=r"quad\.usda"):
+        usd_reader.read_usd_frames(path, 25.0, 100)
