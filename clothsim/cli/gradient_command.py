@@ -90,7 +90,7 @@ def _gradient(arguments: argparse.Namespace) -> Report:
 
 
 def _errors(gradient: "Gradient") -> dict[str, float]:
-    return {name: getattr(gradient, name) for name in ("newton_error", "time_error", "kappa_share")}
+    return {name: getattr(gradient, name) for name in ("newton_error", "kappa_share")}
 
 
 def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
@@ -106,8 +106,6 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
             text = f"{len(value)} rows, the sum {on_demand.norm(value.sum(axis=0)):.4g}, largest [{largest}] in {row}"
         lines.append(f"  d/d {name:24} {text}")
     lines.append(f"  {'unfinished solves':28} {errors['newton_error']:.2g} of the loss")
-    if math.isfinite(errors["time_error"]):
-        lines.append(f"  {'time steps':28} {errors['time_error']:.2g} of the loss")
     lines.append(f"  {'d/d log(contact stiffness)':28} {errors['kappa_share']:.2g}")
     return lines
 
@@ -204,5 +202,5 @@ def lines(found: "clothsim.Recovery", directory: Path | None) -> list[str]:
 
 def _error(error: float) -> str:
     if math.isnan(error):
-        return "(no standard error: the loss is no sum of squares)"
+        return "(no standard error: the loss is no sum of squares, or a run beside the minimum failed)"
     return f"+- {100 * error:.2g} %" if math.isfinite(error) else "(not determined by the target)"

@@ -21,7 +21,6 @@ from clothsim.mesh.world import make_world
 from clothsim.physics.energies.protocols import ContactGap, Lagged
 from clothsim.scene.assembly.scene_world import build_effects
 from clothsim.scene.paths import entry_of, parts_of
-from clothsim.solve.stepping.integrators import BACKWARD_EULER
 
 if TYPE_CHECKING:
     from clothsim.gradients.run import Trace
@@ -156,27 +155,6 @@ class Gradient(Mapping[str, Floats]):
     def newton_error(self) -> float:
         """L_converged - L = -sum a_k . G(x_k): what the loss would change by if every solve were exact."""
         return float(self.adjoints.newton.sum())
-
-    @cached_property
-    def time_error(self) -> float:
-        """Estimate of L_exact - L of a loss of positions with backward Euler: the leading error of each step.
-
-        -sum a_k . M (A_(k+1) - A_k) with the accelerations A_k = (v_k - v_(k-1))/h, the last one extrapolated, and half
-        of A_1 besides in the first step. It is of use on smooth motion, not at impacts nor near a zero of the error;
-        nan for a quasi-static run, for BDF2, and for fewer than two steps.
-        """
-        integrator, steps = self.run.session.integrator, self.run.steps
-        dynamic = "inertia" in integrator.potential.energies
-        if not dynamic or integrator.formula != BACKWARD_EULER or len(steps) < 2:
-            return float("nan")
-        n, masses = integrator.world.n_cloth, integrator.world.masses[:, None]
-        accelerations = [(each.end.velocities[:n] - each.start.velocities[:n]) / each.dt for each in steps]
-        accelerations.append(2 * accelerations[-1] - accelerations[-2])
-        total = 0.0
-        for k, a in enumerate(self.adjoints.forces):
-            change = accelerations[k + 1] - accelerations[k] + (0.5 * accelerations[0] if k == 0 else 0.0)
-            total -= float(np.vdot(a, masses * change))
-        return total
 
     @cached_property
     def kappa_share(self) -> float:

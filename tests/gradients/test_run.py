@@ -70,19 +70,10 @@ def test_newton_error(seed):
     assert abs(exact.gradient(LINEAR).newton_error) < 1e-6 * abs(true)
 
 
-def test_time_error():
-    """On smooth motion, where halving dt halves the error, the estimate is 30 % right."""
-    sheet = FALLING | {"velocity": [0.0, 0.0, 0.0], "rotation_degrees": [0.0, 0.0, 0.0]}
-    effects = ELASTIC | {"pins": {"select": "left"}}
-    values, estimates = [], []
-    for dt in (0.02, 0.01, 0.005):
-        scene = falling_scene(effects, sheet, body=(), dt=dt, integrator="backward_euler")
-        gradient = simulate_differentiably(scene).gradient(Height())
-        values.append(gradient.value)
-        estimates.append(gradient.time_error)
-    assert 1.7 < (values[1] - values[0]) / (values[2] - values[1]) < 2.3
-    exact = 2 * values[2] - values[1]
-    assert estimates[1] == pytest.approx(exact - values[1], rel=0.3)
+def test_a_gradient_claims_no_error_of_time_steps():
+    """An estimate from the accelerations of one run had the wrong sign on a strip in wind; a twin run measures it."""
+    scene = falling_scene(ELASTIC, body=(), integrator="backward_euler")
+    assert not hasattr(simulate_differentiably(scene).gradient(Height()), "time_error")
 
 
 def test_held_stiffness_is_that_of_a_pilot_run():
