@@ -116,13 +116,14 @@ class Problem:
         return scene_with(self.scene, self.values(logarithms), self.shaped)
 
     def evaluated(self, logarithms: Floats) -> Evaluation:
-        """Take a run with its gradient; a failed one is an evaluation too."""
+        """Take a run with its gradient; a failed one is an evaluation too.
+
+        So are numbers that another key does not allow: the scene's own were run before, so the search goes on.
+        """
         values = self.values(logarithms)
         try:
             trace = traced(self.scene_at(logarithms), self.stiffness)
             return evaluation(values, trace, trace.gradient(self.loss), self.shaped)
-        except InputError:
-            raise
         except ClothsimError as error:
             return Evaluation(values, float("inf"), np.zeros(len(values)), failure=error.sentence)
 
@@ -217,7 +218,7 @@ class Identifiability:
     ----------
     errors : mapping
         Relative standard error of each number by path; inf where it is not determined, nan where the loss is no sum of
-        squares.
+        squares or a run beside the minimum cannot be taken.
     undetermined : tuple of mapping
         Combinations of logarithms that the target does not determine: weights by path.
     ratios : tuple of Ratio
@@ -235,6 +236,8 @@ class Identifiability:
 def identifiability(problem: Problem, logarithms: Floats, loss: float) -> Identifiability:
     """Examine the loss about its minimum: two runs for each number."""
     hessian = _hessian(problem, logarithms)
+    if np.isnan(hessian).any():  # a run beside the minimum cannot be taken: its errors are not known
+        return Identifiability(dict.fromkeys(problem.paths, float("nan")), (), (), 2 * len(problem.paths))
     curvatures, modes = np.linalg.eigh(hessian)
     weak = curvatures <= UNDETERMINED * max(curvatures[-1], 0.0)
     inverse = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, curvatures))
@@ -263,8 +266,10 @@ def identifiability(problem: Problem, logarithms: Floats, loss: float) -> Identi
 def _hessian(problem: Problem, logarithms: Floats) -> Floats:
     rows = []
     for unit in np.eye(len(logarithms)):
-        slopes = [problem.evaluated(logarithms + sign * DIFFERENCE * unit).slope for sign in (1, -1)]
-        rows.append((slopes[0] - slopes[1]) / (2 * DIFFERENCE))
+        runs = [problem.evaluated(logarithms + sign * DIFFERENCE * unit) for sign in (1, -1)]
+        if not all(np.isfinite(run.loss) for run in runs):
+            return np.full((len(logarithms), len(logarithms)), np.nan)
+        rows.append((runs[0].slope - runs[1].slope) / (2 * DIFFERENCE))
     hessian = np.array(rows)
     return 0.5 * (hessian + hessian.T)
 

@@ -7,6 +7,8 @@ from small_skirt import hanging_skirt, skirt_mesh
 from clothsim import InputError, Scene, recover
 from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.gradients.losses import Custom, Distance, Height, Scan
+from clothsim.gradients.parameters import with_value
+from clothsim.gradients.recover import identifiability, problem_of
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene
 from clothsim.gradients.targets import target_loss
@@ -152,3 +154,16 @@ def test_targets(tmp_path, drape):
 def test_what_cannot_be_recovered(drape, free):
     with pytest.raises(InputError):
         recover(hanging(3e4, 1e-5), Distance(drape), free)
+
+
+def test_numbers_that_a_fixed_key_refuses_are_a_rejected_trial():
+    """A bending_bias that no twisting stiffness gives with a trial's bending_warp: the search goes on."""
+    scene = hanging(3e4, 1e-5, cells=2)
+    for key, value in {"bending_warp": 1e-5, "bending_weft": 1e-5, "bending_bias": 1.2e-5}.items():
+        scene = with_value(scene, f"cloth.{key}", np.array(value))
+    problem = problem_of(scene, Height(), ["cloth.bending_warp"])
+    refused = problem.evaluated(problem.origin - np.log(50.0))
+    assert refused.loss == np.inf
+    assert "bending_bias" in refused.failure
+    known = identifiability(problem, problem.origin - np.log(50.0), 1.0)
+    assert np.isnan(known.errors["cloth.bending_warp"])
