@@ -25,6 +25,10 @@ class InputError(ClothsimError):
     """Scene, mesh or array that cannot be simulated as given."""
 
 
+class MachineError(InputError):
+    """Fault of the machine, as a full disk: it says nothing of what was to be simulated."""
+
+
 class MissingPackageError(ClothsimError):
     """Optional package that is needed but not installed."""
 

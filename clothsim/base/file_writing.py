@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from clothsim.base.errors import InputError
+from clothsim.base.errors import MachineError
 
 _FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 _ZEROS = 1 << 20
@@ -38,7 +38,7 @@ def require_space(path: Path, size: int) -> None:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Errors of writing to a file, of the system or of h5py, as one InputError."""
+    """Errors of writing to a file, of the system or of h5py, as one MachineError."""
     try:
         yield
     except (OSError, RuntimeError) as error:
@@ -54,14 +54,14 @@ def _extend(handle: int, length: int, size: int) -> None:
         size -= os.write(handle, bytes(min(size, _ZEROS)))
 
 
-def full_or_forbidden(path: Path, error: Exception) -> InputError:
-    """The InputError of a file that cannot be written; of a full disk with what to do."""
+def full_or_forbidden(path: Path, error: Exception) -> MachineError:
+    """The error of a file that cannot be written; of a full disk with what to do."""
     text = getattr(error, "strerror", None) or str(error)
     full = getattr(error, "errno", None) in (*_FULL, None)  # h5py's own errors have no number
     remedy = "Choose another name or folder, or change its rights."
     if full:
         remedy = f"Free space, or lift the limit, and continue: clothsim resume {path.parent}"
-    return InputError(f"{path} cannot be written ({text}).", remedy)
+    return MachineError(f"{path} cannot be written ({text}).", remedy)
 
 
 def make_directory(directory: Path) -> None:
@@ -70,9 +70,9 @@ def make_directory(directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise InputError(f"{directory} cannot be made a directory: {reason}.", "Choose another with -o.") from error
+        raise MachineError(f"{directory} cannot be made a directory: {reason}.", "Choose another with -o.") from error
     if not os.access(directory, os.W_OK | os.X_OK):
-        raise InputError(f"{directory} cannot be written.", "Choose another with -o.")
+        raise MachineError(f"{directory} cannot be written.", "Choose another with -o.")
 
 
 def write_atomically(path: Path, content: bytes) -> None:

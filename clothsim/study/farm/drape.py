@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim import Scene, simulate
-from clothsim.base.errors import ClothsimError, IntersectionWarning
+from clothsim.base.errors import ClothsimError, IntersectionWarning, MachineError
 from clothsim.engine import Session, World
 from clothsim.study.farm.publication import array_hash, processor, store_mesh
 
@@ -39,12 +39,12 @@ def drape(scene: Scene, folder: Path, farm: Path | None = None, frames: str = "l
     """Simulate a scene in a folder of its own; what it refuses or fails at is the reason of a failed drape.
 
     folder: of the files of the run, which are deleted; farm: where the meshes are stored; frames: "last" or "all", what
-    is kept. OSError, MemoryError and KeyboardInterrupt are faults of the machine, and are raised.
+    is kept. OSError, MemoryError, MachineError and KeyboardInterrupt are no verdict on the drape, and are raised.
     """
     started, cpu = perf_counter(), process_time()
     try:
         content, positions, meshes = _simulated(scene, folder / "run", farm, frames)
-    except (OSError, MemoryError):
+    except (OSError, MemoryError, MachineError):
         raise
     except ClothsimError as error:
         content, positions, meshes = failed(f"{error.sentence} {error.remedy}".strip(), "refused"), None, {}

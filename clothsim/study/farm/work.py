@@ -245,7 +245,9 @@ def _connections(scheduler: str | None, workers: int) -> "Iterator[Callable[[], 
     """A function that connects to the scheduler, which is that of a LocalCluster where no address is given."""
     distributed = dask_package()
     if scheduler is None:
-        with distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True) as cluster:
+        with distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster:
             yield lambda: distributed.Client(cluster)
         return
     try:

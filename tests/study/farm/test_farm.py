@@ -1,5 +1,6 @@
 """Farm: plans, claims, publication, work under kills, verification."""
 
+import errno
 import json
 import os
 import platform
@@ -11,6 +12,8 @@ import pytest
 from small_scenes import SHEET, small_scene
 
 from clothsim import InputError
+from clothsim.base.errors import MachineError
+from clothsim.base.file_writing import full_or_forbidden
 from clothsim.cli import main
 from clothsim.cli.farm_command import terminated_like_interrupted
 from clothsim.study.farm.claims import Worker, claimed, is_stale, worker_of
@@ -228,6 +231,20 @@ def test_an_attempt_that_is_stopped_by_its_user_does_not_count(tmp_path, monkeyp
         make(farm, farm.jobs[0], Worker())
     assert attempts(tmp_path, farm.jobs[0].id) == 0
     assert list((tmp_path / "claims").iterdir()) == list((tmp_path / "tmp").iterdir()) == []
+
+
+def test_a_full_disk_is_no_verdict_on_a_drape(tmp_path, monkeypatch):
+    farm = plan(recipe(1), tmp_path)
+
+    def full(*arguments, **options):
+        raise full_or_forbidden(tmp_path / "trajectory.vtkhdf", OSError(errno.ENOSPC, "No space left on device"))
+
+    with monkeypatch.context() as patched:
+        patched.setattr("clothsim.study.farm.drape.simulate", full)
+        with pytest.raises(MachineError):
+            make(farm, farm.jobs[0], Worker())
+    assert status(farm).published == 0
+    assert work(farm).usable == 1
 
 
 def test_a_killed_process_leaves_nothing_that_stops_the_next(tmp_path):
