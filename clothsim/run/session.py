@@ -11,7 +11,7 @@ from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import CONVERGED, Solver
 from clothsim.mesh.body import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Constraint, contact_time
+from clothsim.physics.energies.base import Constraint
 from clothsim.physics.energies.hessians import ByElement
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
@@ -23,7 +23,7 @@ from clothsim.solve.linear.sparsity import Pattern, make_pattern
 from clothsim.solve.newton.convergence import LEAST_SPEED
 from clothsim.solve.newton.newton import NewtonSettings
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.problem import rigid_rows
+from clothsim.solve.problem import gravity_of, least_contact_time, rigid_rows
 from clothsim.solve.stepping.integrators import BACKWARD_EULER
 from clothsim.solve.stepping.local_error import ErrorControl
 from clothsim.solve.stepping.state import first_state
@@ -114,8 +114,6 @@ FINER = 0.1
 LEAST_FALL = 0.01
 """Speed below which a Newton step ends a solve whatever the time error, over newton_error_fraction and the speed
 (g cell)^1/2 that a fall by half a cell gives: .001 m/s at cells of 11 mm and the default fraction."""
-STANDARD_GRAVITY = 9.81
-
 
 PRICE = "repeatable: the same bits at every number of threads; a factorisation takes 1.05 to 1.2 of its time."
 
@@ -205,7 +203,7 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     check_rotation_per_step(built, dt)
     if settings.error:
         _refuse_error(built)
-    least = contact_time(_d_hat(built), _gravity(built))
+    least = least_contact_time(built.world, built.energies)
     control = ErrorControl(settings.error, run.duration, dt, least) if settings.error else None
     formula = settings.integrator if dynamic else BACKWARD_EULER
     ramp = 0.0 if dynamic else run.duration
@@ -276,24 +274,11 @@ def _newton_settings(scene: Scene, built: Built) -> tuple[NewtonSettings, str]:
         fraction = fraction if dynamic or settings.newton_error_fraction else CONVERGED
         least = LEAST_SPEED * fraction
     else:
-        least = LEAST_FALL * fraction * float(np.sqrt(_gravity(built) * built.world.cell))
+        least = LEAST_FALL * fraction * float(np.sqrt(gravity_of(built.energies) * built.world.cell))
     finer = FINER * settings.error / scene.run_settings.duration
     if settings.error and finer < least:
         least, note = finer, f"tolerance = {finer:.2g} m/s, for the error asked for."
     return NewtonSettings(least, settings.max_iterations, error_fraction=fraction, converge=converge), note
-
-
-def _gravity(built: Built) -> float:
-    """The acceleration by which speeds are called slow [m/s2]: that of the scene, or the earth's where it has none."""
-    acceleration = getattr(built.energies.get("gravity"), "acceleration", None)  # without an import of the effect
-    size = 0.0 if acceleration is None else float(np.linalg.norm(acceleration))
-    return size or STANDARD_GRAVITY
-
-
-def _d_hat(built: Built) -> float:
-    """The largest d_hat of the contact effects, or their default where there is none [m]."""
-    given = [energy.d_hat for energy in built.energies.values() if hasattr(energy, "d_hat")]
-    return max(given, default=0.1 * built.world.cell)
 
 
 def _make_reproducible() -> str:

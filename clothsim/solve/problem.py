@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Constraint, Energy
+from clothsim.physics.energies.base import Constraint, Energy, contact_time
 from clothsim.solve.linear.dependent_rows import Dependence, DependentRows
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern
@@ -16,6 +18,8 @@ from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2
 from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.stepping import Integrator, StepReport, advance
 from clothsim.solve.timers import EffectCounters, Timers
+
+STANDARD_GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
@@ -80,8 +84,10 @@ class Problem:
         timers = Timers(effects={name: EffectCounters() for name in self.energies})
         formula = self.formula if "inertia" in self.energies else BACKWARD_EULER
         potential = Potential(dict(self.energies), timers)
+        least = least_contact_time(self.world, self.energies)
+        steps = self.newton, self.dt
         return Integrator(
-            self.world, potential, self.constraints, system, self.newton, self.dt, ramp=0.0, formula=formula
+            self.world, potential, self.constraints, system, *steps, ramp=0.0, formula=formula, contact_time=least
         )
 
     def start(self) -> State:
@@ -114,3 +120,16 @@ def rigid_rows(world: World) -> DependentRows:
     parts = zip(world.rigid_slices, world.coordinate_slices, world.rigid, strict=True)
     follow = tuple(Dependence(rows, unknowns, body.weights) for rows, unknowns, body in parts)
     return DependentRows(follow, world.n_vertices)
+
+
+def gravity_of(energies: Mapping[str, Energy]) -> float:
+    """The acceleration by which speeds are called slow [m/s2]: of the energies, or the earth's where they have none."""
+    acceleration = getattr(energies.get("gravity"), "acceleration", None)  # without an import of the effect
+    size = 0.0 if acceleration is None else float(np.linalg.norm(acceleration))
+    return size or STANDARD_GRAVITY
+
+
+def least_contact_time(world: World, energies: Mapping[str, Energy]) -> float:
+    """`contact_time` of the largest d_hat of the energies, or of the default one where there is none [s]."""
+    given = [energy.d_hat for energy in energies.values() if hasattr(energy, "d_hat")]
+    return contact_time(max(given, default=0.1 * world.cell), gravity_of(energies))

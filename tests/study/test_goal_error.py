@@ -101,8 +101,9 @@ def test_sides_of_borders():
 def test_what_has_no_error_by_triangles(tmp_path, capsys):
     scene = SCENES["strip from an edge"]
     ends = np.zeros((21, 3))
+    below = {"name": "b", "mesh": "sphere", "position": [0, 0, -5]}
     for effects in ({"inertia": {}}, {"body_contact": {}, "friction": {}}):
-        other = replace(scene, effects=scene.effects | effects, body={"name": "b", "mesh": "sphere"})
+        other = replace(scene, effects=scene.effects | effects, body=below)
         with pytest.raises(InputError, match=next(reversed(effects))):
             StateAtRest.of_scene(other, ends)
     rigid: Any = SimpleNamespace(energies={}, world=SimpleNamespace(rigid=("button",)))
