@@ -10,9 +10,13 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints, as_number, as_points
 from clothsim.base.errors import InputError
 from clothsim.keys.schema import FUNCTION
-from clothsim.mesh.topology import border_vertices
+from clothsim.mesh.topology import border_edges, border_vertices, components
 from clothsim.mesh.world import World
 
+FLAT = 1e-6
+"""Extent along z, over the largest, of a rest shape that is flat."""
+NEAR = 0.01
+"""Distance of the means of two borders, over the extent of the cloth, below which neither is the farther one."""
 NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
 TABLES = (
     'It takes { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 } or { label = "lower_interface" }.'
@@ -33,15 +37,21 @@ def cloth_number(where: str, world: World, name: object) -> int:
 def selected_vertices(where: str, world: World, select: object) -> Ints:
     """Rows of x selected by a side of every cloth, a box at the start [m], names of a pattern, or vertex numbers.
 
+    Sides of a sheet (flat at rest, or with one border) are those of its rest shape, "top" along y. Of a garment "top"
+    is its highest border at the start (a waist, a neck; z is up), "bottom" its lowest, "left" and "right" along x.
     Tables: { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 }, { label = "lower_interface" }.
     """
     if isinstance(select, str):
         if select not in NAMED:
             raise InputError(f"{where} is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}.")
-        parts = [
-            _named(select, cloth.rest_positions, cloth.triangles) + rows.start
-            for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
-        ]
+        start, parts = world.start(), []
+        for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
+            curves = border_curves(cloth.triangles)
+            if len(curves) < 2 or is_flat(cloth.rest_positions) or select in ("boundary", "corners"):
+                found = _side(select, cloth.rest_positions, cloth.triangles)
+            else:
+                found = _opening(where, select, cloth.name, start[rows], curves)
+            parts.append(found + rows.start)
         return np.concatenate(parts)
     if isinstance(select, Mapping):
         return _in_box(where, world, select) if "box" in select else of_pattern(where, world, select)
@@ -104,8 +114,35 @@ def _in_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
     return selected
 
 
-def _named(name: str, rest: Floats, triangles: Ints) -> Ints:
-    """A named selection in the rest frame of the mesh: left and right along x, bottom and top along y."""
+def is_flat(rest: Floats) -> bool:
+    """True for a rest shape (n, 3) in a plane z = constant, whose sides lie along x and y."""
+    size = np.ptp(rest, axis=0)
+    return bool(size[2] <= FLAT * size.max())
+
+
+def border_curves(triangles: Ints) -> list[Ints]:
+    """The connected borders of a mesh, each as its sorted vertices."""
+    edges = border_edges(triangles)[0]
+    border = np.unique(edges)
+    curves = components(edges[:, [0, 1, 1]], int(triangles.max()) + 1)[border]
+    return [border[curves == number] for number in np.unique(curves)]
+
+
+def _opening(where: str, name: str, cloth: str, start: Floats, curves: list[Ints]) -> Ints:
+    """The border of a garment farthest to a side at the start: top and bottom along z, left and right along x."""
+    axis, sign = {"left": (0, -1), "right": (0, 1), "bottom": (2, -1), "top": (2, 1)}[name]
+    along = sign * start[:, axis]
+    second, first = sorted(curves, key=lambda rows: float(along[rows].mean()))[-2:]
+    if along[first].mean() - along[second].mean() <= NEAR * np.ptp(along):
+        raise InputError(
+            f'{where} is "{name}", and no border of {cloth} lies there more than another.',
+            f"Name vertices: [indices]. {TABLES}",
+        )
+    return first
+
+
+def _side(name: str, rest: Floats, triangles: Ints) -> Ints:
+    """A named selection of a sheet: left and right along x, bottom and top along y."""
     border = border_vertices(triangles)
     if name == "boundary":
         return border

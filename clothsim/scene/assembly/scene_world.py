@@ -9,7 +9,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World, make_world, with_local_origin
-from clothsim.physics.energies.base import Constraint, Energy, Off
+from clothsim.physics.energies.base import Constraint, Energy, Off, PinsConstraint
 from clothsim.physics.energies.key_values import selected_vertices
 from clothsim.physics.energies.protocols import report_of
 from clothsim.scene.assembly.checks import refuse_start_inside, refuse_unsupported, scene_warnings, size_warnings
@@ -116,6 +116,7 @@ def build_effects(
             notes.extend(f"{name}: {choice}." for choice in report_of(made).defaults_used())
         else:
             world, constraints[name] = _constrained(name, made)
+            notes.extend(_held(world, constraints[name]))
     for name, energy in _rigid_energies(scene, world, energies).items():
         energies[name] = energy
     if not energies:
@@ -175,6 +176,18 @@ def _constrained(name: str, made: Any) -> tuple[World, Constraint]:
         f"The builder of effects.{name} returned a value of the type {type(made).__name__}.",
         "Return an object of a subclass of clothsim.physics.energies.base.Energy, or Off with a reason.",
     )
+
+
+def _held(world: World, constraint: Constraint) -> list[str]:
+    """A note on each group of pins: how many vertices it holds, and where."""
+    notes = []
+    for group in constraint.groups if isinstance(constraint, PinsConstraint) else ():
+        rows = group.vertices[group.vertices < world.n_cloth]
+        at = world.start()[rows] + world.origin
+        low, high = (", ".join(f"{x:.3g}" for x in corner) for corner in (at.min(axis=0), at.max(axis=0)))
+        vertices = "1 vertex" if len(rows) == 1 else f"{len(rows):,} vertices"
+        notes.append(f"{group.name}: {vertices} held, from ({low}) to ({high}) m.")
+    return notes
 
 
 def _take_over(

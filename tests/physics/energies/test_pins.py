@@ -6,10 +6,12 @@ from effect_builders import pins
 from meshes import cloth, grid, small_world
 from scipy.spatial.transform import Rotation
 
+from clothsim import Scene
 from clothsim.base.errors import InputError
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
+from clothsim.scene.assembly.scene_world import build
 
 
 def sheet(n=3):
@@ -37,6 +39,31 @@ def test_named_selections(name, where):
     world = sheet()
     x, y, _ = world.start()[: world.n_cloth].T
     assert sorted(selected(world, name)) == np.flatnonzero(where(x, y)).tolist()
+
+
+def garment(mesh):
+    effects = {"membrane": {}, "gravity": {}}
+    return lambda side: build(Scene(cloth={"mesh": mesh, "name": mesh}, effects=effects | {"pins": {"select": side}}))
+
+
+@pytest.mark.parametrize("mesh", ["skirt", "shirt"])
+def test_the_top_of_a_garment_is_its_highest_border(mesh):
+    built = garment(mesh)
+    up = built("top").world.start()[:, 2]
+    top, bottom = (built(side).constraints["pins"].at(0.0).vertices for side in ("top", "bottom"))
+    assert len(top) > 20
+    assert len(bottom) > 40
+    assert up[top].min() > np.median(up)
+    assert up[bottom] == pytest.approx(up.min(), abs=0.02)
+    assert [note for note in built("top").notes if note.startswith(f"pins: {len(top)} vertices")]
+
+
+def test_the_sides_of_a_shirt_are_the_ends_of_its_sleeves_and_a_skirt_has_none():
+    built = garment("shirt")("left")
+    rows = built.constraints["pins"].at(0.0).vertices
+    assert built.world.start()[rows, 0].max() < -0.2
+    with pytest.raises(InputError, match="skirt"):
+        garment("skirt")("left")
 
 
 def test_a_box_selects_what_starts_in_it():
