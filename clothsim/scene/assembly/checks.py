@@ -92,6 +92,14 @@ def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
 
 LARGEST, SMALLEST = 10.0, 0.01
 """Longest extents of a mesh [m] beyond which its unit is doubted."""
+PLAUSIBLE = {
+    "density": (0.005, 5.0, "kg/m2", "a cotton has 0.15"),
+    "thickness": (1e-5, 0.02, "m", "a cotton has 0.0003"),
+    "youngs_modulus": (1e3, 1e10, "Pa", "a cotton has 0.8e6"),
+    "bending_stiffness": (1e-9, 1e-2, "N m", "a cotton has 9e-6"),
+    "friction": (0.0, 3.0, "1", "cloth on a body has 0.2 to 0.6"),
+}
+"""Ranges of a key of a cloth, or of effects.friction.coefficient, beyond which its unit is doubted."""
 LYING, FLAT = 0.5, 0.1
 """Extent along gravity, as fraction of the longest, below which a body lies, and below which it is a floor."""
 
@@ -127,7 +135,7 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
     meshes = [(cloth.name, cloth.positions) for cloth in world.cloths]
     meshes += [(body.name, body.positions) for body in world.bodies]
-    sentences = []
+    sentences = _implausible(world, scene)
     for (name, positions), keys in zip(meshes, tables, strict=True):
         extent = np.ptp(positions, axis=0)
         if not isinstance(keys, Slab):
@@ -139,11 +147,29 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     return tuple(sentences)
 
 
+def _implausible(world: World, scene: Scene) -> list[str]:
+    """A question on each number that looks like one in another unit."""
+    tables = list(zip(world.cloths, scene.cloths, strict=True))
+    given = [(f"{cloth.name}: {key}", key, keys.get(key)) for cloth, keys in tables for key in PLAUSIBLE]
+    friction = dict(scene.effects.get("friction", {})).get("coefficient")
+    given.append(("effects.friction.coefficient", "friction", friction))
+    sentences = []
+    for where, key, value in given:
+        low, high, unit, usual = PLAUSIBLE[key]
+        if isinstance(value, int | float) and value != 0 and not low <= value <= high:
+            sentences.append(f"{where} is {value:g} {unit}, where {usual}: is it in another unit?")
+    size = float(np.ptp(world.start(), axis=0).max())
+    if (scene.solver_settings.error or 0.0) > 0.1 * size:
+        error = f"{scene.solver_settings.error:g} m"
+        sentences.append(f"solver.error is {error}, in a scene of {size:.3g} m: millimetres are 1e-3 (--error 1mm).")
+    return sentences
+
+
 def _other_unit(name: str, longest: float) -> list[str]:
     """A mesh of more than LARGEST or less than SMALLEST."""
     if SMALLEST <= longest <= LARGEST:
         return []
-    factor = next((factor for factor in (1e-3, 1e-2, 10.0, 100.0, 1e3) if 0.1 <= factor * longest <= 3), None)
+    factor = next((factor for factor in (1e-2, 1e-3, 10.0, 100.0, 1e3) if 0.1 <= factor * longest <= 3), None)
     hint = "scale (metres per unit) mends a file in another unit"
     hint += f": scale = {factor:g} makes it {factor * longest:.3g} m" if factor else ""
     return [f"{name} is {longest:.3g} m long; {hint}."]

@@ -8,6 +8,7 @@ from small_scenes import BALL, SHEET, small_scene
 
 from clothsim import Body, Cloth, InputError, Scene
 from clothsim.run.session import prepare
+from clothsim.scene.assembly import checks
 from clothsim.scene.assembly.checks import FLAT, LARGEST, LYING, SMALLEST
 from clothsim.scene.assembly.scene_world import build
 
@@ -259,3 +260,23 @@ def test_y_up_comes_before_the_rotation_and_is_a_rotation():
 def test_another_axis_is_refused():
     with pytest.raises(InputError, match="up"):
         small_scene(body=BALL | {"up": "w"})
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("density", 150), ("thickness", 0.5), ("youngs_modulus", 1e12), ("bending_stiffness", 9.0)]
+)
+def test_a_number_in_another_unit_is_asked_about(key, value):
+    effects = {"membrane": {}, "inertia": {}}
+    (note,) = [each for each in build(Scene(cloth={**CLOTH, key: value}, effects=effects)).notes if "unit?" in each]
+    assert f"{key} is {value:g}" in note
+    assert not [each for each in build(Scene(cloth=CLOTH, effects=effects)).notes if "unit?" in each]
+
+
+def test_an_error_of_metres_is_asked_about():
+    scene = Scene(cloth=CLOTH, effects={"membrane": {}, "inertia": {}}, solver={"error": 5.0})
+    assert [each for each in build(scene).notes if each.startswith("solver.error is 5 m")]
+
+
+def test_a_body_in_centimetres_is_scaled_by_a_hundredth():
+    (note,) = checks._other_unit("body", 170.0)
+    assert "scale = 0.01 makes it 1.7 m" in note
