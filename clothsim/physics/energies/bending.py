@@ -77,6 +77,10 @@ def bending(world: World, keys: Bending) -> Energy | Off:
     return build(stiff_hinges, world, angles, keys.curvature_jumps)
 
 
+MOST_CURL = np.pi / 2
+"""Largest angle at an edge that natural curl may add [rad]: four edges around a roll."""
+
+
 def curled(hinges: Hinges, world: World, angles: Floats) -> Hinges:
     """Hinges with the rest angles that the fabrics' curl adds, angles (m,) of the warp [rad].
 
@@ -86,7 +90,14 @@ def curled(hinges: Hinges, world: World, angles: Floats) -> Hinges:
     warp, weft = (world.per_triangle(name) for name in CURLS)
     by_threads = np.column_stack([warp, np.zeros(len(warp)), weft])
     curvatures = np.einsum("mki,mk->mi", threads_in_triangles(world, angles), by_threads)
-    return replace(hinges, rest_angles=hinges.rest_angles - angles_of_curvature(world, hinges, curvatures))
+    added = angles_of_curvature(world, hinges, curvatures)
+    largest = float(np.abs(added).max(initial=0.0))
+    if largest > MOST_CURL:
+        raise InputError(
+            f"The rest curvature of the cloth turns an edge of its mesh by {np.degrees(largest):.3g} degrees.",
+            f"Its radius needs cells that are finer by {largest / MOST_CURL:.3g}; rest_curvature_* are in 1/m.",
+        )
+    return replace(hinges, rest_angles=hinges.rest_angles - added)
 
 
 EXAMPLE = Example(zero={}, zero_scene={"cloth": {"bending_stiffness": 0}})

@@ -9,10 +9,12 @@ from effect_builders import bending, membrane
 from meshes import UNIT, cloth, deformed, grid, irregular_grid
 from solving import equilibrium, held, step_at, those_on
 
+from clothsim import Scene
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.midedge_bending import MidedgeBending
 from clothsim.physics.energies.midedge_softening import LEAST_TANGENT
+from clothsim.scene.assembly.scene_world import build
 
 FLAT = replace(UNIT, poisson_ratio=0.0, bending_stiffness=1.0)
 WOVEN = replace(
@@ -177,3 +179,9 @@ def test_derivatives_with_curl_and_slope():
     energy, x = bending(world), deformed(world, 1, 0.1)
     assert gradient_error(energy, x) < 1e-7
     assert hessian_error(energy, x) < 1e-5
+
+
+def test_a_curl_that_the_mesh_cannot_have_is_refused():
+    cloth = {"mesh": "rectangle", "size": [0.2, 0.2], "cells": [4, 4], "rest_curvature_warp": 1e4}
+    with pytest.raises(InputError, match="rest curvature"):
+        build(Scene(cloth=cloth, effects={"membrane": {}, "bending": {}}))
