@@ -3,6 +3,7 @@
 from tests.hard_cases import (
     bad_meshes,
     columns,
+    degenerate,
     distorted,
     edges,
     funnel,
@@ -25,6 +26,7 @@ from tests.hard_cases.case import Case
 FAMILIES = (
     bad_meshes,
     columns,
+    degenerate,
     distorted,
     edges,
     funnel,
