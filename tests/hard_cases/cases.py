@@ -2,6 +2,7 @@
 
 from tests.hard_cases import (
     bad_meshes,
+    between,
     columns,
     degenerate,
     distorted,
@@ -9,6 +10,7 @@ from tests.hard_cases import (
     funnel,
     impact,
     infeasible,
+    knots,
     long_steps,
     pinch,
     ratios,
@@ -18,6 +20,7 @@ from tests.hard_cases import (
     slivers,
     stack,
     touching,
+    tubes,
     twist,
     units,
 )
@@ -25,6 +28,7 @@ from tests.hard_cases.case import Case
 
 FAMILIES = (
     bad_meshes,
+    between,
     columns,
     degenerate,
     distorted,
@@ -32,6 +36,7 @@ FAMILIES = (
     funnel,
     impact,
     infeasible,
+    knots,
     long_steps,
     pinch,
     ratios,
@@ -41,6 +46,7 @@ FAMILIES = (
     slivers,
     stack,
     touching,
+    tubes,
     twist,
     units,
 )
