@@ -290,10 +290,10 @@ def squeezed_out(run: Run) -> str:
 
 
 CASES = (
-    Case("B26a", "sheet drawn in by rollers", rollers, drawn),
-    Case("B26b", "sheets in a press for rubbish", pressed, inside_walls),
-    Case("B26c", "ball on a trampoline", trampoline, bounces),
+    Case("B26a", "sheet drawn in by rollers", rollers, drawn, slow=True),
+    Case("B26b", "sheets in a press for rubbish", pressed, inside_walls, slow=True),
+    Case("B26c", "ball on a trampoline", trampoline, bounces, slow=True),
     Case("B26d", "sheet trapped between two jaws that turn", trapped, turns_along, files=trap),
-    Case("B26e", "woven strips catch a ball", woven, still_woven, files=weave),
-    Case("B26f", "bag squeezed through a neck", squeezed, squeezed_out),
+    Case("B26e", "woven strips catch a ball", woven, still_woven, files=weave, slow=True),
+    Case("B26f", "bag squeezed through a neck", squeezed, squeezed_out, slow=True),
 )

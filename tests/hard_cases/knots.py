@@ -222,6 +222,7 @@ CASES = (
         lambda small: pulled(1, 60 if small else 180, [(0, False, LEFT), (0, True, RIGHT)], 0.48),
         all_of(stays_tied(of_one, 3), tight),
         files=overhand,
+        slow=True,
     ),
     Case(
         "B29b",
@@ -231,6 +232,7 @@ CASES = (
         ),
         all_of(stays_tied(of_two, 9), tight),
         files=reef,
+        slow=True,
     ),
     Case(
         "B29c",
@@ -238,5 +240,6 @@ CASES = (
         lambda small: pulled(2, 75 if small else 240, [(0, False, LEFT), (1, False, RIGHT)], 0.9),
         all_of(stays_tied(of_each, 9), tight),
         files=fishing,
+        slow=True,
     ),
 )

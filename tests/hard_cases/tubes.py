@@ -101,7 +101,7 @@ def within_limit(run: Run) -> str:
 
 
 CASES = (
-    Case("B28a", "tube twisted shut", twisted, shut),
-    Case("B28b", "ribbon falls into coils", coiled, all_of(over_plane(0.0), lies, energy_falls)),
-    Case("B28c", "strain limit 1.01 on a turning ball", limited, within_limit),
+    Case("B28a", "tube twisted shut", twisted, shut, slow=True),
+    Case("B28b", "ribbon falls into coils", coiled, all_of(over_plane(0.0), lies, energy_falls), slow=True),
+    Case("B28c", "strain limit 1.01 on a turning ball", limited, within_limit, slow=True),
 )
