@@ -146,7 +146,7 @@ def _alive(pid: Any, born: Any) -> bool:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
-    except OSError:
+    except (OSError, OverflowError):
         return True
     now = _born(pid)
     return now is None or born is None or now == born

@@ -23,16 +23,16 @@ from clothsim.study.farm.claims import Worker, claimed, worker_of
 from clothsim.study.farm.drape import Drape, drape, failed
 from clothsim.study.farm.plan import Farm, Job, open_farm
 from clothsim.study.farm.publication import (
-    CLOTH,
-    PARAMETERS,
-    SUMMARY,
     as_npy,
     attempts,
+    is_published,
     note_attempt,
     processor,
     publish,
+    set_aside,
     working_folder,
 )
+from clothsim.study.farm.reading import CLOTH, PARAMETERS, SUMMARY
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -100,10 +100,13 @@ def work(
 def make(farm: Farm, job: Job, worker: Worker, most_attempts: int = ATTEMPTS) -> Drape | None:
     """Claim, make and publish one drape; None where another process has it or had published it."""
     folder = farm.directory
-    if (folder / "drapes" / job.id).is_dir():
+    if is_published(folder, job.id):
         return None
+    claim = folder / "claims" / job.id
+    if claim.is_symlink() or claim.is_dir():
+        set_aside(folder, claim)
     with claimed(folder / "claims", job.id, worker) as own:
-        if not own or (folder / "drapes" / job.id).is_dir():
+        if not own or is_published(folder, job.id):
             return None
         for left in (folder / "tmp").glob(f"{job.id}.*"):  # of killed attempts: the claim says that none is alive
             shutil.rmtree(left, ignore_errors=True)
