@@ -1,8 +1,8 @@
 """Gate of a page: the names by which browsers reach it, and the token in its address.
 
 viser answers every request. A web page that is open in the same browser could then read a run through a websocket, from
-its own address (no Origin is checked) or under a name of its own that it lets point to this machine (no Host is checked:
-DNS rebinding). The gate stands before viser's handler of requests.
+its own address (no Origin is checked) or under a name of its own that it lets point to this machine (no Host is
+checked: DNS rebinding). The gate stands before viser's handler of requests.
 """
 
 import hmac
@@ -95,8 +95,8 @@ def bracketed(host: str) -> str:
 def guarded(gate: Gate) -> Iterator[list[bool]]:
     """Let servers of websockets that begin meanwhile ask the gate first; a list that is empty while none has.
 
-    viser offers no way to give its server a handler of requests: the function that begins one is replaced while the page
-    is made.
+    viser offers no way to give its server a handler of requests: the function that begins one is replaced while the
+    page is made.
     """
     import websockets.asyncio.server
 
