@@ -129,7 +129,7 @@ def _attempted(farm: Farm, job: Job, worker: Worker) -> Drape:
     try:
         scratch = working_folder(folder, job.id, worker)
         try:
-            return drape(farm.scene_of(job), scratch, folder, farm.settings["frames"])
+            return drape(farm.scene_of(job), scratch, folder, farm.settings["frames"], farm.settings["usable"])
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
     except BaseException:
