@@ -74,8 +74,8 @@ def add_to(commands: Any) -> None:
     )
     look.add_argument("--field", metavar="NAME", help="colour by a field: stress, compression, ...")
     render.add_argument(
-        "--style", choices=("fields", "print", "fabric"), default="fields", metavar="S",
-        help="fields (default), print (outlines on white) or fabric (woven)",
+        "--style", choices=("fields", "print", "fabric", "studio"), default="fields", metavar="S",
+        help="fields (default), print (outlines on white), fabric (woven) or studio (traced light, minutes)",
     )  # fmt: skip
     render.add_argument("--range", metavar="LOW,HIGH", help="of the colours (default: percentiles)")
     render.add_argument("--follow", action="store_true", help="a movie's camera moves along")
