@@ -13,7 +13,6 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
-from clothsim.mesh.topology import border_edges
 from clothsim.render.surface_look import Surface, vertex_normals
 
 THICKNESS, HEM_LAYERS = 1.0e-3, 2.2
@@ -50,7 +49,7 @@ def cloth_shell(surface: Surface) -> tuple[Shell, Floats]:
     offset = 0.5 * THICKNESS * layers[:, None] * normals
     front, back = x + offset, x - offset
     uv = material_coordinates(surface)
-    edges = border_edges(triangles)[0]
+    edges = _border(triangles)
     rim, rim_normals = _rims(front, back, edges)
     flipped = triangles[:, ::-1]
     shell = Shell(
@@ -74,13 +73,20 @@ def material_coordinates(surface: Surface) -> Floats:
     return np.take_along_axis(corners, np.repeat(axes[:, None], 3, axis=1), axis=2)
 
 
+def _border(triangles: Ints) -> Ints:
+    """Directed edges of exactly one triangle, (b, 2)."""
+    directed = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    _, group, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return directed[count[group.ravel()] == 1]
+
+
 def _border_distance(surface: Surface) -> tuple[Floats, Floats]:
     """Distance of each vertex from the border of the undeformed cloth, and the position along it of the nearest point.
 
     Both (n,) [m]; infinite and 0 without a border.
     """
     material = surface.material if len(surface.material) else surface.positions
-    edges = border_edges(surface.triangles)[0]
+    edges = _border(surface.triangles)
     if not len(edges):
         return np.full(len(material), np.inf), np.zeros(len(material))
     start, end = material[edges[:, 0]], material[edges[:, 1]]
