@@ -1,19 +1,22 @@
 """Blocks parsed, read as scenes, and run."""
 
+import argparse
 import ast
 import contextlib
 import inspect
 import io
 import os
+import re
 import shlex
 import tomllib
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.cli import COMMANDS, main, parser_of_all, without_group
+from clothsim.cli import COMMANDS, GROUPS, main, parser_of_all, without_group
 from clothsim.cli.arguments import join_vectors
 from clothsim.scene.scene import make_scene
 from tests.docs_blocks import LATER, Block
@@ -56,6 +59,8 @@ def parsed(block: Block) -> int:
 
     InputError for a flag, a command or a key that is none; AssertionError for a word of a function that is none.
     """
+    if block.reason == "shown":
+        return 0
     if block.language == "python":
         return checked_calls(block.text)
     if block.language == "toml":
@@ -69,6 +74,32 @@ def parsed(block: Block) -> int:
             parser_of_all().parse_args(words)
             number += 1
     return number
+
+
+def stale_words(text: str) -> set[str]:
+    """Commands and flags in running text, as `clothsim run SCENE --estimate`, that the command line does not have."""
+    flags, stale = _flags_of_commands(), set()
+    for command, rest in re.findall(r"`clothsim (\w+)([^`]*)`", text):
+        word, *more = without_group([command, *rest.split()])
+        if word not in COMMANDS and word not in GROUPS:
+            stale.add(word)
+        given = re.findall(r"(?<!\S)--[a-z][a-z-]*", " ".join(more))
+        stale |= {f"{word} {flag}" for flag in given if word in flags and flag not in flags[word]}
+    return stale
+
+
+@cache
+def _flags_of_commands() -> dict[str, set[str]]:
+    """The flags of each command, of its actions too."""
+
+    def parsers_in(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+        choices = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+        return dict(choices[0]) if choices else {}
+
+    def flags(parser: argparse.ArgumentParser) -> set[str]:
+        return {*parser._option_string_actions, *(flag for own in parsers_in(parser).values() for flag in flags(own))}
+
+    return {command: flags(parser) for command, parser in parsers_in(parser_of_all()).items()}
 
 
 def checked_calls(text: str) -> int:

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from tests.docs_blocks import DOCS, PARSED, REASONS, RUN, blocks_of
-from tests.docs_blocks.execution import PageRun, commands_of, parsed
+from tests.docs_blocks.execution import PageRun, commands_of, parsed, stale_words
 
 HOWTO = sorted((DOCS / "howto").glob("*.md"))
 LONGEST = 700
@@ -21,6 +21,14 @@ def name(page):
 def test_commands_and_keys_are_those_of_today(page):
     for block in blocks_of(page):
         parsed(block)
+    assert stale_words(page.read_text(encoding="utf-8")) == set()
+
+
+def test_a_stale_flag_is_found():
+    assert stale_words("`clothsim run SCENE --colour` `clothsim farm work DIR --stale 9` `clothsim rum x`") == {
+        "run --colour",
+        "rum",
+    }
 
 
 @pytest.mark.parametrize("page", RUN, ids=name)
