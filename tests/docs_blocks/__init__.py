@@ -30,16 +30,14 @@ REASONS = {
 LATER = {"long", "extra"}
 """Reasons that `--all` lifts."""
 
-_FENCE = re.compile(
-    r"^(?P<indent>[ ]*)(?P<list>\d+\. )?```(?P<language>\w+)[^\n]*\n(?P<text>.*?)^[ ]*```[ ]*$", re.DOTALL | re.MULTILINE
-)
+_FENCE = re.compile(r"^ *(?:\d+\. )?```(?P<language>\w+)[^\n]*\n(?P<text>.*?)^ *```[ ]*$", re.DOTALL | re.MULTILINE)
 _REASON = re.compile(r"<!-- not run: ([\w ]+) -->\s*\Z")
 _NAME = re.compile(r"# ([\w-]+\.toml)$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Block:
-    """A block of a page: its line there, language, text, the reason why it is not run ("" where it is), its file name."""
+    """A block of a page: its line, language, text, the reason why it is not run or "", the name of its file."""
 
     page: Path
     line: int

@@ -66,9 +66,9 @@ def parsed(block: Block) -> int:
     if block.language == "toml":
         return read_toml(block.text)
     number = 0
-    for words in map(clothsim_words, commands_of(block.text) if block.language == "sh" else ()):
-        if words and not words[0].startswith("-"):
-            words = without_group(join_vectors(words))
+    for own in map(clothsim_words, commands_of(block.text) if block.language == "sh" else ()):
+        if own and not own[0].startswith("-"):
+            words = without_group(join_vectors(own))
             if words[0] not in COMMANDS:
                 raise InputError(f"{block}: there is no command {words[0]!r}.")
             parser_of_all().parse_args(words)
