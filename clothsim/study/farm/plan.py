@@ -10,7 +10,7 @@ from typing import Any
 from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.file_writing import write_atomically
+from clothsim.base.file_writing import refuse_replacing, write_atomically
 from clothsim.engine import build
 from clothsim.study.farm.publication import checked_id, content_id
 from clothsim.study.farm.recipe import Recipe, changed
@@ -102,9 +102,12 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
     }
     lines = "".join(f"{json.dumps(entry)}\n" for entry in _entries(recipe))
     if (folder / FARM_NAME).is_file():
-        if (folder / JOBS_NAME).read_text(encoding="utf-8") != lines:
+        jobs = folder / JOBS_NAME
+        if not jobs.is_file() or read_regular_file(jobs) != lines.encode():
             raise InputError(f"{folder} has another plan.", "Choose another folder with -o.")
         return open_farm(folder)
+    if not (folder / FOLDERS[-1]).is_dir():  # else a plan that was stopped
+        refuse_replacing([folder / JOBS_NAME], overwrite=False)
     try:
         for name in FOLDERS:
             (folder / name).mkdir(parents=True, exist_ok=True)
@@ -128,7 +131,7 @@ def refuse_unbuildable(recipe: Recipe) -> None:
     refusals: list[InputError] = []
     for index in range(min(TRIED, recipe.count)):
         try:
-            build(changed(recipe.scene, recipe.values(index)))
+            build(changed(recipe.scene, recipe.values(index)), affordable=True)
             return
         except InputError as error:
             refusals.append(error)
