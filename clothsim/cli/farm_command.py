@@ -70,6 +70,10 @@ def add_to(commands: Any) -> None:
     verify.add_argument("--fraction", default="0.01", metavar="X", help="drapes to make again (default .01; 0: none)")
     verify.add_argument("--share", dest="fraction", action=Renamed, now="--fraction")
     verify.set_defaults(handler=_verify)
+    mend = actions.add_parser("repair", help="take torn and killed drapes back into the plan")
+    mend.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    mend.add_argument("--cause", action="append", metavar="NAME", help="another cause than killed, such as refused")
+    mend.set_defaults(handler=_repair)
     pack = actions.add_parser("pack", help="write a data set: one HDF5 file, or a folder of WebDataset shards")
     pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     pack.add_argument("-o", "--output", type=Path, metavar="FILE|DIR", required=True, help="data.h5, or a folder")
@@ -77,7 +81,7 @@ def add_to(commands: Any) -> None:
     pack.add_argument("--sheet", action="store_true", help="leave contact sheets (PNG, HTML) beside it")
     add_overwrite(pack)
     pack.set_defaults(handler=_pack)
-    for action in (plan, work, status, verify, pack):
+    for action in (plan, work, status, verify, mend, pack):
         add_output_options(action, json="print the result as JSON", quiet="print nothing but errors")
     sweep = commands.add_parser("sweep", description=_SWEEP)
     sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
@@ -104,7 +108,8 @@ Make many drapes of one recipe: each is published once, whoever is killed. DIR i
   clothsim farm work drapes                    as often as there are cores, on any machine
   clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
   clothsim farm status drapes --watch
-  clothsim farm verify drapes --fraction .01
+  clothsim farm verify drapes                  every file by its hash, some drapes made again; signs off
+  clothsim farm repair drapes                  what is torn or was killed goes back into the plan
   clothsim farm pack drapes -o data.h5         or a folder, for shards
 """
 
@@ -148,6 +153,8 @@ def _work(arguments: argparse.Namespace) -> Report | int:
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
             return 130
     on_demand.write_manifest(farm)
+    if farm.plan_fault:
+        raise InputError(f"{farm.plan_fault} The drapes of its other lines are made.", on_demand.REPLAN)
     state = on_demand.status(farm)
     return Report(asdict(state), _text(state))
 
@@ -184,8 +191,24 @@ def _verify(arguments: argparse.Namespace) -> Report:
             f"{done.repeated} made again on this kind of processor, {done.same} with the same bytes; {done.elsewhere} "
             f"from another kind. Largest distance {1e3 * done.largest:.3g} mm."
         )
-    lines += [f"torn: {name}" for name in done.torn] + [f"different: {name}" for name in done.different]
+    lines += [*done.torn.values(), *(f"Drape {name} comes out differently." for name in done.different)]
+    if done.plan:
+        lines.append(f"{done.plan} {on_demand.REPLAN}")
+    lines.append("Signed off." if done.good else "Not signed off: `clothsim farm repair DIR`, then `work`, and again.")
     return Report(asdict(done), "\n".join(lines), 0 if done.good else FAULT)
+
+
+def _repair(arguments: argparse.Namespace) -> Report:
+    farm = on_demand.open_farm(arguments.directory)
+    done = on_demand.repair(farm, arguments.cause or on_demand.MACHINE)
+    on_demand.write_manifest(farm)
+    lines = [f"{name}: {why}" for name, why in done.taken_back.items()]
+    lines.append(f"{len(done.meshes)} meshes stored again, {len(done.taken_back)} drapes taken back into the plan.")
+    if done.taken_back:
+        lines.append(f"`clothsim farm work {farm.directory}` makes them again.")
+    if farm.plan_fault:
+        lines.append(f"{farm.plan_fault} {on_demand.REPLAN}")
+    return Report(asdict(done), "\n".join(lines), FAULT if farm.plan_fault else 0)
 
 
 def _pack(arguments: argparse.Namespace) -> Report:

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from clothsim.study.farm.pack import pack
     from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe
-    from clothsim.study.farm.status import status, verdict_text, verify, write_manifest
+    from clothsim.study.farm.repair import MACHINE, repair
+    from clothsim.study.farm.status import status, verdict_text, write_manifest
+    from clothsim.study.farm.verification import REPLAN, verify
     from clothsim.study.farm.work import work, work_with_dask
     from clothsim.study.goal_report import NamedGoal, goal_lines
     from clothsim.study.learned_drapes import learn

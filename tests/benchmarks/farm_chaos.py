@@ -30,9 +30,10 @@ from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene
 from clothsim.study.farm.claims import Worker
 from clothsim.study.farm.plan import Farm, open_farm, plan
-from clothsim.study.farm.publication import CLOTH, read_drape
+from clothsim.study.farm.reading import CLOTH, read_drape
 from clothsim.study.farm.recipe import Recipe, make_recipe
-from clothsim.study.farm.status import status, verify
+from clothsim.study.farm.status import status
+from clothsim.study.farm.verification import verify
 from clothsim.study.farm.work import make, work
 
 ROOT = Path(__file__).parents[2]

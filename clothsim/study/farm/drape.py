@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from clothsim import Scene, simulate
 from clothsim.base.errors import ClothsimError, IntersectionWarning, MachineError
 from clothsim.engine import Session, World
-from clothsim.study.farm.publication import array_hash, processor, store_mesh
+from clothsim.study.farm.publication import processor, store_mesh
+from clothsim.study.farm.reading import array_hash
 
 KEPT = ("status", "reason", "steps", "newton_iterations", "vertices", "triangles", "certificate", "notes", "warnings")
 """What is kept of the summary of a run."""
@@ -85,12 +86,12 @@ def _simulated(
     outside = "inside a body" if certificate["held_inside"] else ""
     content["cause"] = cause or ("" if free else "not certified") or outside or ("" if at_rest else "not at rest")
     content["usable"] = not content["cause"]
-    meshes = {} if farm is None else _stored(farm, world)
+    meshes = {} if farm is None else store_world(farm, world)
     return content, np.stack(shapes) if frames == "all" else shapes[0], meshes
 
 
-def _stored(farm: Path, world: World) -> dict[str, Any]:
-    """Hashes of the meshes of a world, by name: garments as they are cut, bodies at the start."""
+def store_world(farm: Path, world: World) -> dict[str, Any]:
+    """Store the meshes of a world, garments as they are cut and bodies at the start; returns their hashes by name."""
     cloths = {
         cloth.name: store_mesh(
             farm,

@@ -17,22 +17,22 @@ from pathlib import Path
 from time import sleep
 from typing import TYPE_CHECKING, Any
 
-from clothsim.base.errors import InputError, MissingPackageError
+from clothsim.base.errors import InputError, MachineError, MissingPackageError
 from clothsim.base.interruption import interruption
-from clothsim.study.farm.claims import Worker, claimed, worker_of
+from clothsim.study.farm.claims import Worker, claimed, holds, worker_of
 from clothsim.study.farm.drape import Drape, drape, failed
 from clothsim.study.farm.plan import Farm, Job, open_farm
 from clothsim.study.farm.publication import (
-    CLOTH,
-    PARAMETERS,
-    SUMMARY,
     as_npy,
     attempts,
+    is_published,
     note_attempt,
     processor,
     publish,
+    set_aside,
     working_folder,
 )
+from clothsim.study.farm.reading import CLOTH, PARAMETERS, SUMMARY
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -98,20 +98,36 @@ def work(
 
 
 def make(farm: Farm, job: Job, worker: Worker, most_attempts: int = ATTEMPTS) -> Drape | None:
-    """Claim, make and publish one drape; None where another process has it or had published it."""
+    """Claim, make and publish one drape; None where another process has it or had published it.
+
+    So it is also where this process was suspended for so long that another one took the drape over: what that one has
+    made, or is making, stays.
+    """
     folder = farm.directory
-    if (folder / "drapes" / job.id).is_dir():
+    if is_published(folder, job.id):
         return None
-    with claimed(folder / "claims", job.id, worker) as own:
-        if not own or (folder / "drapes" / job.id).is_dir():
+    claims = folder / "claims"
+    if (claims / job.id).is_symlink() or (claims / job.id).is_dir():
+        set_aside(folder, claims / job.id)
+    with claimed(claims, job.id, worker) as own:
+        left = list((folder / "tmp").glob(f"{job.id}.*"))
+        if not own or is_published(folder, job.id) or not holds(claims, job.id, worker):
             return None
-        for left in (folder / "tmp").glob(f"{job.id}.*"):  # of killed attempts: the claim says that none is alive
-            shutil.rmtree(left, ignore_errors=True)
+        for each in left:  # of killed attempts: the claim was this process's own after they were listed
+            shutil.rmtree(each, ignore_errors=True)
         before = attempts(folder, job.id)
         if before >= most_attempts:
             made = Drape(failed(f"Killed {before} times.", "killed") | {"processor": processor(), "meshes": {}}, None)
         else:
-            made = _attempted(farm, job, worker)
+            try:
+                made = _attempted(farm, job, worker)
+            except (OSError, MachineError):
+                if holds(claims, job.id, worker):
+                    raise
+                return None  # its folder went to the process that took over
+        if not holds(claims, job.id, worker):
+            note_attempt(folder, job.id, "withdrawn")
+            return None
         return made if _published(farm, job, worker, made) else None
 
 
@@ -119,14 +135,15 @@ def _attempted(farm: Farm, job: Job, worker: Worker) -> Drape:
     """Make a drape; an attempt that its user stops is no attempt."""
     folder = farm.directory
     note_attempt(folder, job.id, "started")
-    scratch = working_folder(folder, job.id, worker)
     try:
-        return drape(farm.scene_of(job), scratch, folder, farm.settings["frames"])
+        scratch = working_folder(folder, job.id, worker)
+        try:
+            return drape(farm.scene_of(job), scratch, folder, farm.settings["frames"])
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
     except BaseException:
         note_attempt(folder, job.id, "withdrawn")
         raise
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _published(farm: Farm, job: Job, worker: Worker, made: Drape) -> bool:
