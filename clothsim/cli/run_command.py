@@ -248,7 +248,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
         *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
         ("time", f"{end} in {steps}, {run.frames_per_second:g} frames a second"),
         ("solver", f"{kind}; Newton {newton}; {integrator.system.solver.name}, {threads}"),
-        *(("note", note) for note in session.notes),
+        *(("warning" if note in built.warnings else "note", note) for note in session.notes),
         *([("note", before)] if before else []),
     ]
     return "\n".join(_row(name, text) for name, text in rows)

@@ -227,7 +227,7 @@ def motion_findings(scene: Scene) -> Iterator[Finding | str]:
 
 
 def _examine_scene(scene: Scene, subject: str) -> Examination:
-    """The errors of building it, one a line; else what intersects at the start.
+    """The errors of building it, one a line; else what holds the cloth, what looks wrong and intersects at the start.
 
     One that is too large to be run is not built.
     """
@@ -248,7 +248,8 @@ def _examine_scene(scene: Scene, subject: str) -> Examination:
     test = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
     start = [("at the start", test.crossings(world.start(), world.origin))]
     found, others = _intersections(test, start, "at the start", of_run=False)
-    return Examination(subject, (*notes, *others), _sort_findings([*found, *costly]))
+    doubts = [Finding("warning", "start", sentence, "", NO_INDICES) for sentence in built.warnings]
+    return Examination(subject, (*notes, *others), _sort_findings([*found, *doubts, *costly]))
 
 
 def _refusals(error: InputError) -> tuple[Finding, ...]:
