@@ -1,4 +1,4 @@
-"""Run the blocks of the documentation: `python -m tests.docs_blocks [--all] [PAGE ...]`, a PAGE by the end of its path."""
+"""Run the blocks of the documentation: `python -m tests.docs_blocks [--all] [PAGE ...]`; PAGE is the end of a path."""
 
 import argparse
 import sys
