@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import InputError
+from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     add_output_options,
+    add_overwrite,
     as_direction,
     as_frame,
     as_limits,
     as_positive_number,
     as_printed_size,
+    refuse_output,
 )
 from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import Report, program
@@ -55,7 +58,7 @@ def add_to(commands: Any) -> None:
     export.add_argument("--scale", default="1", metavar="N", help="units of the file in a metre: 100 for cm")
     export.add_argument("--up", choices=("y", "z"), help="axis against gravity (default: the format's or the scene's)")
     export.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth's vertices")
-    export.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    add_overwrite(export)
     add_output_options(
         export, json="print files, frames, rate, unit and axis as JSON", quiet="print nothing", handler=_export
     )
@@ -81,10 +84,12 @@ def add_to(commands: Any) -> None:
     render.add_argument("--follow", action="store_true", help="a movie's camera moves along")
     render.add_argument("--true-mesh", action="store_true", help="its triangles, not a smooth surface")
     render.add_argument("--frames-per-second", metavar="N", help="of a movie")
+    add_overwrite(render)
     add_output_options(render, json="print the file as JSON", quiet="print nothing", handler=_render)
     bundle = commands.add_parser("bundle", description=_BUNDLE)
     bundle.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     bundle.add_argument("-o", "--output", type=Path, metavar="FILE", help="the archive (default: DIR.zip)")
+    add_overwrite(bundle)
     add_output_options(bundle, json="print file and size as JSON", handler=_bundle)
 
 
@@ -123,8 +128,10 @@ def _render(arguments: argparse.Namespace) -> Report:
     dots_per_inch = 0.0
     if arguments.size is not None:
         settings["size"], dots_per_inch = as_printed_size(arguments.size)
-    if not target.parent.is_dir():
-        raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
+    if not (
+        target.name in on_demand.RUN_PICTURES and target.parent.resolve() == run.directory.resolve()
+    ):  # the run's own
+        refuse_output(target, arguments)
     note = _drawn(run, target, arguments, settings, dots_per_inch)
     return Report({"file": str(target), "note": note}, f"{target}: {note}")
 
@@ -167,8 +174,8 @@ def _bundle(arguments: argparse.Namespace) -> Report:
     target = arguments.output or Path(f"{directory.resolve().name}.zip")
     if target.suffix != ".zip":
         raise InputError(f"{target.name} does not end in .zip.", "Give the archive that ending.")
-    if not target.parent.is_dir():
-        raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
+    refuse_output(target, arguments)
+    target.unlink(missing_ok=True)
     engine.write_bundle(directory, target)
     size = target.stat().st_size
     replay = f"{program()} resume {shlex.quote(str(target))}"

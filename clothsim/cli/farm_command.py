@@ -14,16 +14,19 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.text import text_table
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     Parser,
     Renamed,
     add_output_options,
+    add_overwrite,
     add_set,
     as_count,
     as_positive_number,
     as_seconds,
+    refuse_output,
     scene_of,
 )
 from clothsim.cli.report import Report
@@ -76,6 +79,7 @@ def add_to(commands: Any) -> None:
     pack.add_argument("-o", "--output", type=Path, metavar="FILE|DIR", required=True, help="data.h5, or a folder")
     pack.add_argument("--shard", default="1000", metavar="N", help="drapes of a shard (default 1000)")
     pack.add_argument("--sheet", action="store_true", help="leave contact sheets (PNG, HTML) beside it")
+    add_overwrite(pack)
     pack.set_defaults(handler=_pack)
     for action in (plan, work, status, verify, mend, pack):
         add_output_options(action, json="print the result as JSON", quiet="print nothing but errors")
@@ -90,6 +94,7 @@ def add_to(commands: Any) -> None:
     learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
     learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default .25)")
     learn.add_argument("--components", type=int, default=16, metavar="K", help="principal components (default 16)")
+    add_overwrite(learn)
     add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
 
 
@@ -207,6 +212,7 @@ def _repair(arguments: argparse.Namespace) -> Report:
 
 
 def _pack(arguments: argparse.Namespace) -> Report:
+    refuse_replacing(_packed(arguments.output, arguments.sheet), arguments.overwrite)
     farm = on_demand.open_farm(arguments.directory)
     done = on_demand.pack(farm, arguments.output, as_count("--shard", arguments.shard))
     files = list(done.files)
@@ -220,6 +226,15 @@ def _pack(arguments: argparse.Namespace) -> Report:
     size = sum(file.stat().st_size for file in files)
     text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"
     return Report(content, text)
+
+
+def _packed(target: Path, sheet: bool) -> list[Path]:
+    """The files that a data set is known by."""
+    of_file = target.suffix in (".h5", ".hdf5")
+    beside = target.with_suffix("") if of_file else target / "data"
+    endings = (".jsonl", ".md", ".parquet", *((".png", ".html") if sheet else ()))
+    first = target if of_file else target / "shard-000000.tar"
+    return [first, *(beside.with_suffix(ending) for ending in endings)]
 
 
 @contextmanager
@@ -317,6 +332,7 @@ def _table(rows: list[dict[str, Any]]) -> str:
 
 
 def _learn(arguments: argparse.Namespace) -> Report:
+    refuse_output(arguments.output, arguments)
     made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, arguments.components)
     made.model.write(arguments.output)
     names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")

@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
     from clothsim.base.kernel_cache import cached_kernels
-    from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
+    from clothsim.base.record import RECORD_NAME, RUN_PICTURES, SUMMARY_NAME, read_summary, to_json
     from clothsim.garments.penetration import draw_penetrations, entries, read_penetration_report
-    from clothsim.garments.pictures import draw_dress, draw_fit, draw_sewing
+    from clothsim.garments.pictures import DRESS_PICTURES, draw_dress, draw_fit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
+    from clothsim.study.evaluation import FOLDER
     from clothsim.study.fabric_test import draw_drape, fabric_tested
     from clothsim.study.farm.claims import worker_of
     from clothsim.study.farm.contact_sheet import contact_page, contact_sheet

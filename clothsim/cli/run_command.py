@@ -18,7 +18,7 @@ from clothsim import engine, files
 from clothsim.base.errors import InputError
 from clothsim.base.text import length, many
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import add_output_options, add_set, as_count, as_length, as_positive_number
+from clothsim.cli.arguments import add_output_options, add_overwrite, add_set, as_count, as_length, as_positive_number
 from clothsim.cli.progress import clock, frame_counter
 from clothsim.cli.report import Report, messages, program
 
@@ -54,7 +54,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with the error of this run")
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
-    run.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
+    add_overwrite(run, "replace an earlier run in the output directory")
     run.add_argument("--force", action="store_true", help="run whatever it is expected to cost")
     run.add_argument("--view", action="store_true", help="show it in a browser while it runs (clothsim[view])")
     run.set_defaults(handler=_run)
@@ -120,8 +120,9 @@ def _run(arguments: argparse.Namespace) -> int:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})
     directory = arguments.output or Path(arguments.scene.stem)
-    _dumped_step(arguments)
-    engine.refuse_earlier_run(directory, arguments.overwrite)
+    step = _dumped_step(arguments)
+    pictures = (*on_demand.RUN_PICTURES, *(() if step is None else (ITERATES.format(step),)))
+    engine.refuse_earlier_run(directory, arguments.overwrite, pictures, (arguments.scene, scene))
     let_finish = engine.start_precompiling()
     with page_of(directory) if arguments.view else nullcontext():
         code = _execute(
@@ -207,7 +208,7 @@ def existing_files_note(directory: Path) -> str:
         return ""
     if any((directory / name).is_file() for name in (on_demand.RECORD_NAME, files.TRAJECTORY_NAME)):
         return f"{directory} holds an earlier run, which is replaced."
-    return f"{directory} holds other files. They stay; one named as a file of the run is replaced."
+    return f"{directory} holds other files, which stay."
 
 
 def resumption_note(directory: Path) -> str:

@@ -137,7 +137,7 @@ def seam_strokes(state: SewingState, positions: Floats) -> Floats:
 
 
 SIZE = (640, 960)
-PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"
+DRESS_PICTURES = PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"
 VIEWS = (("front", (0.3, 0.12, 1.0)), ("back", (0.3, 0.12, -1.0)))
 """View directions along x, up, and the direction that the body faces."""
 ABOVE = 0.25

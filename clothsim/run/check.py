@@ -16,12 +16,12 @@ from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 from clothsim.geometry.intersection.crossings import Crossing
 from clothsim.mesh.checks import Finding, Role, Severity, examine
 from clothsim.mesh.world import world_surfaces
-from clothsim.run.cost import expected_cost
 from clothsim.run.intersections import SURFACES_OF_KIND, IntersectionCheck, intersection_check_of, intersection_warnings
 from clothsim.run.results import Run, open_run
 from clothsim.scene.assembly.model_body import character_of_scene
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cloth_arrays import Body, Cloth
+from clothsim.scene.cost import expected_cost
 from clothsim.scene.mesh_objects import surface_of
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.scene.toml_file import load_scene

@@ -16,6 +16,7 @@ from clothsim.scene.assembly.checks import refuse_start_inside, scene_warnings, 
 from clothsim.scene.assembly.holds import hold_notes, holds, refuse_unsupported
 from clothsim.scene.assembly.initial_positions import initial_positions, untangled
 from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, rigid_body_of
+from clothsim.scene.cost import refuse_costly
 from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.named_files import with_arrays
 from clothsim.scene.scene import Scene
@@ -49,13 +50,15 @@ class Built:
     warnings: tuple[str, ...] = ()
 
 
-def build(scene: Scene) -> Built:
+def build(scene: Scene, affordable: bool = False) -> Built:
     """Build the world of a scene, then each effect that it names, in the order of the table.
 
     Parameters
     ----------
     scene : Scene
         The scene.
+    affordable : bool
+        True: what a machine cannot be expected to run is refused before anything is built.
 
     Returns
     -------
@@ -78,6 +81,8 @@ def build(scene: Scene) -> Built:
             f"A clothsim.Scene is needed, not a value of the type {type(scene).__name__}.",
             'Load one with clothsim.load_scene("scene.toml"), or make it: clothsim.Scene(cloth=..., effects=...).',
         )
+    if affordable:
+        refuse_costly(scene)
     world, notes = _world(scene)
     built = build_effects(scene, world, notes)
     if not scene.run_settings.allow_inside:

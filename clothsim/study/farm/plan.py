@@ -10,7 +10,7 @@ from typing import Any
 
 from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
-from clothsim.base.file_writing import write_atomically
+from clothsim.base.file_writing import refuse_replacing, write_atomically
 from clothsim.engine import build
 from clothsim.study.farm.publication import content_id
 from clothsim.study.farm.reading import checked_id, file_hash, read_file
@@ -136,6 +136,8 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
         if farm.plan_fault:  # lost or changed since: the same recipe has the same lines
             write_atomically(folder / JOBS_NAME, lines)
         return open_farm(folder)
+    if not (folder / FOLDERS[-1]).is_dir():  # else a plan that was stopped
+        refuse_replacing([folder / JOBS_NAME], overwrite=False)
     try:
         for name in FOLDERS:
             (folder / name).mkdir(parents=True, exist_ok=True)
@@ -160,7 +162,7 @@ def refuse_unbuildable(recipe: Recipe) -> None:
     refusals: list[InputError] = []
     for index in range(min(TRIED, recipe.count)):
         try:
-            build(changed(recipe.scene, recipe.values(index)))
+            build(changed(recipe.scene, recipe.values(index)), affordable=True)
             return
         except InputError as error:
             refusals.append(error)

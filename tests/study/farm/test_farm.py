@@ -17,7 +17,7 @@ from clothsim.base.file_writing import full_or_forbidden
 from clothsim.cli import main
 from clothsim.cli.farm_command import terminated_like_interrupted
 from clothsim.study.farm.claims import Worker, claimed, is_stale, worker_of
-from clothsim.study.farm.plan import open_farm, plan
+from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
 from clothsim.study.farm.publication import attempts, content_id, note_attempt, publish
 from clothsim.study.farm.reading import read_drape
 from clothsim.study.farm.recipe import changed, draw_of, load_recipe, make_recipe, stream_of
@@ -95,6 +95,22 @@ def test_a_bad_key_and_equal_drapes_are_refused_by_the_plan(tmp_path):
         plan(recipe(2, **{"cloth.densty": [0.1, 0.2]}), tmp_path / "a")
     with pytest.raises(InputError):
         plan(recipe(3, **{"cloth.density": [0.1, 0.2]}), tmp_path / "b")
+
+
+def test_a_plan_of_what_no_run_takes_is_refused_before_it_is_built():
+    scene = small_scene(cloth={**SHEET, "cells": [4096, 4096]}, run={"duration": 1.0})
+    with pytest.raises(InputError, match="GB of"):
+        refuse_unbuildable(make_recipe(scene, {"count": 1}, {}, {}))
+
+
+def test_files_of_others_are_no_plan(tmp_path):
+    (tmp_path / "jobs.jsonl").write_text("mine")
+    with pytest.raises(InputError, match="exists"):
+        plan(recipe(), tmp_path)
+    (tmp_path / "farm.json").write_text("mine")
+    with pytest.raises(InputError, match="Plan the recipe again"):
+        plan(recipe(), tmp_path)
+    assert (tmp_path / "jobs.jsonl").read_text() == (tmp_path / "farm.json").read_text() == "mine"
 
 
 def test_an_id_is_of_the_content_of_files_and_not_of_their_place(tmp_path):
