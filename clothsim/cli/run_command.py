@@ -301,7 +301,7 @@ def stopped(directory: Path) -> str:
     return "Stopped before the first step: there is nothing to resume."
 
 
-_ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
+_ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".webp", ".gif")
 
 
 def _row(name: str, text: str) -> str:
