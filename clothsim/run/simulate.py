@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.inputs import refuse_uncallable
-from clothsim.run.cost import expected_cost, refuse_costly
+from clothsim.scene.cost import expected_cost, refuse_costly
 from clothsim.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def simulate(
 
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step, message=message)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
-    refuse_earlier_run(directory, overwrite)  # before minutes of building, and again under the lock
+    refuse_earlier_run(directory, overwrite, (), (scene,))  # before minutes of building, and again under the lock
     if isinstance(scene, Scene):
         _tell_cost(scene, message, force)
     if differentiable:

@@ -181,7 +181,7 @@ def study_accuracy(
     seconds = as_positive("budget", budget)
     deadline = started + seconds - min(FOR_FILES[0] * seconds, FOR_FILES[1])
     directory = Path(tempfile.mkdtemp(prefix="clothsim-study-") if output is None else output)
-    built = build(scene)
+    built = build(scene, affordable=True)
     make_directory(directory / FOLDER)
     scene, found = searched_settings(scene, directory, seconds)
     if found is not None:
