@@ -111,12 +111,11 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = clothsim.load_scene(arguments.scene)
     if arguments.preset is not None:
         scene = _apply_preset(scene, arguments)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
+    scene = engine.override(scene, *arguments.set)
     if arguments.error is not None:
-        scene = engine.override(scene, f"solver.error={as_length('--error', arguments.error)!r}")
+        scene = engine.replace(scene, "solver.error", as_length("--error", arguments.error))
     if arguments.estimate:
-        scene = engine.override(scene, "solver.estimate=true")
+        scene = engine.replace(scene, "solver.estimate", True)
     if arguments.frames_per_second is not None:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})
@@ -302,7 +301,7 @@ def stopped(directory: Path) -> str:
     return "Stopped before the first step: there is nothing to resume."
 
 
-_ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
+_ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".webp", ".gif")
 
 
 def _row(name: str, text: str) -> str:

@@ -174,7 +174,7 @@ def draw_run(
     progress: Callable[[int, int], None] = lambda done, total: None,
     **settings: Any,
 ) -> str:
-    """Write a picture of a frame (.png), or a movie of all (.mp4, .gif); returns the line that names the renderer.
+    """Write a picture of a frame (.png) or a movie of all (.mp4, .webp, .gif); return the line that names the renderer.
 
     field: what colours the cloths; progress: of a movie; settings: PICTURE_SETTINGS, MOVIE_SETTINGS, dots_per_inch; the
     axis against gravity is that of the scene where none is given.
