@@ -99,6 +99,9 @@ def simulate(
     refuse_earlier_run(directory, overwrite, (), (scene,))  # before minutes of building, and again under the lock
     if isinstance(scene, Scene):
         _tell_cost(scene, message, force)
+        asked = scene.solver_settings
+        if differentiable or asked.error or asked.estimate:
+            scene.refuse_without_cloth("solver.error, solver.estimate or a gradient")
     if differentiable:
         differentiably = _loaded("differentiable")
         return differentiably(scene, output, progress, announce, on_step, message, overwrite)

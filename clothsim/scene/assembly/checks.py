@@ -194,7 +194,9 @@ def _nested_bodies(world: World, energies: dict[str, Energy]) -> list[str]:
 
 
 def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:
-    """Activation distances above the median edge length."""
+    """Activation distances above the median edge length of the cloth."""
+    if not world.cloths:
+        return []
     starts = world.start()[world.edges]
     edge = float(np.median(np.linalg.norm(starts[:, 0] - starts[:, 1], axis=1)))
     wide = {name: energy.d_hat for name, energy in energies.items() if isinstance(energy, ContactGap)}
