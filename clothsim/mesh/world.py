@@ -319,7 +319,7 @@ def with_local_origin(world: World) -> World:
     spacing = float(np.spacing(far))
     if spacing > COARSEST * size:
         raise InputError(
-            f"{(*world.cloths, *world.rigid)[0].name} is {far:.2g} m from the origin, where double precision tells "
+            f"{world.names[0] if world.cloths else world.rigid[0].name} is {far:.2g} m from the origin, where double precision tells "
             f"only points {spacing:.2g} m apart; {'the cloth' if world.cloths else 'it'} is {size:.2g} m long.",
             "Move cloths and bodies near the origin (position).",
         )
