@@ -318,8 +318,9 @@ def with_local_origin(world: World) -> World:
     size, far = math.hypot(*(high - low)), float(np.abs(middle).max())
     spacing = float(np.spacing(far))
     if spacing > COARSEST * size:
+        name = world.cloths[0].name if world.cloths else world.rigid[0].name
         raise InputError(
-            f"{world.names[0] if world.cloths else world.rigid[0].name} is {far:.2g} m from the origin, where double precision tells "
+            f"{name} is {far:.2g} m from the origin, where double precision tells "
             f"only points {spacing:.2g} m apart; {'the cloth' if world.cloths else 'it'} is {size:.2g} m long.",
             "Move cloths and bodies near the origin (position).",
         )
