@@ -8,6 +8,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
+from clothsim.keys.key_table import KeyTable
 from clothsim.keys.plausible import doubts
 from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
@@ -68,9 +69,8 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
 
 def _implausible(world: World, scene: Scene) -> list[str]:
     """A question on each number that looks like one in another unit."""
-    names = [*world.cloths, *world.prescribed_bodies, *world.rigid]
     tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
-    sections = [(each.name, keys) for each, keys in zip(names, tables, strict=True)]
+    sections: list[tuple[str, KeyTable]] = list(zip(world.names, tables, strict=True))
     sections += [(f"effects.{name}", keys) for name, keys in scene.effects.items()]
     sections += [("solver", scene.solver), ("run", scene.run), ("seed", scene.seed)]
     sentences = [sentence for where, keys in sections for sentence in doubts(where, keys)]
