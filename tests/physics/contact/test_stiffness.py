@@ -107,7 +107,7 @@ def test_a_heavy_body_has_the_load_of_its_weight_and_the_energy_of_its_speed():
 
 
 def test_the_stiffness_is_the_largest_of_load_impact_and_response():
-    """Of the load; of the momentum, stopped within d_hat or in a step; and of d_hat passed in T (slower: that counts)."""
+    """Of the load; of the momentum, stopped within d_hat or in a step; of d_hat passed in T, where slower."""
     d_hat, dt, scale = 0.01, 0.002, 0.05
     assert barrier_stiffness(40.0, 0.3, 0.0, d_hat, dt, scale) == 40.0
     assert barrier_stiffness(0.0, 0.3, 0.1, d_hat, dt, scale) == pytest.approx(0.3 * d_hat / scale**2)
