@@ -45,7 +45,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "physics/energies/woven_membrane": ("physics/energies/test_fibres", "physics/energies/test_measured_membrane"),
     "physics/contact/anchors": ("physics/contact/test_rigid_motion", "physics/test_static_friction"),
     "physics/contact/barrier": ("physics/contact/test_effects", *BARRIER),
-    "physics/contact/barrier_kernels": ("physics/contact/test_effects", *BARRIER, "physics/contact/test_culling"),
+    "physics/contact/barrier_kernels": ("physics/contact/test_barrier", "physics/contact/test_effects", *BARRIER),
     "physics/contact/bvh": SEARCH,
     "physics/contact/candidates": ("physics/contact/test_effects", *BARRIER),
     "physics/contact/ccd": ("physics/contact/test_candidates", "physics/contact/test_step_against_ipctk"),
