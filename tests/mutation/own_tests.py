@@ -79,6 +79,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "gradients/exact_system": ADJOINT,
     "gradients/gradient": ("gradients/test_run", "gradients/test_parameters"),
     "gradients/parameters": ("gradients/test_run",),
+    "gradients/pattern_numbers": ("gradients/test_design",),
     "gradients/run": ("gradients/test_parameters",),
     "gradients/scene_of_pattern": ("gradients/test_design",),
     "gradients/state_at_rest": ("gradients/test_backward_pass", "gradients/test_run"),

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
+from contacts import two_sheets
+from effect_builders import self_contact
 from import_graph import FILES, reached, run_roots
 
 import clothsim
@@ -13,6 +15,7 @@ from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
 from clothsim.physics.contact.candidate_subsets import Suspension
 from clothsim.solve.pinch.carried import Carried, attached, carried_in
+from clothsim.solve.pinch.pinch import _contacts
 from clothsim.solve.pinch.pinch_gaps import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, nearest, pinched, sides
 
 EFFECTS = {
@@ -261,3 +264,16 @@ def test_pairs_are_suspended_by_their_definition():
     assert 0 < sum(wanted) < len(wanted)
     self_pairs = random.integers(0, 6, (200, 4))
     assert np.array_equal(suspension.mask(self_pairs, 100, is_self=True), (self_pairs < 3).all(axis=1))
+
+
+def test_a_contact_has_the_vertices_that_bear_it():
+    """Sheets vertex over vertex: of each pair of a point and a triangle one vertex on either side."""
+    world = two_sheets(gap=0.001)
+    contact, x = self_contact(world, d_hat=0.01, stiffness=1.0), world.start()
+    for rows, places, directions, partners in _contacts(contact, x, world.n_cloth):
+        assert len(rows) > 10
+        assert ((rows >= 0) & (partners >= 0)).sum() == 0
+        assert ((rows >= 0).sum(axis=1) == 1).all()
+        assert ((partners >= 0).sum(axis=1) == 1).all()
+        assert places == pytest.approx(x[rows.max(axis=1)])
+        assert np.abs(directions) == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(rows), 1)))
