@@ -245,6 +245,17 @@ def test_the_gap_of_two_plates(first, last, gap):
         assert found.far.tolist() == [[4, 5, 6]]
 
 
+@pytest.mark.parametrize(("beside", "count"), [(0.99, 1), (1.01, 0)])
+def test_a_vertex_beside_a_plate_by_more_than_the_limit_is_not_in_its_gap(beside, count):
+    limit = 0.006
+    corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    above = 2 * corners[[0, 2, 1]]
+    vertex = [[0.0, -1.0 - beside * limit, 0.005]]
+    start, end = (np.concatenate([vertex, corners, above + np.array([0, 0, z])]) for z in (0.02, 0.001))
+    plates = faces(start, np.array([[1, 2, 3], [4, 5, 6]]))
+    assert len(pinched(plates, nearest(plates, start, np.array([0]), 0.03), start, end, limit, 0.03).vertices) == count
+
+
 def test_pairs_are_suspended_by_their_definition():
     """Against the definition, pair by pair: rows 0..5 are cloth, 0..2 carried; 6..9 body, 6 and 7 of the patch of 0."""
     carried = np.arange(10) < 3
