@@ -55,7 +55,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
     add_overwrite(run, "replace an earlier run in the output directory")
-    run.add_argument("--force", action="store_true", help="run whatever it is expected to cost")
+    run.add_argument("--force", action="store_true", help="run whatever it costs, and from inside a body")
     run.add_argument("--view", action="store_true", help="show it in a browser while it runs (clothsim[view])")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", description=_RESUME)
