@@ -23,7 +23,7 @@ LENGTH, WIDTH, STIFF = 0.1, 0.01, 1e-3
 """Of the strip [m], [N m]."""
 STRIP_MU, DOWN, NEAR = 0.15, 0.02, 1e-4
 """Its friction; how fast its clamp comes down [m/s]; d_hat [m]."""
-CLOSE, SLID, LANDED = 0.05, 1e-4, 0.03
+CLOSE, SLID, LANDED = 0.05, 2e-5, 0.03
 """Fraction by which the slip may be sooner or later than the elastica's; displacement of the foot that is a slip [m];
 how far the strip is pressed down, of its length, when it has landed and buckled."""
 
@@ -85,8 +85,8 @@ def slips_as_elastica(run: Run) -> str:
     """The foot holds until the elastica's force leaves the cone of friction, and slips there."""
     foot = run.positions(0)[:, 2] < NEAR
     landed = int(np.searchsorted(run.times, LANDED * LENGTH / DOWN))
-    there = run.positions(landed)[foot, 0]
-    moved = [float(np.abs(x[foot, 0] - there).max()) * (k > landed) for k, x in enumerate(frames(run))]
+    there = run.positions(landed)[foot, 0].mean()
+    moved = [abs(float(x[foot, 0].mean() - there)) * (k > landed) for k, x in enumerate(frames(run))]
     if max(moved) < SLID:
         return f"the foot does not slip: {max(moved):.2g} m"
     pressed = DOWN * run.times[int(np.argmax(np.array(moved) > SLID))] / LENGTH
