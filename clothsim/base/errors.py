@@ -1,5 +1,7 @@
 """Errors for the user: one sentence with the fault and its location, and a remedy."""
 
+from clothsim.base.text import printable
+
 LONGEST = 400
 """Bound on the length of a line; the middle of a longer one (a value as long as its file) is left out."""
 
@@ -20,6 +22,10 @@ class ClothsimError(Exception):
         self.remedy = _readable(remedy)
         super().__init__(f"{self.sentence} {self.remedy}".strip())
 
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        """Pickled as what it was made of."""
+        return type(self), (self.sentence, self.remedy)
+
 
 class InputError(ClothsimError):
     """Scene, mesh or array that cannot be simulated as given."""
@@ -39,8 +45,7 @@ class IntersectionWarning(UserWarning):
 
 def _readable(text: str) -> str:
     """`text` without control characters, its lines of bounded length."""
-    lines = ("".join(c if c.isprintable() else ascii(c)[1:-1] for c in _cut(line)) for line in text.split("\n"))
-    return "\n".join(lines)
+    return printable("\n".join(_cut(line) for line in text.split("\n")))
 
 
 def _cut(line: str) -> str:

@@ -1,12 +1,12 @@
-"""Writing of files: directories made, space reserved, a file replaced as a whole, errors as sentences."""
+"""Writing of files: what may be replaced, directories made, space reserved, a file replaced as a whole."""
 
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from clothsim.base.errors import MachineError
+from clothsim.base.errors import InputError, MachineError
 
 _FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 _ZEROS = 1 << 20
@@ -62,6 +62,24 @@ def full_or_forbidden(path: Path, error: Exception) -> MachineError:
     if full:
         remedy = f"Free space, or lift the limit, and continue: clothsim resume {path.parent}"
     return MachineError(f"{path} cannot be written ({text}).", remedy)
+
+
+def refuse_replacing(files: Iterable[Path], overwrite: bool, inputs: Iterable[object] = ()) -> None:
+    """The rule for the output of every command: what is there is replaced with `overwrite` only, an input never.
+
+    files: what the command will write; inputs: what it reads, of which those count that are names of files. InputError
+    names the first file that breaks the rule.
+    """
+    written = list(files)
+    places = {file.resolve() for file in written}
+    for given in inputs:
+        if isinstance(given, str | Path) and Path(given).resolve() in places:
+            raise InputError(f"{given} is read, and would be replaced by the output.", "Choose another name with -o.")
+    for file in written:
+        if file.is_dir():
+            raise InputError(f"{file} is a directory.", "Choose another name with -o.")
+        if not overwrite and os.path.lexists(file):
+            raise InputError(f"{file} exists.", "Choose another name with -o, or replace it: --overwrite.")
 
 
 def make_directory(directory: Path) -> None:

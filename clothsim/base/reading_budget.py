@@ -15,6 +15,8 @@ MOST = {
     "numbers": 1 << 24,  # of a motion, frames x joints x 4: 11 minutes of 52 joints at 120 frames a second
     "bytes": 1 << 28,  # that the arrays of a motion unpack to
     "nodes": 10_000,  # of a character's file
+    "values": 1 << 26,  # of all accessors of a character's file: overlapping ones and those without bytes too
+    "weights": 1 << 26,  # vertices x joints of a character: 500 MB
     "points": 300_000,  # of the outlines of a drawing, after curves are flattened
     "points of a piece": 10_000,
     "panels": 1_000,  # of a sewing pattern; GarmentCode's largest have some 60

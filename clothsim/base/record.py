@@ -15,6 +15,9 @@ from clothsim.base.file_writing import write_atomically, writing
 
 RECORD_NAME = "record.jsonl"
 MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
+PICTURE_NAME, FAILURE_NAME = "picture.png", "failure.png"
+RUN_PICTURES = (PICTURE_NAME, FAILURE_NAME, MOVIE_NAME, GIF_NAME)
+"""Pictures that a run leaves."""
 SUMMARY_NAME = "summary.json"
 FITTED_NAME = "fitted.obj"
 """Garment that a fit leaves."""

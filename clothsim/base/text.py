@@ -43,3 +43,16 @@ def length(metres: float) -> str:
 def many(count: int, what: str) -> str:
     """A number of things, in the plural where it is not one."""
     return f"{count:,} {what}{'' if count == 1 else 's'}"
+
+
+def printable(text: str) -> str:
+    r"""`text` with its control characters spelled out: names from a file would steer a terminal.
+
+    >>> printable("front\x1b[2J\nback")
+    'front\\x1b[2J\\nback'
+    """
+    return (
+        text
+        if text.isprintable()
+        else "\n".join("".join(c if c.isprintable() else ascii(c)[1:-1] for c in line) for line in text.split("\n"))
+    )

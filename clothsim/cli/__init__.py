@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
+from clothsim.base.text import printable
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
 from clothsim.cli.report import Report, events, stream
 
@@ -134,8 +135,18 @@ def _guarded(words: Sequence[str]) -> int:
     except Exception as error:
         if "--debug" in words:
             raise
-        _two_lines(f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where.")
-        return UNEXPECTED
+        lines = _of_the_machine(error)
+        _two_lines(*lines or (f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where."))
+        return BAD_INPUT if lines else UNEXPECTED
+
+
+def _of_the_machine(error: Exception) -> tuple[str, str] | None:
+    """Sentence and remedy of an error of files or memory; None of another one."""
+    if isinstance(error, OSError) and error.filename is not None:  # a name that is too long, a folder without rights
+        return f"{error.filename} cannot be used: {error.strerror}.", "Choose another name, or change its rights."
+    if isinstance(error, MemoryError):
+        return f"The memory does not suffice ({error}).", "Take a coarser mesh, or a part of it."
+    return None
 
 
 def parser_of_all() -> Parser:
@@ -240,4 +251,4 @@ def _two_lines(sentence: str, remedy: str) -> None:
     if (own := stream()) is not None:
         own.event("error", sentence=" ".join(sentence.split()), remedy=remedy)
         return
-    print(f"{' '.join(sentence.split())}\n{remedy}", file=sys.stderr)
+    print(printable(f"{' '.join(sentence.split())}\n{remedy}"), file=sys.stderr)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import clothsim
 from clothsim import engine, gradients, patterns
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import refuse_replacing
 
 if TYPE_CHECKING:
     from clothsim import Loss, Scene
@@ -67,6 +68,18 @@ def add_output_options(
 def add_set(command: argparse.ArgumentParser, help: str = "change a key of the scene") -> None:
     """Add --set, which `scene_of` reads, to a command."""
     command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=help)
+
+
+def add_overwrite(command: argparse.ArgumentParser, help: str = "replace files that exist") -> None:
+    """Add --overwrite, which `refuse_replacing` needs, to a command."""
+    command.add_argument("--overwrite", action="store_true", help=help)
+
+
+def refuse_output(file: Path, arguments: argparse.Namespace, *inputs: object) -> None:
+    """InputError for an output file without a folder, that is one of the inputs, or is there without --overwrite."""
+    if not file.resolve().parent.is_dir():
+        raise InputError(f"There is no directory {file.parent}.", "Make it first, or choose another with -o.")
+    refuse_replacing([file], arguments.overwrite, inputs)
 
 
 def refuse_empty(words: Sequence[str]) -> None:
@@ -238,6 +251,4 @@ def scene_of(arguments: argparse.Namespace, or_run: bool = False) -> "Scene":
     """Return the scene of a file or of an installed name with the keys of --set; or_run: of a run's directory too."""
     path = arguments.scene
     scene = clothsim.open_run(path).scene if or_run and path.is_dir() else clothsim.load_scene(path)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
-    return scene
+    return engine.override(scene, *arguments.set)

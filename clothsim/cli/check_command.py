@@ -11,7 +11,14 @@ from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
 from clothsim.base.text import length
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import add_output_options, as_count, as_positive_number, as_range
+from clothsim.cli.arguments import (
+    add_output_options,
+    add_overwrite,
+    as_count,
+    as_positive_number,
+    as_range,
+    refuse_output,
+)
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
@@ -21,7 +28,6 @@ _DESCRIPTION = """\
 Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a body. Exit code 1: something is wrong.
 
   clothsim check shirt.obj
-  clothsim check jacket.dxf -o edges.svg
   clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
 """
 
@@ -57,6 +63,7 @@ def add_to(commands: Any) -> None:
     worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
     check.add_argument("--seams", type=Path, metavar="TOML", help="of a .dxf: its seams; -o draws the numbers of edges")
     check.add_argument("--motion", action="store_true", help="of a scene: where parts of a moving body model meet")
+    add_overwrite(check)
     add_output_options(check, json="as JSON: {target, code, findings, ...}", handler=_check)
 
 
@@ -88,6 +95,8 @@ def _examined(arguments: argparse.Namespace) -> "engine.Examination":
     target = engine.example_file(arguments.target)
     if not target.exists():
         raise InputError(f"There is no {target}.", _TARGETS)
+    if arguments.output is not None:
+        refuse_output(arguments.output, arguments, target, arguments.on, arguments.seams)
     if target.suffix.lower() in PATTERNS and arguments.on is None:
         return _examined_pattern(arguments)
     if arguments.seams is not None:
@@ -164,12 +173,6 @@ def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination"
 
     if not arguments.on.exists():
         raise InputError(f"There is no {arguments.on}.", "Name the file of a body.")
-    if arguments.output is not None and arguments.output.is_dir():
-        raise InputError(f"{arguments.output} is a directory.", "Name a picture in it with -o.")
-    if arguments.output is not None and not arguments.output.resolve().parent.is_dir():
-        raise InputError(
-            f"There is no directory {arguments.output.parent}.", "Make it first, or choose another with -o."
-        )
     report = on_demand.read_penetration_report(
         arguments.target,
         arguments.on,

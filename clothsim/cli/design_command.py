@@ -10,7 +10,16 @@ import clothsim
 from clothsim import engine, gradients
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import add_output_options, add_set, as_count, as_positive_number, meshed, scene_of, words
+from clothsim.cli.arguments import (
+    add_output_options,
+    add_overwrite,
+    add_set,
+    as_count,
+    as_positive_number,
+    meshed,
+    scene_of,
+    words,
+)
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
@@ -51,7 +60,7 @@ def add_to(commands: Any) -> None:
     design.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     design.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     add_set(design)
-    design.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
+    add_overwrite(design, "replace an earlier run in the output directory")
     add_output_options(
         design, json="print design.json, the rest on stderr", quiet="print the end only", handler=_design
     )
@@ -62,7 +71,8 @@ def _design(arguments: argparse.Namespace) -> Report:
     area = None if arguments.area is None else as_positive_number("--area", arguments.area)
     scene = scene_of(arguments, or_run=True)
     if arguments.output is not None:
-        engine.refuse_earlier_run(arguments.output, arguments.overwrite)
+        inputs = (arguments.scene, scene, arguments.pattern)
+        engine.refuse_earlier_run(arguments.output, arguments.overwrite, (DESIGN_NAME,), inputs)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
     aims = _aims(arguments, scene, pattern)
     messages(arguments, f"of {arguments.scene}")

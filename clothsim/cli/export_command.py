@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import InputError
+from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     add_output_options,
+    add_overwrite,
     as_direction,
     as_frame,
     as_limits,
     as_positive_number,
     as_printed_size,
+    refuse_output,
 )
 from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import Report, program
@@ -33,7 +36,7 @@ OBJ), .glb (morph targets), .usd, .usda, .usdc (pip install 'clothsim[usd]'), .v
   clothsim export drape -o last.obj --frame last
 """
 _RENDER = """\
-Draw a frame of a run (.png) or all of them (.mp4, .gif).
+Draw a frame of a run (.png) or all of them (.mp4, .webp, .gif).
 
   clothsim render drape -o side.png --frame 10 --view 1,-2,0.5 --field stress
   clothsim render drape -o figure.png --style print --range 0.95,1.05 --size 85x64mm
@@ -55,14 +58,14 @@ def add_to(commands: Any) -> None:
     export.add_argument("--scale", default="1", metavar="N", help="units of the file in a metre: 100 for cm")
     export.add_argument("--up", choices=("y", "z"), help="axis against gravity (default: the format's or the scene's)")
     export.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth's vertices")
-    export.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    add_overwrite(export)
     add_output_options(
         export, json="print files, frames, rate, unit and axis as JSON", quiet="print nothing", handler=_export
     )
     render = commands.add_parser("render", description=_RENDER, usage="%(prog)s DIR [options]")
     render.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     render.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help=".png, .mp4 or .gif (default DIR/picture.png)"
+        "-o", "--output", type=Path, metavar="FILE", help=".png, .mp4, .webp or .gif (default DIR/picture.png)"
     )
     render.add_argument("--frame", metavar="N", help="of a picture: 0, 1, ... or last (default)")
     render.add_argument("--size", metavar="WxH", help="pixels, or 85x64mm at 300 dots per inch")
@@ -74,17 +77,19 @@ def add_to(commands: Any) -> None:
     )
     look.add_argument("--field", metavar="NAME", help="colour by a field: stress, compression, ...")
     render.add_argument(
-        "--style", choices=("fields", "print", "fabric"), default="fields", metavar="S",
-        help="fields (default), print (outlines on white) or fabric (woven)",
+        "--style", choices=("fields", "print", "fabric", "studio"), default="fields", metavar="S",
+        help="fields (default), print (outlines on white), fabric (woven) or studio (traced light, minutes)",
     )  # fmt: skip
     render.add_argument("--range", metavar="LOW,HIGH", help="of the colours (default: percentiles)")
     render.add_argument("--follow", action="store_true", help="a movie's camera moves along")
     render.add_argument("--true-mesh", action="store_true", help="its triangles, not a smooth surface")
     render.add_argument("--frames-per-second", metavar="N", help="of a movie")
+    add_overwrite(render)
     add_output_options(render, json="print the file as JSON", quiet="print nothing", handler=_render)
     bundle = commands.add_parser("bundle", description=_BUNDLE)
     bundle.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     bundle.add_argument("-o", "--output", type=Path, metavar="FILE", help="the archive (default: DIR.zip)")
+    add_overwrite(bundle)
     add_output_options(bundle, json="print file and size as JSON", handler=_bundle)
 
 
@@ -123,8 +128,10 @@ def _render(arguments: argparse.Namespace) -> Report:
     dots_per_inch = 0.0
     if arguments.size is not None:
         settings["size"], dots_per_inch = as_printed_size(arguments.size)
-    if not target.parent.is_dir():
-        raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
+    if not (
+        target.name in on_demand.RUN_PICTURES and target.parent.resolve() == run.directory.resolve()
+    ):  # the run's own
+        refuse_output(target, arguments)
     note = _drawn(run, target, arguments, settings, dots_per_inch)
     return Report({"file": str(target), "note": note}, f"{target}: {note}")
 
@@ -136,12 +143,12 @@ def _drawn(
     ending, of_movies = target.suffix.lower(), arguments.frames_per_second is not None or arguments.follow
     if ending == ".png" and of_movies:
         option = "--follow" if arguments.follow else "--frames-per-second"
-        raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .gif with -o.")
+        raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .webp with -o.")
     if ending == ".png":
         frame = _frame(run, arguments.frame or "last")
         return engine.draw_run(run, target, frame, dots_per_inch=dots_per_inch, **settings)
-    if ending not in (".mp4", ".gif"):
-        raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4 or .gif.")
+    if ending not in (".mp4", ".webp", ".gif"):
+        raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4, .webp or .gif.")
     if arguments.frame is not None:
         raise InputError("--frame is for pictures.", "Leave it out, or name a .png with -o.")
     if arguments.frames_per_second is not None:
@@ -167,8 +174,8 @@ def _bundle(arguments: argparse.Namespace) -> Report:
     target = arguments.output or Path(f"{directory.resolve().name}.zip")
     if target.suffix != ".zip":
         raise InputError(f"{target.name} does not end in .zip.", "Give the archive that ending.")
-    if not target.parent.is_dir():
-        raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
+    refuse_output(target, arguments)
+    target.unlink(missing_ok=True)
     engine.write_bundle(directory, target)
     size = target.stat().st_size
     replay = f"{program()} resume {shlex.quote(str(target))}"

@@ -14,16 +14,19 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.text import text_table
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     Parser,
     Renamed,
     add_output_options,
+    add_overwrite,
     add_set,
     as_count,
     as_positive_number,
     as_seconds,
+    refuse_output,
     scene_of,
 )
 from clothsim.cli.report import Report
@@ -67,13 +70,18 @@ def add_to(commands: Any) -> None:
     verify.add_argument("--fraction", default="0.01", metavar="X", help="drapes to make again (default .01; 0: none)")
     verify.add_argument("--share", dest="fraction", action=Renamed, now="--fraction")
     verify.set_defaults(handler=_verify)
+    mend = actions.add_parser("repair", help="take torn and killed drapes back into the plan")
+    mend.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    mend.add_argument("--cause", action="append", metavar="NAME", help="another cause than killed, such as refused")
+    mend.set_defaults(handler=_repair)
     pack = actions.add_parser("pack", help="write a data set: one HDF5 file, or a folder of WebDataset shards")
     pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     pack.add_argument("-o", "--output", type=Path, metavar="FILE|DIR", required=True, help="data.h5, or a folder")
     pack.add_argument("--shard", default="1000", metavar="N", help="drapes of a shard (default 1000)")
     pack.add_argument("--sheet", action="store_true", help="leave contact sheets (PNG, HTML) beside it")
+    add_overwrite(pack)
     pack.set_defaults(handler=_pack)
-    for action in (plan, work, status, verify, pack):
+    for action in (plan, work, status, verify, mend, pack):
         add_output_options(action, json="print the result as JSON", quiet="print nothing but errors")
     sweep = commands.add_parser("sweep", description=_SWEEP)
     sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
@@ -86,6 +94,7 @@ def add_to(commands: Any) -> None:
     learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
     learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default .25)")
     learn.add_argument("--components", type=int, default=16, metavar="K", help="principal components (default 16)")
+    add_overwrite(learn)
     add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
 
 
@@ -99,7 +108,8 @@ Make many drapes of one recipe: each is published once, whoever is killed. DIR i
   clothsim farm work drapes                    as often as there are cores, on any machine
   clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
   clothsim farm status drapes --watch
-  clothsim farm verify drapes --fraction .01
+  clothsim farm verify drapes                  every file by its hash, some drapes made again; signs off
+  clothsim farm repair drapes                  what is torn or was killed goes back into the plan
   clothsim farm pack drapes -o data.h5         or a folder, for shards
 """
 
@@ -142,7 +152,12 @@ def _work(arguments: argparse.Namespace) -> Report | int:
             left = len(farm.unpublished())
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
             return 130
+        except on_demand.LostWorkersError as error:
+            print(f"{error.sentence} {error.remedy}", file=sys.stderr)
+            return FAULT
     on_demand.write_manifest(farm)
+    if farm.plan_fault:
+        raise InputError(f"{farm.plan_fault} The drapes of its other lines are made.", on_demand.REPLAN)
     state = on_demand.status(farm)
     return Report(asdict(state), _text(state))
 
@@ -179,11 +194,28 @@ def _verify(arguments: argparse.Namespace) -> Report:
             f"{done.repeated} made again on this kind of processor, {done.same} with the same bytes; {done.elsewhere} "
             f"from another kind. Largest distance {1e3 * done.largest:.3g} mm."
         )
-    lines += [f"torn: {name}" for name in done.torn] + [f"different: {name}" for name in done.different]
+    lines += [*done.torn.values(), *(f"Drape {name} comes out differently." for name in done.different)]
+    if done.plan:
+        lines.append(f"{done.plan} {on_demand.REPLAN}")
+    lines.append("Signed off." if done.good else "Not signed off: `clothsim farm repair DIR`, then `work`, and again.")
     return Report(asdict(done), "\n".join(lines), 0 if done.good else FAULT)
 
 
+def _repair(arguments: argparse.Namespace) -> Report:
+    farm = on_demand.open_farm(arguments.directory)
+    done = on_demand.repair(farm, arguments.cause or on_demand.MACHINE)
+    on_demand.write_manifest(farm)
+    lines = [f"{name}: {why}" for name, why in done.taken_back.items()]
+    lines.append(f"{len(done.meshes)} meshes stored again, {len(done.taken_back)} drapes taken back into the plan.")
+    if done.taken_back:
+        lines.append(f"`clothsim farm work {farm.directory}` makes them again.")
+    if farm.plan_fault:
+        lines.append(f"{farm.plan_fault} {on_demand.REPLAN}")
+    return Report(asdict(done), "\n".join(lines), FAULT if farm.plan_fault else 0)
+
+
 def _pack(arguments: argparse.Namespace) -> Report:
+    refuse_replacing(_packed(arguments.output, arguments.sheet), arguments.overwrite)
     farm = on_demand.open_farm(arguments.directory)
     done = on_demand.pack(farm, arguments.output, as_count("--shard", arguments.shard))
     files = list(done.files)
@@ -197,6 +229,15 @@ def _pack(arguments: argparse.Namespace) -> Report:
     size = sum(file.stat().st_size for file in files)
     text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"
     return Report(content, text)
+
+
+def _packed(target: Path, sheet: bool) -> list[Path]:
+    """The files that a data set is known by."""
+    of_file = target.suffix in (".h5", ".hdf5")
+    beside = target.with_suffix("") if of_file else target / "data"
+    endings = (".jsonl", ".md", ".parquet", *((".png", ".html") if sheet else ()))
+    first = target if of_file else target / "shard-000000.tar"
+    return [first, *(beside.with_suffix(ending) for ending in endings)]
 
 
 @contextmanager
@@ -294,6 +335,7 @@ def _table(rows: list[dict[str, Any]]) -> str:
 
 
 def _learn(arguments: argparse.Namespace) -> Report:
+    refuse_output(arguments.output, arguments)
     made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, arguments.components)
     made.model.write(arguments.output)
     names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")

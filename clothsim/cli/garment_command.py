@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, render
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.text import length
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import Renamed, add_output_options, as_length, as_positive_number, as_range
+from clothsim.cli.arguments import Renamed, add_output_options, add_overwrite, as_length, as_positive_number, as_range
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def add_to(commands: Any) -> None:
     size.add_argument("--own-size", action="store_true", help="keep the size that it was cut in")
     size.add_argument("--resize", action="store_true", help="grade it along girths and lengths (the default)")
     size.add_argument("--grade", dest="resize", action=Renamed, now="--resize", nargs=0, const=True)
-    fit.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
+    add_overwrite(fit, "replace an earlier run in the directory")
     fit.add_argument("--no-picture", action="store_true", help="draw nothing")
     add_output_options(
         fit, json="print the summary as JSON, the rest on stderr", quiet="print the end only", handler=_fit
@@ -95,7 +96,7 @@ def add_to(commands: Any) -> None:
     dress.add_argument("--seams", type=Path, metavar="TOML", help="seams and placement of a .dxf (default NAME.toml)")
     dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
     dress.add_argument("--body-group", metavar="NAME", help="this group of the body's file (default: the largest)")
-    dress.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
+    add_overwrite(dress, "replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
     dress.add_argument("--movie", action="store_true", help="leave movie.mp4 of the sewing, movie.gif without ffmpeg")
     add_output_options(
@@ -119,6 +120,8 @@ def _fit(arguments: argparse.Namespace) -> Report:
         return None if file is None else engine.example_file(file)
 
     directory = arguments.output or Path(arguments.garment.stem)
+    if not arguments.no_picture:
+        refuse_replacing([directory / PICTURE_NAME], arguments.overwrite)
 
     message = messages(arguments, arguments.garment)
     with progress.shown(arguments.quiet) as listener:
@@ -227,6 +230,9 @@ def _body(path: Path | None) -> Path | None:
 
 def _dress(arguments: argparse.Namespace) -> Report:
     directory = arguments.output or Path(arguments.pattern.stem)
+    drawn = [] if arguments.no_picture else [*on_demand.DRESS_PICTURES]
+    drawn += [render.movie_file(directory)[0].name] if arguments.movie else []
+    refuse_replacing([directory / name for name in drawn], arguments.overwrite)
 
     message = messages(arguments, arguments.pattern)
     pattern = engine.example_file(arguments.pattern, "_specification.json")

@@ -14,11 +14,13 @@ from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     LOSSES,
     add_output_options,
+    add_overwrite,
     add_set,
     as_count,
     as_positive_number,
     loss_of,
     meshed,
+    refuse_output,
     scene_of,
     words,
 )
@@ -46,6 +48,7 @@ def add_to(commands: Any) -> None:
     )
     gradient.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the arrays (.npz)")
     add_set(gradient)
+    add_overwrite(gradient)
     add_output_options(gradient, json="print JSON, the rest on stderr", handler=_gradient)
     recover = commands.add_parser("recover", description=_RECOVER)
     recover.add_argument(
@@ -67,7 +70,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument("--starts", default="2", metavar="N", help="starts of the search (default 2)")
     recover.add_argument("--scale", default="1", metavar="FACTOR", help="metres per unit of the target")
     add_set(recover)
-    recover.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
+    add_overwrite(recover, "replace an earlier run in the output directory")
     add_output_options(
         recover, json="print recovery.json, the rest on stderr", quiet="print the end only", handler=_recover
     )
@@ -78,8 +81,10 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     if arguments.output is not None and arguments.output.suffix != ".npz":
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
     scene = scene_of(arguments)
+    if arguments.output is not None:
+        refuse_output(arguments.output, arguments, arguments.scene, arguments.loss.partition("=")[2])
     messages(arguments, arguments.scene)
-    loss = loss_of(arguments.loss, engine.build(scene).world)
+    loss = loss_of(arguments.loss, engine.build(scene, affordable=True).world)
     trace = gradients.traced(scene)
     gradient = trace.gradient(loss)
     derivatives = {name: gradient[name] for name in names}
@@ -135,9 +140,10 @@ def _recover(arguments: argparse.Namespace) -> Report:
         raise InputError(f"There is no {arguments.target}.", "Name a mesh, an .xyz file or a run with --target.")
     scene = scene_of(arguments, or_run=True)
     if arguments.output is not None:
-        engine.refuse_earlier_run(arguments.output, arguments.overwrite)
+        inputs = (arguments.scene, scene, arguments.target, arguments.pattern)
+        engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME,), inputs)
     messages(arguments, f"{', '.join(free)} of {arguments.scene}")
-    loss = gradients.named_loss("target", engine.build(scene).world, arguments.target, scale)
+    loss = gradients.named_loss("target", engine.build(scene, affordable=True).world, arguments.target, scale)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
     found = clothsim.recover(
         scene,

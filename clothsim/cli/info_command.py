@@ -12,7 +12,7 @@ from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text import text_table
 from clothsim.cli import COMMANDS, parser_of_all
-from clothsim.cli.arguments import add_output_options
+from clothsim.cli.arguments import add_output_options, add_overwrite, refuse_output
 from clothsim.cli.report import Report
 
 _SCENES = """\
@@ -58,6 +58,7 @@ def add_to(commands: Any) -> None:
     fabrics.add_argument(
         "--swatches", type=Path, metavar="PNG", help="a picture of a Cusick drape of each (or of NAME)"
     )
+    add_overwrite(fabrics)
     add_output_options(fabrics, json="as JSON in SI units: {name: {values, sources}}", handler=_fabrics)
     completion = commands.add_parser("completion", description=_COMPLETION)
     completion.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="the shell")
@@ -131,7 +132,7 @@ def _fabrics(arguments: argparse.Namespace) -> Report:
     if name is not None:
         engine.fabric_named("NAME", name)
     if file is not None:
-        return _swatches([name] if name is not None else list(engine.FABRICS), file)
+        return _swatches([name] if name is not None else list(engine.FABRICS), file, arguments)
     names = list(engine.FABRICS) if name is None else [name]
     document = {each: _document(each) for each in names}
     return Report(document, table(names) if name is None else sheet(name))
@@ -149,11 +150,10 @@ def _document(name: str) -> dict[str, Any]:
     }
 
 
-def _swatches(names: list[str], file: Path) -> Report:
+def _swatches(names: list[str], file: Path, arguments: argparse.Namespace) -> Report:
     if file.suffix.lower() != ".png":
         raise InputError(f"--swatches is {str(file)!r}.", "A picture ends in .png.")
-    if not file.parent.is_dir():
-        raise InputError(f"There is no directory {file.parent}.", "Make it first, or choose another.")
+    refuse_output(file, arguments)
     note = engine.draw_swatches(names, file)
     return Report({"file": str(file), "note": note}, f"{file}. {note}")
 

@@ -13,18 +13,22 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
     from clothsim.base.kernel_cache import cached_kernels
-    from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
+    from clothsim.base.record import RECORD_NAME, RUN_PICTURES, SUMMARY_NAME, read_summary, to_json
     from clothsim.garments.penetration import draw_penetrations, entries, read_penetration_report
-    from clothsim.garments.pictures import draw_dress, draw_fit, draw_sewing
+    from clothsim.garments.pictures import DRESS_PICTURES, draw_dress, draw_fit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
+    from clothsim.study.evaluation import FOLDER
     from clothsim.study.fabric_test import draw_drape, fabric_tested
     from clothsim.study.farm.claims import worker_of
     from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
+    from clothsim.study.farm.dask_work import LostWorkersError, work_with_dask
     from clothsim.study.farm.pack import pack
     from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe
-    from clothsim.study.farm.status import status, verdict_text, verify, write_manifest
-    from clothsim.study.farm.work import work, work_with_dask
+    from clothsim.study.farm.repair import MACHINE, repair
+    from clothsim.study.farm.status import status, verdict_text, write_manifest
+    from clothsim.study.farm.verification import REPLAN, verify
+    from clothsim.study.farm.work import work
     from clothsim.study.goal_report import NamedGoal, goal_lines
     from clothsim.study.learned_drapes import learn
     from clothsim.study.presets import with_preset

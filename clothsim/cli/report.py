@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from clothsim import __version__
+from clothsim.base.text import printable
 from clothsim.cli import on_demand
 
 
@@ -39,9 +40,9 @@ class Report:
         if arguments.json:
             print(on_demand.to_json(self.document), flush=True)
         if self.verdict:
-            print(self.text, file=side(arguments), flush=True)
+            print(printable(self.text), file=side(arguments), flush=True)
         elif not arguments.json and not getattr(arguments, "quiet", False):
-            print(self.text, flush=True)
+            print(printable(self.text), flush=True)
         return self.code
 
 
@@ -55,7 +56,7 @@ def messages(arguments: argparse.Namespace, subject: object = None) -> Callable[
 
     def message(line: str) -> None:
         if not getattr(arguments, "quiet", False):
-            print(line, file=side(arguments), flush=True)
+            print(printable(line), file=side(arguments), flush=True)
 
     if subject is not None:
         message(f"clothsim {__version__}: {arguments.command} {subject}")

@@ -18,7 +18,7 @@ from clothsim import engine, files
 from clothsim.base.errors import InputError
 from clothsim.base.text import length, many
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import add_output_options, add_set, as_count, as_length, as_positive_number
+from clothsim.cli.arguments import add_output_options, add_overwrite, add_set, as_count, as_length, as_positive_number
 from clothsim.cli.progress import clock, frame_counter
 from clothsim.cli.report import Report, messages, program
 
@@ -54,8 +54,8 @@ def add_to(commands: Any) -> None:
     run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with the error of this run")
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
-    run.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
-    run.add_argument("--force", action="store_true", help="run whatever it is expected to cost")
+    add_overwrite(run, "replace an earlier run in the output directory")
+    run.add_argument("--force", action="store_true", help="run whatever it costs, and from inside a body")
     run.add_argument("--view", action="store_true", help="show it in a browser while it runs (clothsim[view])")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", description=_RESUME)
@@ -111,18 +111,18 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = clothsim.load_scene(arguments.scene)
     if arguments.preset is not None:
         scene = _apply_preset(scene, arguments)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
+    scene = engine.override(scene, *arguments.set)
     if arguments.error is not None:
-        scene = engine.override(scene, f"solver.error={as_length('--error', arguments.error)!r}")
+        scene = engine.replace(scene, "solver.error", as_length("--error", arguments.error))
     if arguments.estimate:
-        scene = engine.override(scene, "solver.estimate=true")
+        scene = engine.replace(scene, "solver.estimate", True)
     if arguments.frames_per_second is not None:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})
     directory = arguments.output or Path(arguments.scene.stem)
-    _dumped_step(arguments)
-    engine.refuse_earlier_run(directory, arguments.overwrite)
+    step = _dumped_step(arguments)
+    pictures = (*on_demand.RUN_PICTURES, *(() if step is None else (ITERATES.format(step),)))
+    engine.refuse_earlier_run(directory, arguments.overwrite, pictures, (arguments.scene, scene))
     let_finish = engine.start_precompiling()
     with page_of(directory) if arguments.view else nullcontext():
         code = _execute(
@@ -208,7 +208,7 @@ def existing_files_note(directory: Path) -> str:
         return ""
     if any((directory / name).is_file() for name in (on_demand.RECORD_NAME, files.TRAJECTORY_NAME)):
         return f"{directory} holds an earlier run, which is replaced."
-    return f"{directory} holds other files. They stay; one named as a file of the run is replaced."
+    return f"{directory} holds other files, which stay."
 
 
 def resumption_note(directory: Path) -> str:
@@ -247,7 +247,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
         *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
         ("time", f"{end} in {steps}, {run.frames_per_second:g} frames a second"),
         ("solver", f"{kind}; Newton {newton}; {integrator.system.solver.name}, {threads}"),
-        *(("note", note) for note in session.notes),
+        *(("warning" if note in built.warnings else "note", note) for note in session.notes),
         *([("note", before)] if before else []),
     ]
     return "\n".join(_row(name, text) for name, text in rows)
@@ -301,7 +301,7 @@ def stopped(directory: Path) -> str:
     return "Stopped before the first step: there is nothing to resume."
 
 
-_ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
+_ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".webp", ".gif")
 
 
 def _row(name: str, text: str) -> str:

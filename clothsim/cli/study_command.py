@@ -11,8 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import clothsim
 from clothsim import engine
+from clothsim.base.file_writing import refuse_replacing
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import Renamed, add_output_options, add_set, as_count, as_seconds, loss_of, scene_of, words
+from clothsim.cli.arguments import (
+    Renamed,
+    add_output_options,
+    add_overwrite,
+    add_set,
+    as_count,
+    as_seconds,
+    loss_of,
+    scene_of,
+    words,
+)
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
 from clothsim.cli.report import Report, messages
 
@@ -21,6 +32,7 @@ if TYPE_CHECKING:
     from clothsim.study.evaluation import Progress
     from clothsim.study.goal_report import NamedGoal
 
+FILES = ("study.md", "study.json", "study.png", "goal.png")
 NO_ANSWER = 1
 """Exit code of a study whose budget, or end by SIGTERM, left runs out that its answer needs."""
 
@@ -46,6 +58,7 @@ def add_to(commands: Any) -> None:
     study.add_argument("--budget", default="120s", metavar="TIME", help="of the whole study: 90s, 10min (default 120s)")
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
     add_set(study)
+    add_overwrite(study)
     add_output_options(study, json="print study.json, the rest on stderr", quiet="print the end only", handler=_study)
 
 
@@ -56,6 +69,8 @@ def _study(arguments: argparse.Namespace) -> Report:
     scene = scene_of(arguments)
     goal = None if arguments.goal is None else _goal(arguments.goal, scene)
     directory = arguments.output or Path(f"{arguments.scene.stem}_study")
+    if not (directory / on_demand.FOLDER).is_dir():  # else a study that goes on
+        refuse_replacing([directory / name for name in FILES], arguments.overwrite, (arguments.scene,))
     messages(arguments, arguments.scene)
     with shown(arguments.quiet) as progress, terminated() as stopped:
         named: dict[str, Any] = {"name": arguments.scene.stem, **({} if goal is None else {"goal": goal})}
@@ -71,9 +86,7 @@ def _study(arguments: argparse.Namespace) -> Report:
     left = len(done.result["left_out"])
     if left:
         lines.append(f"{left} points exceeded the budget or are not valid: study.md names them.")
-    files = ", ".join(
-        name for name in ("study.md", "study.json", "study.png", "goal.png") if (directory / name).is_file()
-    )
+    files = ", ".join(name for name in FILES if (directory / name).is_file())
     document = on_demand.read_summary(done.directory / "study.json") if arguments.json else None
     code = NO_ANSWER if done.result["headline"]["status"] == on_demand.UNFINISHED else 0
     return Report(document, "\n".join([*lines, f"  files     {directory}: {files}"]), code, verdict=True)
@@ -81,7 +94,7 @@ def _study(arguments: argparse.Namespace) -> Report:
 
 def _goal(text: str, scene: "Scene") -> "NamedGoal":
     """The goal of --goal; InputError for one that is none, before anything runs."""
-    loss_of(text, engine.build(scene).world, "--goal")
+    loss_of(text, engine.build(scene, affordable=True).world, "--goal")
     return on_demand.NamedGoal(text, lambda world: loss_of(text, world, "--goal"))
 
 

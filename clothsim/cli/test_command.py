@@ -6,8 +6,9 @@ from typing import Any
 
 from clothsim import engine
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import make_directory, refuse_replacing, write_atomically
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import as_count, as_length
+from clothsim.cli.arguments import add_overwrite, as_count, as_length
 from clothsim.cli.report import Report, messages
 
 _DESCRIPTION = """\
@@ -20,6 +21,9 @@ spread over the specimens and with what is known of its error.
 """
 
 
+TEST_NAME, DRAPE_NAME = "test.json", "drape.png"
+
+
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     test = commands.add_parser("test", description=_DESCRIPTION)
@@ -30,6 +34,7 @@ def add_to(commands: Any) -> None:
     test.add_argument("--size", metavar="L", help="distance of the vertices of a drape (default 6mm)")
     test.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a key of [cloth] to replace")
     test.add_argument("-o", "--output", type=Path, metavar="DIR", help="leave test.json (and drape.png) there")
+    add_overwrite(test)
     test.add_argument("--quiet", action="store_true", help="print the end only")
     test.add_argument("--json", action="store_true", help="print test.json, the rest on stderr")
     test.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -41,16 +46,18 @@ def _test(arguments: argparse.Namespace) -> Report:
     lays = None if arguments.lays is None else as_count("--lays", arguments.lays)
     cloth = {"fabric": arguments.fabric, **dict(_assigned(text) for text in arguments.set)}
     size = {} if arguments.size is None else {"size": as_length("--size", arguments.size)}
+    if arguments.output is not None:
+        refuse_replacing([arguments.output / name for name in (TEST_NAME, DRAPE_NAME)], arguments.overwrite)
     tell = messages(arguments, f"{arguments.fabric} by {arguments.method}")
     done = on_demand.fabric_tested(cloth, arguments.method, lays, tell=tell, **size)
     lines = done.text()
     if arguments.output is not None:
-        arguments.output.mkdir(parents=True, exist_ok=True)
-        (arguments.output / "test.json").write_text(on_demand.to_json(done.document()), encoding="utf-8")
-        files = ["test.json"]
+        make_directory(arguments.output)
+        write_atomically(arguments.output / TEST_NAME, on_demand.to_json(done.document()).encode())
+        files = [TEST_NAME]
         if arguments.method == "cusick":
-            on_demand.draw_drape(done, arguments.output / "drape.png")
-            files.append("drape.png")
+            on_demand.draw_drape(done, arguments.output / DRAPE_NAME)
+            files.append(DRAPE_NAME)
         lines += f"\n  files     {arguments.output}: {', '.join(files)}"
     return Report(done.document(), lines, verdict=True)
 

@@ -9,7 +9,7 @@ import clothsim
 from clothsim import engine, files
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import add_output_options, as_frame
+from clothsim.cli.arguments import add_output_options, add_overwrite, as_frame, refuse_output
 from clothsim.cli.report import Report
 
 _UNPOSE = """\
@@ -30,6 +30,7 @@ def add_to(commands: Any) -> None:
     unpose.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`, with a body model")
     unpose.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="an .npz")
     unpose.add_argument("--field", action="store_true", help="weights of each canonical position itself")
+    add_overwrite(unpose)
     add_output_options(unpose, json="print frames, vertices and residuals as JSON", handler=_unpose)
     repose = commands.add_parser("repose", description=_REPOSE)
     repose.add_argument("file", type=Path, metavar="FILE", help="what `clothsim unpose` left")
@@ -38,12 +39,14 @@ def add_to(commands: Any) -> None:
     repose.add_argument("--cloth", metavar="NAME", help="which of several")
     repose.add_argument("--frame", default="last", metavar="N", help="0, 1, ... or last (default: last)")
     repose.add_argument("--time", default="0", metavar="S", help="of the scene's motion [s] (default: 0)")
+    add_overwrite(repose)
     add_output_options(repose, json="print vertices, those inside and depth as JSON", handler=_repose)
 
 
 def _unpose(arguments: argparse.Namespace) -> Report:
-    _ends_in(arguments.output, ".npz")
+    _refuse_ending(arguments.output, ".npz")
     directory = arguments.directory
+    refuse_output(arguments.output, arguments, directory / files.CHECKPOINT_NAME)
     if not (directory / files.CHECKPOINT_NAME).is_file():
         raise InputError(f"{directory} is no directory of a run (no {files.CHECKPOINT_NAME}).")
     run = clothsim.open_run(directory)
@@ -65,7 +68,8 @@ def _unpose(arguments: argparse.Namespace) -> Report:
 
 
 def _repose(arguments: argparse.Namespace) -> Report:
-    _ends_in(arguments.output, ".obj")
+    _refuse_ending(arguments.output, ".obj")
+    refuse_output(arguments.output, arguments, arguments.file, arguments.scene)
     made = on_demand.read_canonical(arguments.file)
     rows = made.rows_of(arguments.cloth)
     placed, _ = engine.character_of_scene(clothsim.load_scene(arguments.scene))
@@ -95,8 +99,6 @@ def _seconds(text: str) -> float:
     return seconds
 
 
-def _ends_in(path: Path, ending: str) -> None:
+def _refuse_ending(path: Path, ending: str) -> None:
     if path.suffix.lower() != ending:
         raise InputError(f"{path.name} does not end in {ending}.", "Give the file that ending.")
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"There is no directory {path.parent}.", "Make it first, or choose another with -o.")

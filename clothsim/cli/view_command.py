@@ -38,18 +38,30 @@ def add_to(commands: Any) -> None:
     view = commands.add_parser("view", description=_VIEW)
     view.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     view.add_argument("--field", metavar="NAME", help="plain, stretch, stress, compression, ... (default: stretch)")
-    view.add_argument("--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)")
-    view.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="0.0.0.0 opens it to the network")
+    _add_address(view)
     view.add_argument("--wait", action="store_true", help="wait for the first frame of a run that has just begun")
     view.add_argument("--browser", action="store_true", help="open the browser too")
     add_output_options(view, json="print the address as JSON", quiet="print nothing", handler=_view)
     shown = commands.add_parser("preview", description=_PREVIEW)
     shown.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm, or a scene file of the same")
     shown.add_argument("model", type=Path, metavar="MODEL", help="the output of `clothsim learn`")
-    shown.add_argument("--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)")
-    shown.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="0.0.0.0 opens it to the network")
+    _add_address(shown)
     shown.add_argument("--browser", action="store_true", help="open the browser too")
     add_output_options(shown, json="print the address as JSON", quiet="print nothing", handler=_preview)
+
+
+def _add_address(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)"
+    )
+    command.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="0.0.0.0 opens it to the network")
+    command.add_argument(
+        "--trust",
+        action="append",
+        default=[],
+        metavar="NAME:PORT",
+        help="another name by which a browser reaches it, such as localhost:9000 of a tunnel",
+    )
 
 
 LONGEST_WAIT, PAUSE = 600.0, 0.3
@@ -60,7 +72,7 @@ def _view(arguments: argparse.Namespace) -> int:
     port = as_count("--port", arguments.port)
     if arguments.wait:
         _await_frame(arguments.directory)
-    page = clothsim.view(arguments.directory, port=port, host=arguments.host, colour=arguments.field)
+    page = clothsim.view(arguments.directory, port, arguments.host, arguments.field, arguments.trust)
     return served(page, arguments, arguments.directory)
 
 
@@ -89,5 +101,5 @@ def _await_frame(directory: Path) -> None:
 def _preview(arguments: argparse.Namespace) -> int:
     port, given = as_count("--port", arguments.port), arguments.directory
     scene = clothsim.load_scene(given) if given.suffix == ".toml" else on_demand.open_farm(given).scene
-    page = on_demand.preview(scene, arguments.model, port=port, host=arguments.host)
+    page = on_demand.preview(scene, arguments.model, port, arguments.host, arguments.trust)
     return served(page, arguments, arguments.model)

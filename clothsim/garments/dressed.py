@@ -253,7 +253,7 @@ def dress(
     """
     started = perf_counter()
     chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
-    directory = _directory(output, overwrite, (pattern, on, made_for))
+    directory = _directory(output, overwrite, (pattern, on, made_for, seams))
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
     read = pattern if isinstance(pattern, Pattern) else read_pattern(pattern, rotation_order, seams)

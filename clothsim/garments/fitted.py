@@ -1,7 +1,6 @@
 """Fit of a garment to another body: transfer, repair and drape."""
 
 import tempfile
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -202,7 +201,7 @@ def fit(
     refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
-    refuse_earlier_run(directory, overwrite, (FITTED_NAME, REST, START, BODY, *CLOSING), (garment, to, made_for))
+    refuse_earlier_run(directory, overwrite, LEFT, (garment, to, made_for, markers))
     named = fabric or (garment.fabric if isinstance(garment, Cloth) else Cloth.fabric)
     fabric_named("fabric", named)
     base = to if made_for is None else made_for
@@ -230,7 +229,7 @@ def fit(
     for body in (target,) if source is target else (target, source):
         refuse_lying(body)
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
-    _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
+    _make_directory(directory)
     task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress, announce)
     return _finish_fit(task, run_fit(task), started)
 
@@ -332,12 +331,8 @@ def _refuse_a_body(worn: Garment, *bodies: BodyMesh) -> None:
             )
 
 
-def _make_directory(directory: Path, sources: Sequence[Path]) -> None:
-    """An output directory without files of an earlier fit. InputError where one of them is among `sources`."""
-    folder = directory.resolve()
-    for source in sources:
-        if source.resolve().parent == folder and source.name in LEFT:
-            raise InputError(f"{source} would be replaced by the fit's own {source.name}.", "Choose another directory.")
+def _make_directory(directory: Path) -> None:
+    """An output directory without files of an earlier fit."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
         for name in LEFT:

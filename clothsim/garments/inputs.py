@@ -260,7 +260,7 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, BodyMesh]:
     """
     file = Path(path)
     scene = load_scene(file)
-    built = build(scene)
+    built = build(scene, affordable=True)
     if not built.world.bodies:
         raise InputError(f"{file} has no body.", "A scene to fit from holds the garment and the body that it lies on.")
     cloth, body = built.world.cloths[0], built.world.bodies[0]

@@ -137,7 +137,7 @@ def seam_strokes(state: SewingState, positions: Floats) -> Floats:
 
 
 SIZE = (640, 960)
-PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"
+DRESS_PICTURES = PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"
 VIEWS = (("front", (0.3, 0.12, 1.0)), ("back", (0.3, 0.12, -1.0)))
 """View directions along x, up, and the direction that the body faces."""
 ABOVE = 0.25
@@ -200,7 +200,7 @@ RATE = 10.0
 
 
 def draw_sewing(done: "Dress", target: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> str:
-    """Write an .mp4 or .gif of the closing and the drape; returns the line that names the renderer.
+    """Write an .mp4, .webp or .gif of the closing and the drape; returns the line that names the renderer.
 
     InputError for another ending; MissingPackageError for an .mp4 without the extra `movies`.
     """

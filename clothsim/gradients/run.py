@@ -152,7 +152,8 @@ def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: i
     polish : int
         As of `simulate_differentiably`.
     """
-    session = prepare(scene, build(scene))
+    scene.refuse_without_cloth("a gradient")
+    session = prepare(scene, build(scene, affordable=True))
     session = differentiable_session(with_stiffness(session, stiffness) if stiffness else session, polish)
     return Trace(session, tuple(forward(session)))
 
@@ -184,7 +185,7 @@ def simulate_differentiably(
         Where the run fails.
     """
     started = perf_counter()
-    session = differentiable_session(prepare(scene, build(scene)), polish)
+    session = differentiable_session(prepare(scene, build(scene, affordable=True)), polish)
     for note in session.notes:
         if message is not None and "held at" in note:
             message(note)

@@ -62,7 +62,7 @@ class StateAtRest:
         InputError
             For another scene.
         """
-        built = build(scene)
+        built = build(scene, affordable=True)
         cls.refuse_history(built)
         session, world, end = prepare(scene, built), built.world, scene.run_settings.duration
         integrator = session.integrator

@@ -1,6 +1,7 @@
 """Pattern files: `specification.json` of GarmentCode, Garment-Pattern-Generator, SewFormer and NeuralTailor."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -280,8 +281,7 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Table of a JSON object; ValueError for a key that is given twice, of which one would be lost."""
     table = dict(pairs)
     if len(table) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for number, key in enumerate(keys) if key in keys[:number])
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
         raise ValueError(f"the key {twice!r} is given twice")
     return table
 

@@ -16,12 +16,12 @@ from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 from clothsim.geometry.intersection.crossings import Crossing
 from clothsim.mesh.checks import Finding, Role, Severity, examine
 from clothsim.mesh.world import world_surfaces
-from clothsim.run.cost import expected_cost
 from clothsim.run.intersections import SURFACES_OF_KIND, IntersectionCheck, intersection_check_of, intersection_warnings
 from clothsim.run.results import Run, open_run
 from clothsim.scene.assembly.model_body import character_of_scene
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cloth_arrays import Body, Cloth
+from clothsim.scene.cost import expected_cost
 from clothsim.scene.mesh_objects import surface_of
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.scene.toml_file import load_scene
@@ -227,7 +227,7 @@ def motion_findings(scene: Scene) -> Iterator[Finding | str]:
 
 
 def _examine_scene(scene: Scene, subject: str) -> Examination:
-    """The errors of building it, one a line; else what intersects at the start.
+    """The errors of building it, one a line; else what holds the cloth, what looks wrong and intersects at the start.
 
     One that is too large to be run is not built.
     """
@@ -248,7 +248,8 @@ def _examine_scene(scene: Scene, subject: str) -> Examination:
     test = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
     start = [("at the start", test.crossings(world.start(), world.origin))]
     found, others = _intersections(test, start, "at the start", of_run=False)
-    return Examination(subject, (*notes, *others), _sort_findings([*found, *costly]))
+    doubts = [Finding("warning", "start", sentence, "", NO_INDICES) for sentence in built.warnings]
+    return Examination(subject, (*notes, *others), _sort_findings([*found, *doubts, *costly]))
 
 
 def _refusals(error: InputError) -> tuple[Finding, ...]:
@@ -332,7 +333,7 @@ def _intersections(
     allowed = sorted({kind for kind in kinds if kind in ALLOWED})
     others = f", but for {' and '.join(ALLOWED[kind] for kind in allowed)}" if allowed else ""
     notes = [] if test.bodies else ["no body, so nothing for cloth to intersect but itself"]
-    absent = {"cloth_body": test.bodies, "cloth_cloth": True, "rigid": test.rigid}
+    absent = {"cloth_body": test.bodies and test.cloths, "cloth_cloth": test.cloths, "rigid": test.rigid}
     for kind, looked_for in absent.items():
         if looked_for and kind not in kinds:
             notes.append(f"{SURFACES_OF_KIND[kind]} do not intersect {anywhere}{others}")

@@ -14,7 +14,13 @@ from clothsim import (
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.process_memory import peak_memory
-from clothsim.base.record import GIF_NAME, MOVIE_NAME, SUMMARY_NAME, write_summary
+from clothsim.base.record import (
+    FAILURE_NAME,
+    PICTURE_NAME,
+    RUN_PICTURES,
+    SUMMARY_NAME,
+    write_summary,
+)
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World, world_surfaces
@@ -32,7 +38,7 @@ def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     positions = trajectory.positions(frame)
     cloths = [surface for surface in trajectory.surfaces if surface.role == "cloth"]
     ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
-    stretches = np.split(_stretches(trajectory, frame), ends[:-1])
+    stretches = np.split(_stretches(trajectory, frame), ends)[: len(cloths)]
     first = trajectory.positions(0)
     made = [
         Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part, material=first[cloth.rows])
@@ -154,8 +160,6 @@ def _add_strokes(run: "Run") -> Drawing:
     return surfaces
 
 
-PICTURE_NAME, FAILURE_NAME = "picture.png", "failure.png"
-
 PICTURE_SETTINGS = ("size", "colour", "up", "view", "renderer", "smooth", "style", "limits")
 """Settings of a picture: keywords of `render.picture.draw` without its title, which is the time."""
 MOVIE_SETTINGS = ("frames_per_second", "samples", "follow")
@@ -170,7 +174,7 @@ def draw_run(
     progress: Callable[[int, int], None] = lambda done, total: None,
     **settings: Any,
 ) -> str:
-    """Write a picture of a frame (.png), or a movie of all (.mp4, .gif); returns the line that names the renderer.
+    """Write a picture of a frame (.png) or a movie of all (.mp4, .webp, .gif); return the line that names the renderer.
 
     field: what colours the cloths; progress: of a movie; settings: PICTURE_SETTINGS, MOVIE_SETTINGS, dots_per_inch; the
     axis against gravity is that of the scene where none is given.
@@ -197,7 +201,7 @@ def draw_pictures(
     with them.
     """
     directory, trouble = run.directory, list[str]()
-    for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
+    for name in RUN_PICTURES:
         (directory / name).unlink(missing_ok=True)
     failure = run.summary.get("failure") or {}
     jobs: list[tuple[str, Callable[[], Any]]] = []

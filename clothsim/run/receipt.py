@@ -83,7 +83,7 @@ def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
     taken, reason = 0, ""
     report: StepReport | None = None
     for count in (1, steps):
-        session = prepare(scene, build(scene))
+        session = prepare(scene, build(scene, affordable=True))
         state = first_state(session.built.world, session.integrator.dt)
         frequency = scene.run_settings.frames_per_second
         for taken, report in enumerate(run_steps(session.integrator, state, duration, frequency), start=1):
@@ -152,7 +152,7 @@ def absent_effects(scene: Scene, steps: int = 5, budget: float = 60.0) -> Absent
     All take turns in at most ROUNDS rounds, until `budget` [s] is spent; a measurement that has begun is completed.
     """
     ends = perf_counter() + budget
-    base = prepare(scene, build(scene))
+    base = prepare(scene, build(scene, affordable=True))
     _seconds_a_step(base, 1)  # loads and compiles
     added: dict[str, Added] = {}
     sessions: dict[str, Session] = {}

@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 
 from clothsim.base.errors import InputError
-from clothsim.base.file_writing import make_directory
+from clothsim.base.file_writing import make_directory, refuse_replacing
 from clothsim.base.inputs import refuse_uncallable
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
@@ -21,9 +21,13 @@ from clothsim.run.recorded_run import Announcement, Listener, StepListener, reco
 from clothsim.run.results import Run
 from clothsim.run.session import check_displacement_per_step, prepare
 from clothsim.scene.assembly.scene_world import build
+from clothsim.scene.cost import expected_cost
+from clothsim.scene.named_files import named_files
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.solve.stepping.state import State, first_state
 
+MORE_VERTICES = 2
+"""Times as many vertices as a checkpoint has, beyond which a scene that is estimated so is another one."""
 RUN_FILES = (TRAJECTORY_NAME, RECORD_NAME, SUMMARY_NAME, CHECKPOINT_NAME)
 
 
@@ -56,14 +60,16 @@ def refuse_earlier_run(
 ) -> None:
     """InputError where a command would replace an earlier run, or a file that no run wrote, without `overwrite`.
 
-    names: the files that the command writes besides those of a run; inputs: what it reads, of which those that are
-    files are never replaced.
+    names: the files that the command writes besides those of a run; inputs: what it reads: files, the directories of
+    runs, and scenes with the files that they name, none of which is ever replaced.
     """
-    written = (*RUN_FILES, *names)
-    places = {(directory / name).resolve() for name in written}
-    for given in inputs:
-        if isinstance(given, str | Path) and Path(given).resolve() in places:
-            raise InputError(f"{given} is read, and would be replaced by the output.", "Choose another directory: -o.")
+    if not os.path.isdir(directory):
+        return
+    files = [directory / name for name in (*RUN_FILES, *names)]
+    read = [file for given in inputs for file in (_files_of(given) if isinstance(given, Scene) else (given,))]
+    refuse_replacing(files, True, read)
+    if any(isinstance(file, str | Path) and Path(file).resolve() == directory.resolve() for file in read):
+        raise InputError(f"{directory} is read, and would be replaced by the output.", "Choose another with -o.")
     if overwrite:
         return
     unfinished = os.path.isfile(directory / CHECKPOINT_NAME) and not os.path.isfile(directory / SUMMARY_NAME)
@@ -76,9 +82,12 @@ def refuse_earlier_run(
             f"{directory} holds a run that was stopped before its end.",
             f"Continue it with `clothsim resume {directory}`, or replace it: --overwrite.",
         )
-    for file in (directory / name for name in names):
-        if os.path.lexists(file):
-            raise InputError(f"{file} exists.", "Choose another directory with -o, or replace it: --overwrite.")
+    refuse_replacing(files, overwrite)
+
+
+def _files_of(scene: Scene) -> list[Path]:
+    """The files that a scene names; none of one that was made with functions of Python."""
+    return [scene.directory / name for name in named_files(scene)]
 
 
 def _remove(file: Path) -> None:
@@ -163,6 +172,8 @@ def _continued(
     started = perf_counter()
     saved = read_checkpoint(folder / CHECKPOINT_NAME)
     scene = scene_from_text(saved.scene_text, folder)
+    if expected_cost(scene).vertices > MORE_VERTICES * len(saved.state.positions):  # not built to find that out
+        raise InputError(f"{folder} has another mesh than its checkpoint.", "Repeat the run from its scene.")
     session, log = watched(prepare(scene, build(scene)), dump_iterates, saved.state.step)
     if len(saved.state.positions) != session.built.world.n_vertices:
         raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")

@@ -120,7 +120,7 @@ PRICE = "repeatable: the same bits at every number of threads; a factorisation t
 
 @dataclass(frozen=True)
 class Session:
-    """Scene prepared for stepping; notes: defaults used, and remarks on the meshes."""
+    """Scene prepared for stepping; notes: warnings of its start, defaults used, and remarks on the meshes."""
 
     scene: Scene
     built: Built
@@ -140,7 +140,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
     remarks = [*_setting_notes(scene, integrator), slow, finer, reproducible, _endless(scene, built)]
-    notes = (*built.notes, *filter(None, remarks))
+    notes = (*built.warnings, *built.notes, *filter(None, remarks))
     return Session(scene, built, integrator, notes)
 
 

@@ -122,8 +122,8 @@ def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
 
 def named_keys(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
     """Each key of a scene that names files: a name for its owner, its table, the key."""
-    for section in ("cloth", "body"):
-        tables = data[section]
+    for section in ("cloth", "body", "rigid"):
+        tables = data.get(section, [])
         for k, table in enumerate([tables] if isinstance(tables, dict) else tables):
             if isinstance(table.get("mesh"), str) and table["mesh"] not in GENERATOR_KEYS:  # else in the text
                 yield f"{section}{k}", table, "mesh"

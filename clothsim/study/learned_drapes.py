@@ -13,8 +13,9 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.engine import DrapeModel
 from clothsim.study.farm.plan import Farm
-from clothsim.study.farm.publication import CLOTH, mesh_file
+from clothsim.study.farm.reading import positions_of, read_mesh
 from clothsim.study.farm.status import manifest
+from clothsim.study.farm.verification import demand_verified
 from transfer.subspace import metric_components, nearest, ridge
 
 LEAST = 8
@@ -61,18 +62,19 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
     Raises
     ------
     InputError
-        For a farm of animated runs, without varied numbers, or with too few drapes.
+        For a farm of animated runs, without varied numbers, with too few drapes, or that is not what was verified.
     """
     if not 0 <= held_out <= 0.9:
         raise InputError(f"The fraction held out is {held_out:g}.", "Give a number from 0 to .9, such as .25.")
     if components < 1:
         raise InputError(f"{components} components were asked for.", "Give a whole number from 1.")
     inputs = _inputs(farm)
+    demand_verified(farm)
     rows, areas, left_out = _alike(farm)
     training = len(rows) - round(held_out * len(rows))
     if training < LEAST:
         raise InputError(f"{training} drapes are too few to learn from.", f"Make at least {LEAST} usable drapes.")
-    drapes = np.array([np.load(farm.folder(row["id"]) / CLOTH) for row in rows], np.float64)
+    drapes = np.array([positions_of(farm.directory, row["id"]) for row in rows], np.float64)
     flat = drapes.reshape(len(rows), -1)
     values = np.array([[float(row["parameters"][key]) for key in inputs] for row in rows])
     space = metric_components(flat[:training], components, diags_array(np.repeat(areas, 3)))
@@ -120,8 +122,8 @@ def _meshes(farm: Farm, row: dict[str, Any]) -> tuple[NDArray[np.int32], Floats]
     """Triangles of all cloths of a drape one after the other, and the areas of their vertices at rest [m^2]."""
     triangles, areas, first = [], [], 0
     for digest in row["meshes"]["cloth"].values():
-        with np.load(mesh_file(farm.directory, digest)) as arrays:
-            faces, rest = arrays["triangles"], arrays["start"].astype(np.float64)
+        arrays = read_mesh(farm.directory, digest)
+        faces, rest = arrays["triangles"], arrays["start"].astype(np.float64)
         a, b, c = rest[faces].transpose(1, 0, 2)
         of_faces = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
         areas.append(np.bincount(faces.ravel(), np.repeat(of_faces, 3), len(rest)))

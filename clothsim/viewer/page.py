@@ -3,6 +3,7 @@
 import io
 import threading
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -16,6 +17,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import Colouring
 from clothsim.render import BODY_GREY, vertex_normals
+from clothsim.viewer.gate import Gate
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
 from clothsim.viewer.side_texts import certificate_text, legend_html, solver_text, speeds, state_text, vertex_text
 
@@ -40,6 +42,8 @@ class Page(Served):
         The run; read again while it is still going.
     server : viser.ViserServer
         Server of the page.
+    gate : Gate
+        Who may read it.
     colouring : Colouring
         What colours the cloth.
     frame : int
@@ -50,6 +54,7 @@ class Page(Served):
 
     run: Run
     server: "viser.ViserServer"
+    gate: Gate
     colouring: Colouring
     frame: int = 0
     picked: int | None = None
@@ -300,7 +305,13 @@ def add_controls(page: Page, names: list[str]) -> None:
     controls["opacity"].on_update(lambda _: page.fade(controls["opacity"].value))
 
 
-def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: str | None = None) -> Page:
+def view(
+    run: Run | str | Path,
+    port: int = PORT,
+    host: str = LOOPBACK,
+    colour: str | None = None,
+    trusted: Sequence[str] = (),
+) -> Page:
     """Serve the page of a run, also of one that is still going: turn, scrub, play, colour by a field, pick a vertex.
 
     Parameters
@@ -313,11 +324,13 @@ def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: 
         Address on which it is served; another than the loopback address opens it to the network.
     colour : str, optional
         Quantity that colours the cloth; by default the stretch where the run kept it.
+    trusted : sequence of str
+        Further names by which browsers reach it, such as "localhost:9000" of a tunnel.
 
     Returns
     -------
     Page
-        Its `url`; `close()` ends it. A notebook shows it in its cell.
+        Its `url`, which has a token: who has it can read the run. `close()` ends it. A notebook shows it in its cell.
 
     Raises
     ------
@@ -329,7 +342,7 @@ def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: 
     >>> import clothsim
     >>> page = clothsim.view("drape", port=8080)  # doctest: +SKIP
     >>> page.url  # doctest: +SKIP
-    'http://127.0.0.1:8080'
+    'http://127.0.0.1:8080/5xvN5ZBCpRkTh4iBvLqP6g/'
     """
     viser = require_viser()
     run = run if isinstance(run, Run) else open_run(run)
@@ -339,7 +352,8 @@ def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: 
     first = colour or ("stretch" if "stretch" in names else "plain")
     if first not in names:
         raise InputError(f"This run has no {first!r} to show.", f"It has {', '.join(names)}.")
-    page = Page(run, serve(viser, host, port), Colouring.of_run(run, first))
+    gate = Gate(host, trusted)
+    page = Page(run, serve(viser, gate, port), gate, Colouring.of_run(run, first))
     add_scene(page)
     add_controls(page, names)
     page.show(0)

@@ -2,6 +2,7 @@
 
 import tempfile
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -13,6 +14,7 @@ from clothsim import Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.engine import Prediction, Predictor
+from clothsim.viewer.gate import Gate
 from clothsim.viewer.page import add_background, add_body, look_at
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
 from clothsim.viewer.side_texts import state_text
@@ -34,6 +36,7 @@ class Preview(Served):
     ----------
     predictor : Predictor
     server : viser.ViserServer
+    gate : Gate
     inputs : (p,) ndarray
         Values that are shown.
     shown : Prediction or None
@@ -41,6 +44,7 @@ class Preview(Served):
 
     predictor: Predictor
     server: "viser.ViserServer"
+    gate: Gate
     inputs: Floats
     shown: Prediction | None = None
     nodes: dict[str, Any] = field(default_factory=dict)
@@ -99,7 +103,9 @@ class Preview(Served):
             begin += count
 
 
-def preview(scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPBACK) -> Preview:
+def preview(
+    scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPBACK, trusted: Sequence[str] = ()
+) -> Preview:
     """Serve the page of a model of drapes: its inputs as sliders, the predicted garment, and the exact verdict.
 
     Parameters
@@ -112,6 +118,8 @@ def preview(scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPB
         Port, or the next one that is free.
     host : str
         Address on which it is served; another than the loopback address opens it to the network.
+    trusted : sequence of str
+        Further names by which browsers reach it, such as "localhost:9000" of a tunnel.
 
     Returns
     -------
@@ -127,7 +135,8 @@ def preview(scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPB
     made = Predictor.of_model(scene, model)
     middle = 0.5 * (made.model.low + made.model.high)
     first = made.predicted(middle)
-    page = Preview(made, serve(viser, host, port), middle)
+    gate = Gate(host, trusted)
+    page = Preview(made, serve(viser, gate, port), gate, middle)
     _add_scene(page, first)
     _add_controls(page)
     page.show([each.value for each in page.controls["sliders"]])

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
+from clothsim.viewer.gate import Gate, bracketed, guarded
 
 if TYPE_CHECKING:
     import viser
@@ -32,15 +33,18 @@ class Served:
     ----------
     server : viser.ViserServer
         Server of the page.
+    gate : Gate
+        Who may read it.
     """
 
     server: "viser.ViserServer"
+    gate: Gate
     _closed: threading.Event
 
     @property
     def url(self) -> str:
-        """Address of the page."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        """Address of the page, with its token."""
+        return f"http://{bracketed(self.server.get_host())}:{self.server.get_port()}/{self.gate.token}/"
 
     def _repr_html_(self) -> str:
         """The page within a notebook."""
@@ -75,20 +79,25 @@ def require_viser() -> Any:
     return viser
 
 
-def serve(viser: Any, host: str, port: int) -> Any:
-    """A server of viser, which prints nothing of itself.
+def serve(viser: Any, gate: Gate, port: int) -> Any:
+    """A server of viser behind a gate, which prints nothing of itself.
 
     Raises
     ------
     InputError
-        For what is no port, or no address of this machine: viser would try port after port.
+        For what is no port, or no address of this machine: viser would try port after port. For a version of viser that
+        passes by the gate.
     """
     if not 0 < port < 2**16:
         raise InputError(f"There is no port {port}.", f"Give a number from 1 to {2**16 - 1:,}.")
     try:
-        socket.create_server((host, 0), family=socket.getaddrinfo(host, 0)[0][0]).close()
+        socket.create_server((gate.host, 0), family=socket.getaddrinfo(gate.host, 0)[0][0]).close()
     except (OSError, UnicodeError) as error:
         remedy = f"Give {LOOPBACK}, or 0.0.0.0 to open it to the network."
-        raise InputError(f"No page can be served at {host!r} ({error}).", remedy) from error
-    with silent():
-        return viser.ViserServer(host=host, port=port, label=LABEL, verbose=False)
+        raise InputError(f"No page can be served at {gate.host!r} ({error}).", remedy) from error
+    with silent(), guarded(gate) as begun:
+        server = viser.ViserServer(host=gate.host, port=port, label=LABEL, verbose=False)
+        if not begun:
+            server.stop()
+            raise InputError(f"Pages of viser {viser.__version__} cannot be guarded.", "pip install 'viser==1.1.1'")
+    return server

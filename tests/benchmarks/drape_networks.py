@@ -25,7 +25,8 @@ from clothsim.base.file_writing import write_atomically
 from clothsim.garments.penetration import counted
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.study.farm.plan import Farm, open_farm
-from clothsim.study.farm.publication import CLOTH, processor
+from clothsim.study.farm.publication import processor
+from clothsim.study.farm.reading import CLOTH
 from clothsim.study.farm.status import manifest
 from transfer.canonical import PosedBody, kernel_average
 from transfer.drape_autoencoder import DrapeAutoencoder, Training, distance_grid, trained_autoencoder

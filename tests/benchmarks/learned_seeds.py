@@ -33,7 +33,8 @@ from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
 from clothsim.study.farm.drape import drape
 from clothsim.study.farm.plan import Farm, Job, open_farm
-from clothsim.study.farm.publication import CLOTH, processor
+from clothsim.study.farm.publication import processor
+from clothsim.study.farm.reading import CLOTH
 from clothsim.study.farm.status import manifest
 from clothsim.study.learned_drapes import Learned, learn
 from transfer.garment import transfer_garment

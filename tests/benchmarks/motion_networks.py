@@ -25,7 +25,8 @@ from clothsim.base.file_writing import write_atomically
 from clothsim.garments.unpose import character_of_scene, skinning
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.study.farm.plan import Farm, open_farm
-from clothsim.study.farm.publication import CLOTH, processor
+from clothsim.study.farm.publication import processor
+from clothsim.study.farm.reading import CLOTH
 from clothsim.study.farm.status import manifest
 from tests.benchmarks.drape_networks import flat_metric
 from transfer.canonical import kernel_average

@@ -98,3 +98,18 @@ def test_an_empty_word_after_an_option_is_refused(words, tmp_path, monkeypatch, 
     assert main(words) == 2
     assert "is empty" in capsys.readouterr().err
     assert not list(here.iterdir())
+
+
+@pytest.mark.parametrize("command", ["check", "run", "explain", "export", "farm plan", "view", "study"])
+def test_a_name_that_is_too_long_is_bad_input(command, capsys):
+    """It ended as a fault of clothsim: OSError, File name too long."""
+    words = [*command.split(), f"{'a' * 300}.toml", *(["-o", "out.glb"] if command in ("export", "farm plan") else [])]
+    refused(capsys, *words)
+
+
+def test_control_characters_of_a_name_are_spelled_out(tmp_path, capsys):
+    (tmp_path / "red\x1b[31m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    main(["check", "red\x1b[31m.obj"])
+    out = capsys.readouterr().out
+    assert r"red\x1b[31m.obj" in out
+    assert "\x1b" not in out

@@ -11,6 +11,7 @@ from clothsim.files.characters import gltf_file
 from clothsim.files.characters.gltf_file import node_order, read_gltf
 from clothsim.files.characters.motion_files import read_amass, read_bvh
 from clothsim.files.patterns.dxf.drawing import read_drawing
+from clothsim.patterns.specification import read_specification
 
 MB = 1 << 20
 JOINT = "HIERARCHY\nROOT a\n{{\nOFFSET 0 0 0\n{channels}\n}}\nMOTION\nFrames: {frames}\nFrame Time: 1\n"
@@ -69,6 +70,31 @@ def test_a_chain_of_50000_nodes(tmp_path):
     assert order == list(range(9_000))
     assert parents.tolist() == [-1, *range(8_999)]
     assert len(gltf_file.node_names(read_gltf(file), order[:500])) == 500
+
+
+def test_the_nodes_of_a_file_are_looked_through_once(tmp_path):
+    file = tmp_path / "chain.gltf"
+    file.write_text(json.dumps(chain(100)))
+    read = read_gltf(file)
+    assert read.table("nodes") is read.table("nodes")
+    assert read.table("skins") == []
+
+
+def test_accessors_without_bytes_are_counted_together(tmp_path):
+    accessor = {"componentType": 5126, "count": 10_000_000, "type": "VEC3"}
+    file = tmp_path / "zeros.gltf"
+    file.write_text(json.dumps({"asset": {"version": "2.0"}, "accessors": [accessor] * 3}))
+    read = read_gltf(file)
+    read.budget.spend("values", 60_000_000)
+    assert refused(lambda: read.array(0, 3), "zeros.gltf") < MB
+
+
+def test_a_key_that_is_given_twice_behind_many(tmp_path):
+    """It was looked for in all keys before each: 10^10 comparisons."""
+    file = tmp_path / "twice.json"
+    file.write_text("{" + ",".join(f'"{k}":0' for k in (*range(200_000), 199_999)) + "}")
+    with pytest.raises(InputError, match="199999"):
+        read_specification(file)
 
 
 def drawing(tmp_path, draw):

@@ -123,7 +123,7 @@ def test_a_cube_at_rest_on_the_floor_stays_and_its_weight_is_carried(tmp_path):
 @pytest.mark.parametrize(("rate", "said"), [(400.0, False), (700.0, True)])
 def test_a_body_that_will_lose_spin_is_named_with_a_shorter_step(rate, said):
     built = build(rigid_scene({"name": "top", "mesh": "slab", "spin_degrees_per_second": [0, 0, rate]}))
-    notes = [note for note in built.notes if "solver.dt" in note]
+    notes = [note for note in built.warnings if "solver.dt" in note]
     assert len(notes) == said
     assert all("top" in note and "7 degrees" in note and "0.004" in note for note in notes)
 

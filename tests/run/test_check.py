@@ -88,11 +88,12 @@ CONTACT = "[effects.body_contact]\n"
     [
         (CROSSED, ["warning"]),
         (CROSSED + CONTACT, ["error"]),
-        (CROSSED.replace("0.2]", "0.31]") + CONTACT, []),
+        (CROSSED.replace("0.2]", "0.34]") + CONTACT, []),
+        (CROSSED.replace("0.2]", "0.31]") + CONTACT, ["warning"]),  # within d_hat
         (CROSSED.replace("[3, 3]", "[9000, 9000]"), ["error"]),
         (CROSSED.replace("[run]", "[runn]"), ["error"]),
     ],
-    ids=["without contact", "with contact", "sound", "costly", "unknown key"],
+    ids=["without contact", "with contact", "sound", "close", "costly", "unknown key"],
 )
 def test_both_doors_give_one_answer_for_a_scene(text, severities, tmp_path, capsys):
     file = tmp_path / "scene.toml"

@@ -46,3 +46,14 @@ def test_an_archive_takes_them_along(tmp_path):
     refuse_outside(text)
     with pytest.raises(InputError, match="outside"):
         refuse_outside(text.replace("meshes/effect", "../effect"))
+
+
+def test_the_mesh_of_a_rigid_body_is_one_of_them(tmp_path):
+    """It was left out of archives, and one in an archive might lie anywhere."""
+    (tmp_path / "block.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    block = {"name": "block", "mesh": "block.obj", "density": 500}
+    scene = Scene(cloth=SHEET, rigid=block, effects={"inertia": {}}, directory=tmp_path)
+    text, files = relocated(scene)
+    assert list(files.values()) == [tmp_path / "block.obj"]
+    with pytest.raises(InputError, match="outside"):
+        refuse_outside(text.replace("meshes/rigid0", "../rigid0"))

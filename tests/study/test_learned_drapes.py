@@ -13,6 +13,7 @@ from clothsim.scene.assembly.scene_world import world_of
 from clothsim.study.farm.drape import drape
 from clothsim.study.farm.plan import plan
 from clothsim.study.farm.recipe import changed, make_recipe
+from clothsim.study.farm.verification import verify
 from clothsim.study.farm.work import work
 from clothsim.study.learned_drapes import learn
 
@@ -24,6 +25,7 @@ def farm(tmp_path_factory):
     vary = {"body.radius": {"uniform": [0.29, 0.32]}, "cloth.density": {"uniform": [0.1, 0.3]}}
     made = plan(make_recipe(scene, {"count": 12, "until": "time"}, {}, vary), tmp_path_factory.mktemp("farm"))
     work(made, pause=0.01)
+    verify(made, fraction=0)
     return made
 
 

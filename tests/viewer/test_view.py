@@ -15,6 +15,7 @@ from clothsim.base.errors import InputError
 from clothsim.run.frames import PLAIN, STRETCH, Colouring
 from clothsim.run.results import open_run
 from clothsim.viewer import page as view_module
+from clothsim.viewer.gate import Gate
 from clothsim.viewer.page import as_glb, picked_vertex
 from clothsim.viewer.side_texts import legend_html, solver_text, speeds
 
@@ -156,7 +157,7 @@ def test_what_the_run_does_not_have_is_refused(run, colour):
 )
 def test_an_address_that_cannot_be_served_is_refused(run, host, port):
     with pytest.raises(InputError, match="port" if host == "127.0.0.1" else host):
-        view_module.serve(None, host, port)
+        view_module.serve(None, Gate(host), port)
 
 
 def test_without_viser_the_remedy_is_named(run, monkeypatch):

@@ -54,11 +54,13 @@ def _character(file: GltfFile, shape: dict[str, float], group: str | None) -> Ch
             known = ", ".join(sorted({name for node in nodes for name in _names(file, node)}))
             raise file.fault(f"it has no skinned mesh {group!r}.", f"Known: {known}.")
         raise file.fault("it has no mesh with a skin.", "Export the mesh with its armature, or give it as mesh.")
-    skins = sorted({int(file.table("skins").index(file.entry("skins", node["skin"]))) for node in named})
+    for node in named:
+        file.entry("skins", node["skin"])
+    skins = sorted({int(node["skin"]) for node in named})
     joints, inverse_bind, columns = _columns(file, skins)
     parts = _Parts(file, shape, len(joints))
     for node in named:
-        parts.add(node, columns[file.table("skins").index(file.entry("skins", node["skin"]))])
+        parts.add(node, columns[node["skin"]])
     positions, triangles, weights = parts.joined()
     skeleton = bound_skeleton(file, joints, inverse_bind)
     none = np.zeros((len(positions), 3, 0))
@@ -135,6 +137,7 @@ class _Parts:
 
     def _weights(self, attributes: dict[str, Any], column: Ints, points: Floats) -> Floats:
         """Weights (n, k) of all sets of four joints."""
+        self.file.budget.spend("weights", len(points), self.count)
         weights = np.zeros((len(points), self.count))
         rows = np.arange(len(points))[:, None]
         for k in range(8):

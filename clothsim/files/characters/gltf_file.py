@@ -9,6 +9,7 @@ import binascii
 import json
 import struct
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -31,17 +32,16 @@ BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowE
 """Exceptions where the JSON has a value of another type than glTF says."""
 LARGEST = 1e12
 """Bound on the numbers of a node's transform: products of a few stay finite."""
-MOST_ZEROS = 50_000_000
-"""Largest number of values of an accessor without bytes of its own."""
 
 
 @dataclass(frozen=True)
 class GltfFile:
-    """JSON of a glTF file and the bytes of its buffers."""
+    """JSON of a glTF file, the bytes of its buffers, and what may still be read of it."""
 
     path: Path
     json: dict[str, Any]
     buffers: tuple[bytes, ...]
+    budget: Budget
 
     def fault(self, what: str, remedy: str = "Export it again.") -> InputError:
         """An InputError with the name of the file."""
@@ -49,10 +49,15 @@ class GltfFile:
 
     def table(self, name: str) -> list[dict[str, Any]]:
         """The tables of a top-level list, "nodes" or "skins"; empty where the file has none."""
-        entries = self.json.get(name, [])
-        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        if name in self.json and name not in self.tables:
             raise self.fault(f"{name} is no list of tables.")
-        return entries
+        return self.tables.get(name, [])
+
+    @cached_property
+    def tables(self) -> dict[str, list[dict[str, Any]]]:
+        """The top-level lists of tables; looked through once, not for each node."""
+        lists = {name: entries for name, entries in self.json.items() if isinstance(entries, list)}
+        return {name: entries for name, entries in lists.items() if all(isinstance(each, dict) for each in entries)}
 
     def entry(self, name: str, index: Any) -> dict[str, Any]:
         """The table `index` of a top-level list. InputError where there is none."""
@@ -79,14 +84,13 @@ class GltfFile:
         accessor = self.entry("accessors", index)
         where = f"accessors[{index}]"
         count = self._whole(accessor, "count", where)
+        self.budget.spend("values", count, width)
         if accessor.get("componentType") not in DTYPES or WIDTHS.get(str(accessor.get("type"))) != width:
             raise self.fault(f"{where} has the type {accessor.get('type')!r} of {accessor.get('componentType')!r}.")
         dtype = np.dtype(DTYPES[accessor["componentType"]]).newbyteorder("<")
         if "bufferView" in accessor:
             start = self._whole(accessor, "byteOffset", where, 0)
             values = self._strided(accessor["bufferView"], start, count, dtype, width, where)
-        elif count * width > MOST_ZEROS:
-            raise self.fault(f"{where} has {count:,} elements and no bytes.")
         else:
             values = np.zeros((count, width), dtype)
         if "sparse" in accessor:
@@ -181,12 +185,14 @@ def read_gltf(path: Path) -> GltfFile:
         raise InputError(f"{path.name} is no glTF file: it has no asset.", "Export a .glb or a .gltf.")
     if not str(data["asset"].get("version", "")).startswith("2"):
         raise InputError(f"{path.name} has glTF version {data['asset'].get('version')!r}.", "Export glTF 2.0.")
-    file = GltfFile(path, data, ())
+    budget = Budget(path.name)
+    file = GltfFile(path, data, (), budget)
     needed = data.get("extensionsRequired", [])
     for name in needed if isinstance(needed, list) else [needed]:
         if not str(name).startswith(READ_EXTENSIONS):
             raise file.fault(f"it needs the extension {name}, which is not read.", "Export it without compression.")
-    return GltfFile(path, data, tuple(_buffer(file, k, entry, binary) for k, entry in enumerate(file.table("buffers"))))
+    buffers = tuple(_buffer(file, k, entry, binary) for k, entry in enumerate(file.table("buffers")))
+    return GltfFile(path, data, buffers, budget)
 
 
 def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes]:
@@ -270,11 +276,11 @@ def node_order(file: GltfFile) -> tuple[list[int], Ints]:
 
 def node_names(file: GltfFile, order: list[int]) -> tuple[str, ...]:
     """Names of the nodes in `order`, each once: a nameless or repeated one gets its number."""
-    names: list[str] = []
+    names: dict[str, None] = {}
     for k in order:
         name = file.table("nodes")[k].get("name")
         named = isinstance(name, str) and name.isprintable() and name and name not in names
-        names.append(name if named and isinstance(name, str) else f"node{k}")
+        names[name if named and isinstance(name, str) else f"node{k}"] = None
     return tuple(names)
 
 

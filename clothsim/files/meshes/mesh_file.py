@@ -14,12 +14,14 @@ from dataclasses import replace
 from glob import iglob
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import bounded_decompression, read_regular_file
+from clothsim.base.own_process import in_own_process
 from clothsim.files.meshes.polygons import MeshFile, Part, Polygons, choose, cut_polygons
 from clothsim.files.meshes.readers.gmsh import read_msh
 from clothsim.files.meshes.readers.obj import read_obj
@@ -226,9 +228,7 @@ def _read(file: Path) -> Polygons:
     if not content.strip():
         raise InputError(f"{file} is empty.")
     if ending in USD_ENDINGS:
-        from clothsim.files.meshes.readers.usd_reader import read_usd
-
-        return read_usd(file)
+        return _read_usd("read_usd", file)
     if ending in TEXT_READERS:
         if b"\0" in content:
             raise InputError(f"{file} is a binary file, not {ending[1:]} text.")
@@ -236,6 +236,17 @@ def _read(file: Path) -> Polygons:
     if ending in BYTE_READERS:
         return BYTE_READERS[ending](file, content)
     return _read_with_library(file, ending, content)
+
+
+USD_MEMORY, USD_SECONDS = 3 << 29, 600.0
+"""Bounds on the process that reads a USD file: memory [bytes], and MOST_UNPACKED times its size; time [s]."""
+
+
+def _read_usd(function: str, file: Path, *arguments: object) -> Any:
+    """By a process of its own: on some changed bytes the library of USD ends the one that it is in."""
+    memory = USD_MEMORY + MOST_UNPACKED * file.stat().st_size
+    where = f"clothsim.files.meshes.readers.usd_reader:{function}"
+    return in_own_process(where, file, *arguments, memory=memory, seconds=USD_SECONDS, what=str(file))
 
 
 def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
@@ -328,9 +339,8 @@ def read_frames(files: Sequence[Path], part: Part, rate: float = 25.0) -> tuple[
         A file has other vertices or faces than the first.
     """
     if len(files) == 1 and files[0].suffix.lower() in USD_ENDINGS:
-        from clothsim.files.meshes.readers.usd_reader import read_usd_frames
-
-        states = [checked(files[0], each) for each in read_usd_frames(files[0], rate, MOST_FRAMES)]
+        read = _read_usd("read_usd_frames", files[0], rate, MOST_FRAMES)
+        states = [checked(files[0], each) for each in read]
         return _one_topology([files[0]] * len(states), iter(states), part)
     return _one_topology(files, (read_polygons(file) for file in files), part)
 

@@ -71,6 +71,15 @@ class Anchored(abc.ABC):
         """The tied rows of x, (k,)."""
 
 
+class Joining(abc.ABC):
+    """An energy that ties vertices of cloth to one another, as stitches do: what it joins moves as one piece."""
+
+    @property
+    @abc.abstractmethod
+    def joined_rows(self) -> Ints:
+        """The rows of x of each tie, (m, k)."""
+
+
 class BarrierGap(abc.ABC):
     """A barrier: an energy that becomes infinite where a gap closes."""
 

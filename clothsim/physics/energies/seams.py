@@ -34,7 +34,7 @@ from clothsim.physics.energies.key_values import (
     vertex_numbers,
 )
 from clothsim.physics.energies.links import Links
-from clothsim.physics.energies.protocols import ContactGap, Coupling, Driven, Report
+from clothsim.physics.energies.protocols import ContactGap, Coupling, Driven, Joining, Report
 
 WAYS = ("side", "through", "vertices", "panel", "nearest")
 STIFFER = 100.0
@@ -194,7 +194,7 @@ class StitchedSeam:
 
 
 @dataclass(frozen=True)
-class SeamsEnergy(Links, Coupling, Driven, Report):
+class SeamsEnergy(Links, Coupling, Driven, Joining, Report):
     """Strings of all seams, and hinges across the closed ones.
 
     Parameters
@@ -221,6 +221,11 @@ class SeamsEnergy(Links, Coupling, Driven, Report):
     def drives(self) -> bool:
         """True: closing a seam does external work."""
         return True
+
+    @property
+    def joined_rows(self) -> Ints:
+        """The vertices of each stitch, (m, 3)."""
+        return self.rows
 
     @property
     def idle(self) -> bool:

@@ -1,105 +1,25 @@
-"""Checks of a scene at its start: support of the cloth, keys without effect, unusual starts.
+"""Checks of a scene at its start: keys without effect, other units, unusual starts; warnings before a run."""
 
-A load on a cloth without support has no quasi-static equilibrium, and is refused; warnings are printed before a run.
-"""
-
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
+from clothsim.keys.key_table import KeyTable
+from clothsim.keys.plausible import doubts
 from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Constraint, Energy, Step
-from clothsim.physics.energies.protocols import Anchored, ContactGap
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.protocols import ContactGap
 from clothsim.scene.scene import Scene
-
-ROUND_OFF = 1e-9
-"""Fraction of the forces on a piece below which their sum counts as zero: internal forces cancel to the last digits."""
-
-
-def refuse_unsupported(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
-    """Refuse a piece of cloth under a load without pin, spring, contact with a body, inertia or damping.
-
-    The internal forces of a piece cancel, so that the sum of its forces is the load. With self_contact all pieces count
-    as one, as one may lie on another.
-
-    world: cloths and bodies at the start; energies: the effects that are on. InputError with the name of the piece and
-    its load.
-    """
-    # Friction resists only where there is contact, whose forces are known last.
-    resisted = any(_resists(world, energy) for energy in energies.values() if not energy.begins_last)
-    if resisted or "body_contact" in energies:
-        return
-    pieces = np.zeros(world.n_cloth, np.int64) if "self_contact" in energies else _pieces(world)
-    held = np.zeros(world.n_vertices, bool)
-    for constraint in constraints:
-        held[constraint.at(0.0).vertices] = True
-    for energy in energies.values():
-        if isinstance(energy, Anchored):
-            held[energy.anchored_rows] = True
-    forces = _forces(world, energies)
-    for piece in np.setdiff1d(pieces, pieces[held[: world.n_cloth]]):
-        of_piece = np.flatnonzero(pieces == piece)
-        load = float(np.linalg.norm(forces[of_piece].sum(axis=0)))
-        if load > ROUND_OFF * np.linalg.norm(forces[of_piece], axis=1).sum():
-            label = int(world.labels[of_piece[0]])
-            own = of_piece[0] - world.cloth_slices[label].start
-            part = f"the piece of {world.names[label]} with vertex {own}" if own else world.names[label]
-            raise InputError(
-                f"Nothing supports {part} against its load of {load:.3g} N: no pin of its own, no body_contact, no "
-                "inertia.",
-                "Pin some of its vertices, put a body under it (with effects.body_contact), or add effects.inertia.",
-            )
-
-
-def _resists(world: World, energy: Energy) -> bool:
-    """True for an incremental energy with a force against a translation: damping of the strain rate has none."""
-    if not energy.incremental:
-        return False
-    start = world.start()
-    none = np.zeros_like(start)
-    bound = energy.begin(Step(0.0, 1.0, start, none, 1.0, none))
-    change = bound.gradient(start + 1.0) - bound.gradient(start)
-    return bool(np.abs(change.sum(axis=0)).max() > ROUND_OFF * np.abs(change).sum())
-
-
-def _pieces(world: World) -> Ints:
-    """The number of the connected piece of each cloth vertex, (n_cloth,)."""
-    ones = np.ones(len(world.edges))
-    graph = coo_array((ones, tuple(world.edges.T)), shape=(world.n_cloth, world.n_cloth))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
-
-
-def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
-    """Minus the gradient of the energies at the start under full load, (n_cloth, 3) [N]; without those of contact."""
-    start = world.start()
-    none = np.zeros_like(start)
-    step = Step(0.0, 1.0, start, none, 1.0, none)
-    forces = none.copy()
-    for energy in energies.values():
-        if not energy.begins_last:
-            forces -= energy.begin(step).gradient(start)
-    return forces[: world.n_cloth]
-
 
 LARGEST, SMALLEST = 10.0, 0.01
 """Longest extents of a mesh [m] beyond which its unit is doubted."""
-PLAUSIBLE = {
-    "density": (0.005, 5.0, "kg/m2", "a cotton has 0.15"),
-    "thickness": (1e-5, 0.02, "m", "a cotton has 0.0003"),
-    "youngs_modulus": (1e3, 1e10, "Pa", "a cotton has 0.8e6"),
-    "bending_stiffness": (1e-9, 1e-2, "N m", "a cotton has 9e-6"),
-    "friction": (0.0, 3.0, "1", "cloth on a body has 0.2 to 0.6"),
-}
-"""Ranges of a key of a cloth, or of effects.friction.coefficient, beyond which its unit is doubted."""
 LYING, FLAT = 0.5, 0.1
 """Extent along gravity, as fraction of the longest, below which a body lies, and below which it is a floor."""
 
@@ -149,15 +69,11 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
 
 def _implausible(world: World, scene: Scene) -> list[str]:
     """A question on each number that looks like one in another unit."""
-    tables = list(zip(world.cloths, scene.cloths, strict=True))
-    given = [(f"{cloth.name}: {key}", key, keys.get(key)) for cloth, keys in tables for key in PLAUSIBLE]
-    friction = dict(scene.effects.get("friction", {})).get("coefficient")
-    given.append(("effects.friction.coefficient", "friction", friction))
-    sentences = []
-    for where, key, value in given:
-        low, high, unit, usual = PLAUSIBLE[key]
-        if isinstance(value, int | float) and value != 0 and not low <= value <= high:
-            sentences.append(f"{where} is {value:g} {unit}, where {usual}: is it in another unit?")
+    tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
+    sections: list[tuple[str, KeyTable]] = list(zip(world.names, tables, strict=True))
+    sections += [(f"effects.{name}", keys) for name, keys in scene.effects.items()]
+    sections += [("solver", scene.solver), ("run", scene.run), ("seed", scene.seed)]
+    sentences = [sentence for where, keys in sections for sentence in doubts(where, keys)]
     size = float(np.ptp(world.start(), axis=0).max())
     if (scene.solver_settings.error or 0.0) > 0.1 * size:
         error = f"{scene.solver_settings.error:g} m"
@@ -241,7 +157,7 @@ def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
             raise InputError(
                 f"{each.cloth} starts inside {each.body}, {each.where}: contact would keep it in.",
                 f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
-                "meant to hold it, give run.allow_inside = true.",
+                "meant to hold it, give run.allow_inside = true (--force).",
             )
 
 
@@ -268,7 +184,9 @@ def _nested_bodies(world: World, energies: dict[str, Energy]) -> list[str]:
 
 
 def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:
-    """Activation distances above the median edge length."""
+    """Activation distances above the median edge length of the cloth."""
+    if not world.cloths:
+        return []
     starts = world.start()[world.edges]
     edge = float(np.median(np.linalg.norm(starts[:, 0] - starts[:, 1], axis=1)))
     wide = {name: energy.d_hat for name, energy in energies.items() if isinstance(energy, ContactGap)}

@@ -12,9 +12,11 @@ from clothsim.mesh.world import World, make_world, with_local_origin
 from clothsim.physics.energies.base import Constraint, Energy, Off, PinsConstraint
 from clothsim.physics.energies.key_values import selected_vertices
 from clothsim.physics.energies.protocols import report_of
-from clothsim.scene.assembly.checks import refuse_start_inside, refuse_unsupported, scene_warnings, size_warnings
+from clothsim.scene.assembly.checks import refuse_start_inside, scene_warnings, size_warnings
+from clothsim.scene.assembly.holds import hold_notes, holds, refuse_unsupported
 from clothsim.scene.assembly.initial_positions import initial_positions, untangled
 from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, rigid_body_of
+from clothsim.scene.cost import refuse_costly
 from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.named_files import with_arrays
 from clothsim.scene.scene import Scene
@@ -35,7 +37,9 @@ class Built:
     off : dict of str to str
         The reason why a named effect is off.
     notes : tuple of str
-        Defaults that were chosen, and warnings.
+        Defaults that were chosen, and what holds the cloth.
+    warnings : tuple of str
+        What looks wrong, but is simulated as it is given.
     """
 
     world: World
@@ -43,15 +47,18 @@ class Built:
     constraints: dict[str, Constraint]
     off: dict[str, str]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
 
-def build(scene: Scene) -> Built:
+def build(scene: Scene, affordable: bool = False) -> Built:
     """Build the world of a scene, then each effect that it names, in the order of the table.
 
     Parameters
     ----------
     scene : Scene
         The scene.
+    affordable : bool
+        True: what a machine cannot be expected to run is refused before anything is built.
 
     Returns
     -------
@@ -74,6 +81,8 @@ def build(scene: Scene) -> Built:
             f"A clothsim.Scene is needed, not a value of the type {type(scene).__name__}.",
             'Load one with clothsim.load_scene("scene.toml"), or make it: clothsim.Scene(cloth=..., effects=...).',
         )
+    if affordable:
+        refuse_costly(scene)
     world, notes = _world(scene)
     built = build_effects(scene, world, notes)
     if not scene.run_settings.allow_inside:
@@ -123,15 +132,17 @@ def build_effects(
         raise InputError(
             "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
         )
-    refuse_unsupported(world, energies, constraints.values())
-    dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
-    return Built(
-        world,
-        energies,
-        constraints,
-        off,
-        (*notes, *size_warnings(world, scene, energies), *scene_warnings(world, energies, dt)),
-    )
+    settings = scene.run_settings
+    held = holds(world, energies, constraints.values(), settings.duration)
+    refuse_unsupported(held, world, energies)
+    dt = min(scene.solver_settings.longest_step, 1 / settings.frames_per_second)
+    endless = [each.name for each in held if each.falls] if settings.until == "rest" else []
+    warnings = [
+        *size_warnings(world, scene, energies),
+        *scene_warnings(world, energies, dt),
+        *(f"Nothing holds {name}: it falls, and a run until rest goes to its limit." for name in endless),
+    ]
+    return Built(world, energies, constraints, off, (*notes, *hold_notes(held)), tuple(warnings))
 
 
 def _rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) -> dict[str, Energy]:

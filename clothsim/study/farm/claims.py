@@ -1,8 +1,8 @@
 """Claims: at most one living process makes a drape.
 
 A claim is a file that is created exclusively; its time of change is the heartbeat. Whoever finds one without a
-heartbeat renames it away, which succeeds for one thief only, and claims the drape again. Two processes that make the
-same drape all the same (one was suspended, or its heartbeat delayed) cost time and nothing else: one publishes.
+heartbeat renames it away, which succeeds for one process only, and claims the drape again. A process that was suspended
+finds another token in its claim when it wakes up (`holds`): then it publishes and removes nothing.
 """
 
 import json
@@ -59,8 +59,13 @@ def claimed(folder: Path, name: str, worker: Worker) -> Iterator[bool]:
     finally:
         ended.set()
         heart.join()
-        if _content(path).get("token") == worker.token:  # a thief's is his
-            path.unlink(missing_ok=True)
+        if holds(folder, name, worker):
+            _removed(path, worker.token, worker)
+
+
+def holds(folder: Path, name: str, worker: Worker) -> bool:
+    """True where the claim of a drape is the worker's own: no other has taken it over while it was suspended."""
+    return bool(_content(folder / name).get("token") == worker.token)
 
 
 def is_stale(path: Path, worker: Worker) -> bool:
@@ -90,21 +95,24 @@ def _create(path: Path, worker: Worker) -> bool:
 
 
 def _removed_stale(path: Path, worker: Worker) -> bool:
-    """Rename a stale claim away; False where it is alive, or another thief was first."""
-    if not is_stale(path, worker):
-        return False
+    """Rename a stale claim away; False where it is alive, or another process was first."""
     stale = _content(path).get("token")
+    return is_stale(path, worker) and _removed(path, stale, worker)
+
+
+def _removed(path: Path, token: Any, worker: Worker) -> bool:
+    """Rename the claim with a token away; False where there is another one, which goes back to its place."""
     aside = path.with_name(f".{path.name}.{worker.token}")
     try:
         os.rename(path, aside)
     except FileNotFoundError:
         return False
-    ours = _content(aside).get("token") == stale
-    if not ours:  # a new claim came between the look and the rename: it goes back, if its place is still free
+    meant = _content(aside).get("token") == token
+    if not meant:  # a new claim came between the look and the rename: it goes back, if its place is still free
         with suppress(OSError):
             os.link(aside, path)
     aside.unlink(missing_ok=True)
-    return ours
+    return meant
 
 
 def _beats(path: Path, worker: Worker, ended: threading.Event) -> None:
@@ -146,7 +154,7 @@ def _alive(pid: Any, born: Any) -> bool:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
-    except OSError:
+    except (OSError, OverflowError):
         return True
     now = _born(pid)
     return now is None or born is None or now == born

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from clothsim.base.file_writing import write_atomically
 from clothsim.render import Surface, draw
 from clothsim.study.farm.plan import Farm
-from clothsim.study.farm.publication import CLOTH, mesh_file
+from clothsim.study.farm.reading import positions_of, read_mesh
 from clothsim.study.farm.status import manifest, verdict_text
 
 TILE, CAPTION, COLUMNS = (300, 340), 44, 4
@@ -88,13 +88,13 @@ def _shown(farm: Farm, samples: int, failures: int) -> list[Mapping[str, Any]]:
 
 def surfaces(farm: Farm, row: Mapping[str, Any]) -> list[Surface]:
     """Cloths of a drape in its last frame, and bodies at the start."""
-    positions = np.asarray(np.load(farm.folder(row["id"]) / CLOTH), np.float64)
+    positions = np.asarray(positions_of(farm.directory, row["id"]), np.float64)
     last = positions if positions.ndim == 2 else positions[-1]
     made, begin = [], 0
     for role in ("cloth", "body"):
         for name, digest in row["meshes"].get(role, {}).items():
-            with np.load(mesh_file(farm.directory, digest)) as mesh:
-                start, triangles = mesh["start"].astype(np.float64), mesh["triangles"].astype(np.int64)
+            mesh = read_mesh(farm.directory, digest)
+            start, triangles = mesh["start"].astype(np.float64), mesh["triangles"].astype(np.int64)
             points = last[begin : begin + len(start)] if role == "cloth" else start
             begin += len(start) if role == "cloth" else 0
             made.append(Surface(name, points, triangles, role, np.zeros((0, 2))))

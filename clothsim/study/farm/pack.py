@@ -11,14 +11,24 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import replacing, write_atomically
 from clothsim.base.text import text_table
 from clothsim.study.farm.plan import Farm
-from clothsim.study.farm.publication import CLOTH, PARAMETERS, SUMMARY, array_hash, mesh_file
+from clothsim.study.farm.reading import (
+    CLOTH,
+    PARAMETERS,
+    SUMMARY,
+    array_hash,
+    mesh_file,
+    positions_of,
+    read_mesh,
+    whole_files,
+)
+from clothsim.study.farm.rules import RULES
 from clothsim.study.farm.status import manifest
+from clothsim.study.farm.verification import demand_verified
 
 # Data card: what a data set holds, its licence, the statistics of its certificates, and what failed.
 
@@ -39,7 +49,8 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         f"* Made by clothsim {settings['package']}, recipe version {settings['version']}, seed {settings['seed']}",
         f"* Planned {len(farm.jobs)}, published {len(rows)}, usable {len(used)}",
         "* Usable: completed"
-        + (", at rest" if settings["scene"]["run"].get("until") == "rest" else "")
+        + (", at rest" if settings["usable"]["at_rest"] else "")
+        + "".join(f", {key} = {value:g}" for key, value in settings["usable"].items() if key in RULES)
         + ", free of intersections by the exact test in every step, and no piece inside a body",
         f"* The garment is {'cut to the body' if cut else 'not cut to the body'}",
         f"* Kept: {'the last frame' if settings['frames'] == 'last' else 'all frames'}, positions in float32 [m]",
@@ -111,7 +122,7 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
     Raises
     ------
     InputError
-        Where no drape is usable.
+        Where no drape is usable, or the farm is not verified, or not what was verified (`demand_verified`).
 
     Notes
     -----
@@ -120,6 +131,7 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
     ID.cloth.npy, ID.summary.json, ID.params.json, and the meshes in meshes.tar; the same bytes whenever they are made
     of the same drapes.
     """
+    demand_verified(farm)
     rows = manifest(farm)
     used = [row for row in rows if row["usable"]]
     if not used:
@@ -142,17 +154,8 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
     return Packed(tuple(files), len(used), len(rows) - len(used))
 
 
-def _positions(farm: Farm, row: Mapping[str, Any]) -> NDArray[np.float32]:
-    return np.asarray(np.load(farm.folder(row["id"]) / CLOTH))
-
-
 def _mesh_names(row: Mapping[str, Any], kind: str) -> list[str]:
     return list(row["meshes"].get(kind, {}).values())
-
-
-def _mesh(farm: Farm, name: str) -> dict[str, NDArray[Any]]:
-    with np.load(mesh_file(farm.directory, name)) as arrays:
-        return {key: arrays[key] for key in arrays.files}
 
 
 def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Sequence[Mapping[str, Any]]) -> Path:
@@ -163,18 +166,18 @@ def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Seque
         topologies: dict[str, list[Mapping[str, Any]]] = {}
         names: dict[str, None] = {}
         for row in used:
-            own = [_mesh(farm, name)["triangles"] for name in _mesh_names(row, "cloth")]
-            topology = "|".join([array_hash(*own), str(_positions(farm, row).shape)])
+            own = [read_mesh(farm.directory, name)["triangles"] for name in _mesh_names(row, "cloth")]
+            topology = "|".join([array_hash(*own), str(positions_of(farm.directory, row["id"]).shape)])
             topologies.setdefault(topology, []).append(row)
             names |= dict.fromkeys([*_mesh_names(row, "cloth"), *_mesh_names(row, "body")])
         for name in names:
-            for key, array in _mesh(farm, name).items():
+            for key, array in read_mesh(farm.directory, name).items():
                 file[f"meshes/{name}/{key}"] = array
         for number, group in enumerate(topologies.values()):
-            whole = (len(group), *_positions(farm, group[0]).shape)
+            whole = (len(group), *positions_of(farm.directory, group[0]["id"]).shape)
             positions = file.create_dataset(f"garments/{number}/positions", whole, "f4")
             for k, row in enumerate(group):
-                positions[k] = _positions(farm, row)
+                positions[k] = positions_of(farm.directory, row["id"])
             file[f"garments/{number}/ids"] = [row["id"] for row in group]
             file[f"garments/{number}/meshes"] = [json.dumps(row["meshes"]) for row in group]
     return path
@@ -183,9 +186,9 @@ def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Seque
 def _shards(farm: Farm, folder: Path, used: Sequence[Mapping[str, Any]], size: int) -> Iterator[Path]:
     for first in range(0, len(used), size):
         files = (
-            (f"{row['id']}.{file}", (farm.folder(row["id"]) / file).read_bytes())
+            (f"{row['id']}.{file}", content)
             for row in used[first : first + size]
-            for file in (CLOTH, SUMMARY, PARAMETERS)
+            for file, content in whole_files(farm.directory, row["id"], (CLOTH, SUMMARY, PARAMETERS)).items()
         )
         yield _tar(folder / f"shard-{first // size:06d}.tar", files)
     names = sorted({name for row in used for kind in ("cloth", "body") for name in _mesh_names(row, kind)})

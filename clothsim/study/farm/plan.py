@@ -1,6 +1,7 @@
 """Plan of a farm: the scene and the drawn values of every drape, on disk before the first one is made."""
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,10 +10,10 @@ from typing import Any
 
 from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
-from clothsim.base.file_reading import read_regular_file
-from clothsim.base.file_writing import write_atomically
+from clothsim.base.file_writing import refuse_replacing, write_atomically
 from clothsim.engine import build
-from clothsim.study.farm.publication import checked_id, content_id
+from clothsim.study.farm.publication import content_id
+from clothsim.study.farm.reading import checked_id, file_hash, read_file
 from clothsim.study.farm.recipe import Recipe, changed
 
 FARM_NAME, JOBS_NAME = "farm.json", "jobs.jsonl"
@@ -52,10 +53,35 @@ class Farm:
 
     @cached_property
     def jobs(self) -> tuple[Job, ...]:
-        """All drapes of the plan. InputError where a line is cut, or its id is none."""
-        file = self.directory / JOBS_NAME
-        lines = read_regular_file(file, remedy="Plan the recipe again.").splitlines()
-        return tuple(_job(line, file, number) for number, line in enumerate(lines))
+        """The drapes of the plan, but those whose lines were changed since (`plan_fault`)."""
+        return self._plan[0]
+
+    @property
+    def plan_fault(self) -> str:
+        """What of the plan is not as it was written, with the line; empty where nothing."""
+        return self._plan[1]
+
+    @cached_property
+    def _plan(self) -> tuple[tuple[Job, ...], str]:
+        content = read_file(self.directory, JOBS_NAME)
+        file, jobs, faults = self.directory / JOBS_NAME, list[Job](), list[str]()
+        whole = file_hash(content) == self.settings.get("jobs")
+        for number, line in enumerate(content.splitlines()):
+            job = _job(line, file)
+            if job is None or not (whole or self._is_planned(job)):
+                faults.append(f"{file}, line {number + 1}, is no drape of the plan.")
+            else:
+                jobs.append(job)
+        if not whole and not faults:
+            faults = [f"{file} has {len(jobs)} of {self.settings['count']} lines that were planned."]
+        return tuple(sorted(jobs, key=lambda job: job.index)), "".join(faults[:1])
+
+    def _is_planned(self, job: Job) -> bool:
+        try:
+            self.scene_of(job)
+        except InputError:
+            return False
+        return True
 
     def scene_of(self, job: Job) -> Scene:
         """The scene of a drape. InputError where it is no longer the one that was planned."""
@@ -73,7 +99,8 @@ class Farm:
 
     def published(self) -> set[str]:
         """The ids of the drapes that are done, failed ones too."""
-        return {entry.name for entry in (self.directory / "drapes").iterdir() if entry.is_dir()}
+        with os.scandir(self.directory / "drapes") as entries:
+            return {entry.name for entry in entries if entry.is_dir(follow_symlinks=False)}
 
     def unpublished(self) -> dict[str, Job]:
         """The drapes that are left, by id, in the order of the plan."""
@@ -95,23 +122,31 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
         "seed": recipe.seed,
         "frames": recipe.frames,
         "licence": recipe.licence,
+        "usable": dict(recipe.rules),
         "boxes": {key: list(box) for key, box in recipe.boxes.items()},
         "varied": [*recipe.draws, *recipe.same],
         "same": dict(recipe.same),
         "scene": json.loads(recipe.scene.to_text()),
     }
-    lines = "".join(f"{json.dumps(entry)}\n" for entry in _entries(recipe))
+    lines = "".join(f"{json.dumps(entry)}\n" for entry in _entries(recipe)).encode()
+    settings["jobs"] = file_hash(lines)
     if (folder / FARM_NAME).is_file():
-        if (folder / JOBS_NAME).read_text(encoding="utf-8") != lines:
+        farm = open_farm(folder)
+        if farm.settings["sha256"] != _settings_hash(settings):
             raise InputError(f"{folder} has another plan.", "Choose another folder with -o.")
+        if farm.plan_fault:  # lost or changed since: the same recipe has the same lines
+            write_atomically(folder / JOBS_NAME, lines)
         return open_farm(folder)
+    if not (folder / FOLDERS[-1]).is_dir():  # else a plan that was stopped
+        refuse_replacing([folder / JOBS_NAME], overwrite=False)
     try:
         for name in FOLDERS:
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder} cannot be made a folder: {error.strerror}.", "Choose another with -o.") from error
-    write_atomically(folder / JOBS_NAME, lines.encode())
-    write_atomically(folder / FARM_NAME, json.dumps(settings, indent=1).encode())  # last: a plan that has it is whole
+    write_atomically(folder / JOBS_NAME, lines)
+    whole = json.dumps({**settings, "sha256": _settings_hash(settings)}, indent=1)
+    write_atomically(folder / FARM_NAME, whole.encode())  # last: a plan that has it is whole
     return open_farm(folder)
 
 
@@ -128,7 +163,7 @@ def refuse_unbuildable(recipe: Recipe) -> None:
     refusals: list[InputError] = []
     for index in range(min(TRIED, recipe.count)):
         try:
-            build(changed(recipe.scene, recipe.values(index)))
+            build(changed(recipe.scene, recipe.values(index)), affordable=True)
             return
         except InputError as error:
             refusals.append(error)
@@ -139,31 +174,40 @@ def refuse_unbuildable(recipe: Recipe) -> None:
 
 
 def open_farm(directory: str | Path) -> Farm:
-    """The farm in a folder. InputError where there is none."""
+    """The farm in a folder. InputError where there is none, it is not as it was planned, or a link leads out of it."""
     folder = Path(directory)
+    if not (folder / FARM_NAME).exists():
+        raise InputError(f"{folder} is no farm.", "Make one: `clothsim farm plan RECIPE -o DIR`.")
+    for name in FOLDERS:
+        if (folder / name).is_symlink():
+            raise InputError(f"{folder / name} is a link, which is not followed.", "Put the whole farm where it leads.")
+        if not (folder / name).is_dir():
+            raise InputError(f"{folder / name} is no folder.", "Plan the recipe again in another folder.")
     try:
-        settings = json.loads((folder / FARM_NAME).read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"{folder} is no farm.", "Make one: `clothsim farm plan RECIPE -o DIR`.") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"{folder / FARM_NAME} cannot be read: {error}.", "Plan the recipe again.") from error
+        settings = json.loads(read_file(folder, FARM_NAME))
+        whole = settings["sha256"] == _settings_hash(settings)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"{folder / FARM_NAME} is no plan.", "Plan the recipe again in another folder.") from error
+    if not whole:
+        raise InputError(f"{folder / FARM_NAME} is not what was planned.", "Plan the recipe again in another folder.")
     return Farm(folder, settings)
 
 
-def _job(line: bytes, file: Path, number: int) -> Job:
-    """The drape of a line of the plan, the `number`-th."""
+def _settings_hash(settings: Mapping[str, Any]) -> str:
+    """sha256 of farm.json without its own line."""
+    return file_hash(json.dumps({key: settings[key] for key in settings if key != "sha256"}, sort_keys=True).encode())
+
+
+def _job(line: bytes, file: Path) -> Job | None:
+    """The drape of a line of the plan; None where the line is none. InputError where it names what is no id."""
     try:
         entry = json.loads(line)
         index, name, values = entry["index"], entry["id"], entry["values"]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(
-            f"{file}, line {number + 1}, is no drape of a plan.", "Plan the recipe again in another folder."
-        ) from error
-    if index != number or not isinstance(values, dict):
-        raise InputError(
-            f"{file}, line {number + 1}, is not drape {number}.", "Plan the recipe again in another folder."
-        )
-    return Job(number, checked_id(name, file), values)
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+    if type(index) is not int or index < 0 or not isinstance(values, dict):
+        return None
+    return Job(index, checked_id(name, file), values)
 
 
 def _entries(recipe: Recipe) -> Iterator[dict[str, Any]]:

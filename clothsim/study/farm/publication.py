@@ -5,7 +5,6 @@ import io
 import json
 import os
 import platform
-import re
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
@@ -17,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim import Scene, __version__
-from clothsim.base.errors import InputError
+from clothsim.base.errors import InputError, MachineError
 from clothsim.engine import by_content
 from clothsim.study.farm.claims import Worker
-
-LETTERS = 16
+from clothsim.study.farm.reading import HASHES, LETTERS, file_hash, mesh_file, mesh_hash, read_file, read_mesh
 
 
 def content_id(scene: Scene, version: int) -> str:
@@ -36,32 +34,6 @@ def content_id(scene: Scene, version: int) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
 
 
-def checked_id(name: Any, where: Path) -> str:
-    """An id or a hash that a file names: whatever is joined to the folder of a farm goes through here.
-
-    Raises
-    ------
-    InputError
-        Where it is not LETTERS hexadecimal digits, such as a path that leads out of the farm.
-    """
-    if isinstance(name, str) and re.fullmatch(f"[0-9a-f]{{{LETTERS}}}", name):
-        return name
-    raise InputError(
-        f"{where} names {name!r}, which is no id of a farm: an id is {LETTERS} hexadecimal digits.",
-        "Take the file from where the farm was planned, or plan the recipe again in another folder.",
-    )
-
-
-def array_hash(*arrays: NDArray[Any]) -> str:
-    """sha256 of types, shapes and bytes of arrays."""
-    made = hashlib.sha256()
-    for array in arrays:
-        whole = np.ascontiguousarray(array)
-        made.update(f"{whole.dtype.str}{whole.shape}".encode())
-        made.update(whole.tobytes())
-    return made.hexdigest()
-
-
 @cache
 def processor() -> str:
     """The name of the processor: the last bits of a drape depend on it."""
@@ -72,9 +44,6 @@ def processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
-
-
-CLOTH, SUMMARY, PARAMETERS = "cloth.npy", "summary.json", "params.json"
 
 
 def working_folder(farm: Path, name: str, worker: Worker) -> Path:
@@ -90,40 +59,65 @@ def publish(farm: Path, name: str, worker: Worker, files: Mapping[str, bytes]) -
     folder = farm / "tmp" / f"{name}.{worker.token}.whole"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
-    for file, content in files.items():
+    hashes = {file: file_hash(content) for file, content in files.items()}
+    for file, content in {**files, HASHES: json.dumps(hashes, indent=1).encode()}.items():
         with (folder / file).open("wb") as handle:
             handle.write(content)
             handle.flush()
             os.fsync(handle.fileno())
     _flush(folder)
-    try:
-        folder.rename(farm / "drapes" / name)
-    except OSError:  # ENOTEMPTY or EEXIST
-        if not (farm / "drapes" / name).is_dir():
-            raise
-        shutil.rmtree(folder, ignore_errors=True)
-        return False
+    target = farm / "drapes" / name
+    for _ in range(2):
+        try:
+            folder.rename(target)
+            break
+        except OSError:  # ENOTEMPTY or EEXIST; ENOTDIR where a link or a file has its place
+            if is_published(farm, name):
+                shutil.rmtree(folder, ignore_errors=True)
+                return False
+            if not os.path.lexists(target):
+                raise
+            set_aside(farm, target)
+    else:
+        raise MachineError(f"{target} cannot be made.", "Look at what is there.")
     _flush(farm / "drapes")
     return True
 
 
+def is_published(farm: Path, name: str) -> bool:
+    """True where the folder of a drape is there; a link or a file in its place is none."""
+    path = farm / "drapes" / name
+    return path.is_dir() and not path.is_symlink()
+
+
+def set_aside(farm: Path, path: Path) -> None:
+    """Move a link, or a folder in the place of a file or a file in that of a folder, to tmp/, unread and undeleted."""
+    aside = farm / "tmp" / f"aside.{path.name}.{os.urandom(6).hex()}"
+    with suppress(FileNotFoundError):
+        if path.parent.name != "drapes":
+            path.rename(aside)
+        else:  # a folder that another process publishes meanwhile is never moved: `unlink` refuses it
+            with suppress(FileExistsError, PermissionError, IsADirectoryError):
+                os.link(path, aside, follow_symlinks=False)
+                path.unlink()
+
+
 def store_mesh(farm: Path, arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Store arrays once under their hash, and return it."""
-    digest = array_hash(*(arrays[name] for name in sorted(arrays)))[:LETTERS]
+    """Store arrays under their hash, and return it; a file that is whole stays."""
+    digest = mesh_hash(arrays)
     file = mesh_file(farm, digest)
-    if not file.is_file():
-        beside = farm / "tmp" / f"{digest}.{os.getpid()}.{os.urandom(4).hex()}.npz"
-        with beside.open("wb") as handle:
-            np.savez_compressed(handle, **arrays)  # type: ignore[arg-type]
-            handle.flush()
-            os.fsync(handle.fileno())
-        beside.replace(file)
+    with suppress(InputError):
+        read_mesh(farm, digest)
+        return digest
+    if file.is_dir():
+        set_aside(farm, file)
+    beside = farm / "tmp" / f"{digest}.{os.getpid()}.{os.urandom(4).hex()}.npz"
+    with beside.open("wb") as handle:
+        np.savez_compressed(handle, **arrays)  # type: ignore[arg-type]
+        handle.flush()
+        os.fsync(handle.fileno())
+    beside.replace(file)
     return digest
-
-
-def mesh_file(farm: Path, digest: Any) -> Path:
-    """The file of a stored mesh. InputError where a summary names what is no hash."""
-    return farm / "meshes" / f"{checked_id(digest, farm / 'drapes')}.npz"
 
 
 def as_npy(array: NDArray[Any]) -> bytes:
@@ -135,7 +129,10 @@ def as_npy(array: NDArray[Any]) -> bytes:
 
 def note_attempt(farm: Path, name: str, event: str) -> None:
     """Append "started" or "withdrawn" (stopped by its user) to the attempts of a drape."""
-    handle = os.open(farm / "attempts" / name, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    path = farm / "attempts" / name
+    if path.is_symlink() or path.is_dir():
+        set_aside(farm, path)
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     try:
         os.write(handle, f"{event}\n".encode())
         os.fsync(handle)
@@ -144,19 +141,12 @@ def note_attempt(farm: Path, name: str, event: str) -> None:
 
 
 def attempts(farm: Path, name: str) -> int:
-    """Attempts that began and were not withdrawn."""
+    """Attempts that began and were not withdrawn; none where the file is no file."""
     try:
-        events = (farm / "attempts" / name).read_text(encoding="utf-8").split()
-    except FileNotFoundError:
+        events = read_file(farm / "attempts", name).split()
+    except InputError:
         return 0
-    return events.count("started") - events.count("withdrawn")
-
-
-def read_drape(farm: Path, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Summary and parameters of a published drape."""
-    folder = farm / "drapes" / name
-    summary, parameters = (json.loads((folder / file).read_text(encoding="utf-8")) for file in (SUMMARY, PARAMETERS))
-    return summary, parameters
+    return events.count(b"started") - events.count(b"withdrawn")
 
 
 def _flush(folder: Path) -> None:

@@ -29,7 +29,7 @@ def write_frames(folder, *shifts, squeeze=0.0, triangles=TRIANGLES):
 
 def body_of(folder, keys, **sections):
     built = build(Scene(cloth=SHEET, body=keys, effects={"membrane": {}}, directory=folder, **sections))
-    return built.world.bodies[0], built.notes
+    return built.world.bodies[0], (*built.warnings, *built.notes)
 
 
 def test_every_frame_is_placed_as_one_mesh_is(tmp_path):

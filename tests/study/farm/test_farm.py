@@ -17,11 +17,14 @@ from clothsim.base.file_writing import full_or_forbidden
 from clothsim.cli import main
 from clothsim.cli.farm_command import terminated_like_interrupted
 from clothsim.study.farm.claims import Worker, claimed, is_stale, worker_of
-from clothsim.study.farm.plan import open_farm, plan
-from clothsim.study.farm.publication import attempts, content_id, note_attempt, publish, read_drape
+from clothsim.study.farm.dask_work import make_one
+from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
+from clothsim.study.farm.publication import attempts, content_id, note_attempt, publish
+from clothsim.study.farm.reading import read_drape
 from clothsim.study.farm.recipe import changed, draw_of, load_recipe, make_recipe, stream_of
-from clothsim.study.farm.status import status, verify
-from clothsim.study.farm.work import make, make_one, work
+from clothsim.study.farm.status import status
+from clothsim.study.farm.verification import verify
+from clothsim.study.farm.work import make, work
 from tests.benchmarks.farm_chaos import sheet_recipe
 
 QUICK = Worker(beat=0.05, stale_after=0.5)
@@ -93,6 +96,22 @@ def test_a_bad_key_and_equal_drapes_are_refused_by_the_plan(tmp_path):
         plan(recipe(2, **{"cloth.densty": [0.1, 0.2]}), tmp_path / "a")
     with pytest.raises(InputError):
         plan(recipe(3, **{"cloth.density": [0.1, 0.2]}), tmp_path / "b")
+
+
+def test_a_plan_of_what_no_run_takes_is_refused_before_it_is_built():
+    scene = small_scene(cloth={**SHEET, "cells": [4096, 4096]}, run={"duration": 1.0})
+    with pytest.raises(InputError, match="GB of"):
+        refuse_unbuildable(make_recipe(scene, {"count": 1}, {}, {}))
+
+
+def test_files_of_others_are_no_plan(tmp_path):
+    (tmp_path / "jobs.jsonl").write_text("mine")
+    with pytest.raises(InputError, match="exists"):
+        plan(recipe(), tmp_path)
+    (tmp_path / "farm.json").write_text("mine")
+    with pytest.raises(InputError, match="Plan the recipe again"):
+        plan(recipe(), tmp_path)
+    assert (tmp_path / "jobs.jsonl").read_text() == (tmp_path / "farm.json").read_text() == "mine"
 
 
 def test_an_id_is_of_the_content_of_files_and_not_of_their_place(tmp_path):
@@ -181,11 +200,11 @@ def test_work_publishes_all_and_a_second_worker_nothing(made):
 def test_verify_makes_drapes_again_and_finds_torn_ones(made):
     farm, _ = made
     done = verify(farm, fraction=0.3)
-    assert (done.whole, done.torn, done.repeated, done.same, done.good) == (3, (), 1, 1, True)
+    assert (done.whole, done.torn, done.repeated, done.same, done.good) == (3, {}, 1, 1, True)
     file = farm.directory / "drapes" / farm.jobs[0].id / "cloth.npy"
     before = file.read_bytes()
     file.write_bytes(before[:-4])
-    assert verify(farm, fraction=0).torn == (farm.jobs[0].id,)
+    assert set(verify(farm, fraction=0).torn) == {farm.jobs[0].id}
     file.write_bytes(before)
 
 

@@ -15,6 +15,7 @@ from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
 from clothsim.study.farm.pack import pack
 from clothsim.study.farm.plan import plan
 from clothsim.study.farm.recipe import make_recipe
+from clothsim.study.farm.verification import verify
 from clothsim.study.farm.work import work
 
 
@@ -25,6 +26,7 @@ def farm(tmp_path_factory):
     vary = {"cloth.cells": {"grid": [[4, 4], [3, 4]]}, "cloth.density": {"grid": [0.15, 0.2]}}
     made = plan(make_recipe(scene, {"until": "time", "licence": "CC0-1.0"}, {}, vary), tmp_path_factory.mktemp("farm"))
     work(made)
+    verify(made, fraction=0)
     return made
 
 
@@ -99,6 +101,7 @@ def test_the_page_has_a_picture_of_each_sample_and_its_parameters(farm, tmp_path
 def test_a_farm_without_a_usable_drape_is_refused(tmp_path):
     empty = plan(make_recipe(small_scene(cloth={"mesh": "nothing.obj"}), {"count": 1}, {}, {}), tmp_path / "farm")
     work(empty)
+    verify(empty, fraction=0)
     with pytest.raises(InputError):
         pack(empty, tmp_path / "data.h5")
     assert contact_sheet(empty, tmp_path / "sheet.png").is_file()

@@ -64,7 +64,10 @@ def _opened(path: Path) -> Any:
         raise _broken(path, "it cannot be opened")
     if layer.GetCompositionAssetDependencies():
         raise InputError(f"{path} names other layers, which are not read.", _FLATTEN)
-    return Usd.Stage.Open(layer)
+    stage = Usd.Stage.Open(layer)
+    if any(Usd.ClipsAPI(prim).GetClips() for prim in stage.TraverseAll()):
+        raise InputError(f"{path} names other layers by value clips, which are not read.", _FLATTEN)
+    return stage
 
 
 def _range(path: Path, stage: Any) -> tuple[float, float]:

@@ -7,8 +7,8 @@ from small_scenes import BALL, RUN, SHEET, SOLVER, small_scene
 from clothsim import InputError, Scene, check, simulate
 from clothsim.cli import main
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.run import cost as cost_module
-from clothsim.run.cost import Cost, expected_cost
+from clothsim.scene import cost as cost_module
+from clothsim.scene.cost import Cost, expected_cost
 
 FALL = {"effects": {"inertia": {}, "gravity": {}}, "body": ()}
 

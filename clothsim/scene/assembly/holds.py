@@ -1,0 +1,253 @@
+"""Support of each connected piece of cloth at the start: pins, springs, seams, bodies in the way of its load.
+
+A load on a piece that nothing can hold has no equilibrium: a quasi-static run of it is refused, and a run until rest
+goes to its limit. Held is what may come to be held: a body counts that the piece could meet on its way along its load.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Constraint, Energy, Step
+from clothsim.physics.energies.protocols import Anchored, Driven, Joining
+
+ROUND_OFF = 1e-9
+"""Fraction of the forces on a piece below which their sum counts as zero: internal forces cancel to the last digits."""
+MARGIN, DRIVEN_MARGIN = 0.1, 1.0
+"""Width across the load, as fraction of its size, by which a piece may move aside; where wind or pressure drive it."""
+TIMES = 17
+"""Times at which a moving body is looked at, over the duration."""
+MOST_LINES = 8
+MANY = 64
+"""Pieces from which on bodies are looked at as boxes, and each piece counts as held by the others."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """What may hold a piece of cloth.
+
+    Parameters
+    ----------
+    cloth : str
+        Name.
+    vertex : int
+        Its first vertex, counted in the cloth; 0 for a cloth of one piece.
+    holders : tuple of str
+        What holds it; empty for nothing.
+    load : (3,) ndarray
+        Sum of the forces on it [N]; 0 where that is round-off.
+    """
+
+    cloth: str
+    vertex: int
+    holders: tuple[str, ...]
+    load: Floats
+
+    @property
+    def falls(self) -> bool:
+        """Whether it has a load and nothing that could hold it."""
+        return not self.holders and bool(self.load.any())
+
+    @property
+    def name(self) -> str:
+        """The piece in words."""
+        return f"the piece of {self.cloth} with vertex {self.vertex}" if self.vertex else self.cloth
+
+
+def holds(
+    world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint], duration: float
+) -> tuple[Hold, ...]:
+    """What may hold each connected piece of cloth, in the order of their first vertices.
+
+    Stitches join pieces, springs and pins hold them. With body_contact a body holds what its load moves towards it
+    within `duration` [s]; with self_contact so does a piece that is held itself.
+    """
+    start, count = world.start(), world.n_cloth
+    labels = _pieces(world, energies)
+    if not count:
+        return ()
+    pieces = np.split(np.argsort(labels, kind="stable"), np.cumsum(np.bincount(labels))[:-1])
+    pieces = sorted(pieces, key=lambda rows: int(rows[0]))
+    held = _tied(energies, constraints, count)
+    forces = _forces(world, energies)
+    bodies = _bodies(world, duration, len(pieces) > MANY) if "body_contact" in energies else []
+    driven = any(isinstance(energy, Driven) for energy in energies.values())
+    loads = [_load(forces[rows]) for rows in pieces]
+    found = []
+    for rows, load in zip(pieces, loads, strict=True):
+        holders = [f"{name} ({number:,})" for name, by in held.items() if (number := int(np.isin(rows, by).sum()))]
+        reach = _Reach.of(start[rows], load, DRIVEN_MARGIN if driven else MARGIN)
+        friction = ", with friction" if "friction" in energies else ""
+        holders += [f"{name} under it{friction}" for name, points in bodies if reach.meets(points)]
+        found.append(holders)
+    if "self_contact" in energies:
+        _add_held_pieces(world, start, pieces, loads, found, DRIVEN_MARGIN if driven else MARGIN)
+    return tuple(
+        Hold(*_place(world, rows), tuple(holders), load)
+        for rows, holders, load in zip(pieces, found, loads, strict=True)
+    )
+
+
+def refuse_unsupported(found: Sequence[Hold], world: World, energies: Mapping[str, Energy]) -> None:
+    """Refuse a piece of cloth under a load without a hold, inertia or damping. InputError with its name and load."""
+    # Friction resists only where there is contact, whose forces are known last.
+    if any(_resists(world, energy) for energy in energies.values() if not energy.begins_last):
+        return
+    for each in found:
+        if each.falls:
+            load = float(np.linalg.norm(each.load))
+            raise InputError(
+                f"Nothing supports {each.name} against its load of {load:.3g} N: no pin, spring or seam holds it, no "
+                "body is under it that it could touch, and there is no inertia.",
+                "Pin some of its vertices, put a body under it (with effects.body_contact), or add effects.inertia.",
+            )
+
+
+def hold_notes(found: Sequence[Hold]) -> list[str]:
+    """A line on each piece that has a load, those of a cloth with the same holders together."""
+    groups: dict[tuple[str, tuple[str, ...]], list[Hold]] = defaultdict(list)
+    for each in found:
+        if each.load.any():
+            groups[each.cloth, each.holders].append(each)
+    lines = []
+    for (cloth, holders), members in groups.items():
+        name = members[0].name if len(members) == 1 else f"{len(members):,} pieces of {cloth}"
+        lines.append(f"{name}: held by {', '.join(holders) or 'nothing'}.")
+    more = len(lines) - MOST_LINES
+    return lines if more <= 0 else [*lines[:MOST_LINES], f"{more:,} more such lines."]
+
+
+@dataclass(frozen=True)
+class _Reach:
+    """What a piece could meet on its way along a load: `low` and `high` (3,) in `axes`, of which the last is the load.
+
+    Everything where there is no load.
+    """
+
+    axes: Floats
+    low: Floats
+    high: Floats
+
+    @staticmethod
+    def of(points: Floats, load: Floats, margin: float) -> "_Reach":
+        down = load / np.linalg.norm(load) if load.any() else np.array([0.0, 0.0, -1.0])
+        axes = np.linalg.svd(down[None])[2][[1, 2, 0]]  # rows: two across, one along
+        axes[2] = down
+        low, high = _box(points @ axes.T)
+        aside = margin * float(np.linalg.norm(high - low)) if load.any() else np.inf
+        back = aside if np.isinf(aside) else 0.0
+        return _Reach(axes, low - [aside, aside, back], np.array([high[0] + aside, high[1] + aside, np.inf]))
+
+    def meets(self, points: Floats) -> bool:
+        """Whether the box of points overlaps."""
+        low, high = _box(points @ self.axes.T)
+        return bool((low <= self.high).all() and (high >= self.low).all())
+
+
+def _box(points: Floats) -> tuple[Floats, Floats]:
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _add_held_pieces(
+    world: World, start: Floats, pieces: list[Ints], loads: list[Floats], found: list[list[str]], margin: float
+) -> None:
+    """Give each piece that nothing holds those that are held and in its way, until none is added."""
+    names = [Hold(*_place(world, rows), (), np.zeros(3)).name for rows in pieces]
+    todo = [k for k, holders in enumerate(found) if not holders]
+    if len(pieces) > MANY:
+        for k in todo:
+            found[k].append("other pieces")
+        return
+    reach = {k: _Reach.of(start[pieces[k]], loads[k], margin) for k in todo}
+    for _ in pieces:
+        met = {
+            k: next((j for j, by in enumerate(found) if by and j != k and reach[k].meets(start[pieces[j]])), None)
+            for k in todo
+        }
+        for k, j in met.items():
+            if j is not None:
+                found[k].append(f"{names[j]} under it")
+        before, todo = len(todo), [k for k in todo if met[k] is None]
+        if len(todo) == before:
+            return
+
+
+def _place(world: World, rows: Ints) -> tuple[str, int]:
+    """Name of the cloth of a piece, and its first vertex there."""
+    label = int(world.labels[rows[0]])
+    return world.names[label], int(rows[0] - world.cloth_slices[label].start)
+
+
+def _tied(energies: Mapping[str, Energy], constraints: Iterable[Constraint], count: int) -> dict[str, Ints]:
+    """Rows of cloth that each group of pins, and each effect, ties to places, by its name."""
+    found: dict[str, Ints] = {}
+    for constraint in constraints:
+        rows = constraint.at(0.0).vertices
+        rows = rows[rows < count]
+        names = np.array([constraint.holder(int(row)) or "pins" for row in rows])
+        found |= {str(name): rows[names == name] for name in np.unique(names)}
+    for name, energy in energies.items():
+        if isinstance(energy, Anchored):
+            found[name] = np.unique(energy.anchored_rows[energy.anchored_rows < count])
+    return found
+
+
+def _bodies(world: World, duration: float, as_boxes: bool) -> list[tuple[str, Floats]]:
+    """Each body with its vertices, or the corners of their box, of a moving one at several times, (k, 3) [m]."""
+    found = []
+    for body in world.bodies:
+        times = [0.0] if body.motion.still else np.linspace(0.0, duration, TIMES)
+        points = np.concatenate([body.at(float(time)) for time in times])
+        found.append((body.name, np.array(list(product(*np.column_stack(_box(points))))) if as_boxes else points))
+    return found
+
+
+def _load(forces: Floats) -> Floats:
+    """Sum of the forces (k, 3) on a piece, whose internal ones cancel [N]."""
+    load = np.asarray(forces.sum(axis=0), np.float64)
+    large = np.linalg.norm(load) > ROUND_OFF * np.linalg.norm(forces, axis=1).sum()  # False where one is not finite
+    return load if large and np.isfinite(load).all() else np.zeros(3)
+
+
+def _pieces(world: World, energies: Mapping[str, Energy]) -> Ints:
+    """The number of the connected piece of each cloth vertex, (n_cloth,); stitches connect."""
+    pairs = [world.edges]
+    for energy in energies.values():
+        if isinstance(energy, Joining):
+            rows = energy.joined_rows
+            pairs += [rows[:, [0, k]] for k in range(1, rows.shape[1])]
+    edges = np.concatenate(pairs)
+    edges = edges[(edges < world.n_cloth).all(axis=1)]
+    graph = coo_array((np.ones(len(edges)), tuple(edges.T)), shape=(world.n_cloth, world.n_cloth))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+
+
+def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
+    """Minus the gradient of the energies at the start under full load, (n_cloth, 3) [N]; without those of contact."""
+    start = world.start()
+    none = np.zeros_like(start)
+    step = Step(0.0, 1.0, start, none, 1.0, none)
+    forces = none.copy()
+    for energy in energies.values():
+        if not energy.begins_last:
+            forces -= energy.begin(step).gradient(start)
+    return forces[: world.n_cloth]
+
+
+def _resists(world: World, energy: Energy) -> bool:
+    """True for an incremental energy with a force against a translation: damping of the strain rate has none."""
+    if not energy.incremental:
+        return False
+    start = world.start()
+    none = np.zeros_like(start)
+    bound = energy.begin(Step(0.0, 1.0, start, none, 1.0, none))
+    change = bound.gradient(start + 1.0) - bound.gradient(start)
+    return bool(np.abs(change.sum(axis=0)).max() > ROUND_OFF * np.abs(change).sum())
