@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 SETTINGS = ("frame", "fps", "scale", "up", "colour", "overwrite")
 """Keywords of `export`."""
 
+SCALES = 1e-9, 1e9
+"""Least and largest number of units in a metre: positions in single precision stay finite."""
+
 
 @dataclass(frozen=True)
 class Exported:
@@ -140,6 +143,8 @@ def _refuse_settings(run: "Run", target: Path, kind: Format, given: dict[str, An
     for name in ("fps", "scale"):
         if given[name] is not None:
             as_positive(name, given[name])
+    if not SCALES[0] <= given["scale"] <= SCALES[1]:
+        raise InputError(f"scale is {given['scale']:g}.", "Give the units of the file in a metre: 100 for centimetres.")
     if kind.metres and given["scale"] != 1:
         raise InputError(f"{target.suffix} files are in metres.", "Leave the scale out.")
     if given["frame"] is not None and given["fps"] is not None:
