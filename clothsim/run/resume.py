@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, refuse_replacing
 from clothsim.base.inputs import refuse_uncallable
@@ -178,7 +180,7 @@ def _continued(
     if len(saved.state.positions) != session.built.world.n_vertices:
         raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
     state = saved.state
-    _refuse_another_time(state, scene)
+    _refuse_another_state(state, scene)
     try:
         restore(session.integrator.potential.timers, saved.counters)
         certificate = certificate_from(saved.counters["certificate"])
@@ -194,15 +196,20 @@ def _continued(
     return run
 
 
+LARGEST = 1e100
+"""Bound on positions [m] and velocities [m/s] of a run that goes on: their squares are finite."""
 SMALLEST_STEP = 1e-12
 """Time step of a checkpoint, as a fraction of the scene's, below which no run goes on."""
 
 
-def _refuse_another_time(state: State, scene: Scene) -> None:
-    """InputError for a time, a step or a number of frames that the scene does not come to: no run of it wrote them."""
+def _refuse_another_state(state: State, scene: Scene) -> None:
+    """InputError for a time, a step, frames or positions that the scene does not come to: no run of it wrote them."""
     run, longest = scene.run_settings, scene.solver_settings.longest_step
     due = state.time * run.frames_per_second
     remedy = "Repeat the run from its scene."
+    before = () if state.previous is None else (state.previous.positions, state.previous.velocities)
+    if not all((np.abs(rows) < LARGEST).all() for rows in (state.positions, state.velocities, *before)):
+        raise InputError(f"{CHECKPOINT_NAME} has a vertex that is not finite, or beyond {LARGEST:g} m.", remedy)
     if state.time > run.duration * (1 + 1e-9) + max(longest, 1 / run.frames_per_second):
         raise InputError(f"{CHECKPOINT_NAME} is at {state.time:.6g} s, its scene ends at {run.duration:g} s.", remedy)
     if state.dt < SMALLEST_STEP * longest:
