@@ -36,7 +36,7 @@ OBJ), .glb (morph targets), .usd, .usda, .usdc (pip install 'clothsim[usd]'), .v
   clothsim export drape -o last.obj --frame last
 """
 _RENDER = """\
-Draw a frame of a run (.png) or all of them (.mp4, .gif).
+Draw a frame of a run (.png) or all of them (.mp4, .webp, .gif).
 
   clothsim render drape -o side.png --frame 10 --view 1,-2,0.5 --field stress
   clothsim render drape -o figure.png --style print --range 0.95,1.05 --size 85x64mm
@@ -65,7 +65,7 @@ def add_to(commands: Any) -> None:
     render = commands.add_parser("render", description=_RENDER, usage="%(prog)s DIR [options]")
     render.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     render.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help=".png, .mp4 or .gif (default DIR/picture.png)"
+        "-o", "--output", type=Path, metavar="FILE", help=".png, .mp4, .webp or .gif (default DIR/picture.png)"
     )
     render.add_argument("--frame", metavar="N", help="of a picture: 0, 1, ... or last (default)")
     render.add_argument("--size", metavar="WxH", help="pixels, or 85x64mm at 300 dots per inch")
@@ -77,8 +77,8 @@ def add_to(commands: Any) -> None:
     )
     look.add_argument("--field", metavar="NAME", help="colour by a field: stress, compression, ...")
     render.add_argument(
-        "--style", choices=("fields", "print", "fabric"), default="fields", metavar="S",
-        help="fields (default), print (outlines on white) or fabric (woven)",
+        "--style", choices=("fields", "print", "fabric", "studio"), default="fields", metavar="S",
+        help="fields (default), print (outlines on white), fabric (woven) or studio (traced light, minutes)",
     )  # fmt: skip
     render.add_argument("--range", metavar="LOW,HIGH", help="of the colours (default: percentiles)")
     render.add_argument("--follow", action="store_true", help="a movie's camera moves along")
@@ -143,12 +143,12 @@ def _drawn(
     ending, of_movies = target.suffix.lower(), arguments.frames_per_second is not None or arguments.follow
     if ending == ".png" and of_movies:
         option = "--follow" if arguments.follow else "--frames-per-second"
-        raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .gif with -o.")
+        raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .webp with -o.")
     if ending == ".png":
         frame = _frame(run, arguments.frame or "last")
         return engine.draw_run(run, target, frame, dots_per_inch=dots_per_inch, **settings)
-    if ending not in (".mp4", ".gif"):
-        raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4 or .gif.")
+    if ending not in (".mp4", ".webp", ".gif"):
+        raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4, .webp or .gif.")
     if arguments.frame is not None:
         raise InputError("--frame is for pictures.", "Leave it out, or name a .png with -o.")
     if arguments.frames_per_second is not None:

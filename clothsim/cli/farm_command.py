@@ -152,6 +152,9 @@ def _work(arguments: argparse.Namespace) -> Report | int:
             left = len(farm.unpublished())
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
             return 130
+        except on_demand.LostWorkersError as error:
+            print(f"{error.sentence} {error.remedy}", file=sys.stderr)
+            return FAULT
     on_demand.write_manifest(farm)
     if farm.plan_fault:
         raise InputError(f"{farm.plan_fault} The drapes of its other lines are made.", on_demand.REPLAN)

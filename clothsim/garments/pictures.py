@@ -200,7 +200,7 @@ RATE = 10.0
 
 
 def draw_sewing(done: "Dress", target: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> str:
-    """Write an .mp4 or .gif of the closing and the drape; returns the line that names the renderer.
+    """Write an .mp4, .webp or .gif of the closing and the drape; returns the line that names the renderer.
 
     InputError for another ending; MissingPackageError for an .mp4 without the extra `movies`.
     """

@@ -8,7 +8,8 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 
 _HALF_ANGLE = np.radians(13.0)
-_ELEVATION = np.radians(24.0)
+HIGH, LOW = np.radians(24.0), np.radians(9.0)
+"""Elevation of the camera over what it looks at: to see a drape, and at a person's eyes."""
 _AZIMUTHS = np.radians([32.0, -32.0, 62.0, -62.0])
 _CLOTH_FRACTION = 0.5
 
@@ -102,7 +103,7 @@ def _front(up: Floats) -> Floats:
     return np.array([0.0, -1.0, 0.0]) if abs(up[2]) > 0.7 * np.linalg.norm(up) else np.array([0.0, 0.0, 1.0])
 
 
-def three_quarter_view(cloth_corners: Floats, up: Floats) -> Floats:
+def three_quarter_view(cloth_corners: Floats, up: Floats, elevation: float = HIGH) -> Floats:
     """The direction from the scene to the camera, (3,): from slightly above, turned a third of a right angle.
 
     cloth_corners: (m, 3, 3) the cloth triangles' corners [m]. It turns to the other side, or further, where the cloth
@@ -112,7 +113,7 @@ def three_quarter_view(cloth_corners: Floats, up: Floats) -> Floats:
     right = _axes(vertical, _front(up))[0]
     front = np.cross(right, vertical)
     level = [np.cos(turn) * front + np.sin(turn) * right for turn in _AZIMUTHS]
-    views = np.array([np.cos(_ELEVATION) * side + np.sin(_ELEVATION) * vertical for side in level])
+    views = np.array([np.cos(elevation) * side + np.sin(elevation) * vertical for side in level])
     normals = np.cross(cloth_corners[:, 1] - cloth_corners[:, 0], cloth_corners[:, 2] - cloth_corners[:, 0])
     areas = np.abs(normals @ views.T).sum(axis=0)
     return views[np.argmax(areas >= 0.6 * areas.max())]

@@ -1,4 +1,4 @@
-"""MP4 or GIF of a run, with one camera and one colour range."""
+"""MP4, WebP or GIF of a run, with one camera and one colour range."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -15,6 +15,8 @@ from clothsim.base.record import GIF_NAME, MOVIE_NAME
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import PictureSetup, picture_setup, pixel_counts, rendered
 from clothsim.render.surface_look import Surface
+
+MOVIE_ENDINGS = (".mp4", ".webp", ".gif")
 
 
 def movie(
@@ -40,7 +42,8 @@ def movie(
     Parameters
     ----------
     path : str or Path
-        A file that ends in .mp4 or .gif. A .gif shows at most 50 frames a second, in steps of 10 ms.
+        A file that ends in .mp4, .webp or .gif. A .gif shows at most 50 frames a second, in steps of 10 ms, and 128
+        colours; a .webp shows all of them.
     frames : iterable of sequences of Surface
         The surfaces of each frame.
     frames_per_second : float
@@ -67,12 +70,12 @@ def movie(
         For an .mp4 without the extra `movies`.
     """
     target = Path(path)
-    if target.suffix.lower() not in (".mp4", ".gif"):
-        raise InputError(f"A movie ends in .mp4 or .gif, not {target.name!r}.")
+    if target.suffix.lower() not in MOVIE_ENDINGS:
+        raise InputError(f"A movie ends in {', '.join(MOVIE_ENDINGS)}, not {target.name!r}.")
     if target.suffix.lower() == ".mp4" and not has_ffmpeg():
         raise MissingPackageError(
             f"{target.name} needs ffmpeg, which is not installed.",
-            "Run: pip install 'clothsim[movies]', or end the name in .gif.",
+            "Run: pip install 'clothsim[movies]', or end the name in .webp.",
         )
     rate = as_positive("frames_per_second", frames_per_second)
     all_frames = frames if isinstance(frames, Sequence) else list(frames)
@@ -86,8 +89,11 @@ def movie(
         beside.touch()  # what cannot be written is named before it is drawn
         if target.suffix.lower() == ".mp4":
             _write_mp4(beside, pictures, rate, even)
+        elif target.suffix.lower() == ".webp":
+            _write_images(beside, map(Image.fromarray, pictures), "WEBP", 1000 / rate, quality=80, method=4)
         else:
-            _write_gif(beside, pictures, rate)
+            few = (Image.fromarray(each).quantize(128, dither=Image.Dither.NONE) for each in pictures)
+            _write_images(beside, few, "GIF", max(20, 10 * round(100 / rate)), optimize=False)
     return setup.note
 
 
@@ -134,9 +140,8 @@ def _write_mp4(target: Path, pictures: Iterator[np.ndarray], rate: float, size: 
         writer.close()
 
 
-def _write_gif(target: Path, pictures: Iterator[np.ndarray], rate: float) -> None:
-    frames = [Image.fromarray(picture).quantize(128, dither=Image.Dither.NONE) for picture in pictures]
-    milliseconds = max(20, round(100 / rate) * 10)
-    frames[0].save(
-        target, format="GIF", save_all=True, append_images=frames[1:], duration=milliseconds, loop=0, optimize=False
-    )
+def _write_images(target: Path, frames: Iterable[Image.Image], kind: str, milliseconds: float, **options: Any) -> None:
+    """Write frames that are shown for so long each, again and again."""
+    first, *others = frames
+    shown = {"save_all": True, "append_images": others, "duration": round(milliseconds), "loop": 0}
+    first.save(target, format=kind, **shown, **options)

@@ -13,7 +13,7 @@ from PIL import Image
 from clothsim.base.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import replacing
-from clothsim.render.camera import VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
+from clothsim.render.camera import HIGH, LOW, VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
 from clothsim.render.colour_scale import Quantity, Scale, limits_of, log_stretch, sequential_scale, stretch_scale
 from clothsim.render.display import choose_renderer
 from clothsim.render.ray_caster import pixel_geometry
@@ -24,6 +24,8 @@ _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _SMALLEST = 64
 _RENDERERS = {"vtk": "clothsim.render.vtk_scene", "ray": "clothsim.render.ray_caster"}
 """Modules of the renderers, as text: VTK is imported only where it draws."""
+FIGURE = 4.0
+"""Largest size of a body that is shown whole, relative to the cloths'."""
 _LONGEST_SIDE, _MOST_SAMPLES = 16_384, 80_000_000
 """Bounds on the samples of a picture, along a side (of a frame buffer) and in all (7 GB of memory)."""
 
@@ -44,8 +46,8 @@ class PictureSetup:
         Unit vector.
     title : str
         Text at the top left.
-    renderer : "vtk" or "ray"
-        Rasterisation by VTK, or ray casting.
+    renderer : "vtk", "ray" or "mitsuba"
+        Rasterisation by VTK, ray casting, or tracing of light paths.
     samples : int
         Samples of a pixel in each direction.
     note : str
@@ -109,8 +111,9 @@ def draw(
         "auto": the environment variable CLOTHSIM_RENDERER, else VTK where it works.
     smooth : bool
         True: a smooth surface through the vertices of each cloth; False: its triangles.
-    style : "fields", "print" or "fabric"
-        Fields on the cloth; the same with outlines on white, bodies half transparent; a woven cloth.
+    style : "fields", "print", "fabric" or "studio"
+        Fields on the cloth; the same with outlines on white, bodies half transparent; a woven cloth; the same with
+        hems and stitches in the light of a studio, path-traced in minutes (`pip install 'clothsim[look]'`).
     limits : (float, float), optional
         Range of the colours, in place of that of the values.
     dots_per_inch : float
@@ -182,7 +185,8 @@ def picture_setup(
     for surface in (s for surfaces in frames for s in surfaces):
         _check(surface)
     upright = _direction("up", _UP.get(up, up) if isinstance(up, str) else up)
-    chosen, note = choose_renderer(renderer)
+    traced = STYLES[style].traced
+    chosen, note = ("mitsuba", "Traced by Mitsuba.") if traced else choose_renderer(renderer)
     wanted = STYLES[style].colour if isinstance(colour, str) and colour == "auto" else colour
     scale = scale_of(wanted, [s for surfaces in frames for s in surfaces if s.role == "cloth"], limits)
     if follow:
@@ -195,15 +199,26 @@ def picture_setup(
             raise InputError(f"view must be a direction, auto or one of {', '.join(VIEWS)}, not {view!r}.")
         last = [s for s in frames[-1] if s.role == "cloth"] or list(frames[-1])
         corners = np.concatenate([s.positions[s.triangles] for s in last])
-        backward = three_quarter_view(corners, upright) if view == "auto" else named_view(view, upright)
+        usual = three_quarter_view(corners, upright, LOW if traced else HIGH)
+        backward = usual if view == "auto" else named_view(view, upright)
     else:
         backward = _direction("view", view)
+    title = "" if traced else title
     room = margins(pixels, scale is not None, title)
     if focus is not None:
         cloth = everything = focus
+    elif traced:
+        cloth = everything = _figure(frames, cloth)
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
     look = {"smooth": smooth, "style": STYLES[style], "follow": follow}
     return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note, **look)  # type: ignore[arg-type]
+
+
+def _figure(frames: Sequence[Sequence[Surface]], cloth: Floats) -> Floats:
+    """Extreme points (k, 3) [m] of the cloths and of bodies up to FIGURE times as large: what is larger is ground."""
+    bodies = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "body"]
+    largest = FIGURE * float(np.ptp(cloth, axis=0).max(initial=0.0))
+    return np.concatenate([cloth, *(points for points in bodies if np.ptp(points, axis=0).max() <= largest)])
 
 
 def _check_size(pixels: tuple[int, int], samples: int) -> None:
@@ -251,6 +266,10 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
     if setup.follow:
         camera = replace(camera, position=camera.position + centre_of(surfaces))
     drawn = [smoothed(each) for each in surfaces] if setup.smooth else list(surfaces)
+    if style.traced:
+        from clothsim.render import studio  # with Mitsuba, an extra
+
+        return studio.render(drawn, setup.scale, camera, setup.size, setup.up, setup.samples)
     image = _shaded(setup, camera, drawn, surfaces)
     cloths = [each for each in drawn if each.role == "cloth"]
     if style.body_opacity < 1.0 and 0 < len(cloths) < len(drawn):

@@ -76,6 +76,8 @@ class Style:
         Ink along borders, silhouettes and folds.
     woven : bool
         Ribs of a twill, fixed to the material, and the sheen of fibres seen at a grazing angle.
+    traced : bool
+        Light is traced, by `studio.render`; whole figures are in the picture, and no title.
     """
 
     colour: str = "stretch"
@@ -83,6 +85,7 @@ class Style:
     body_opacity: float = 1.0
     outlines: bool = False
     woven: bool = False
+    traced: bool = False
 
     @property
     def needs_geometry(self) -> bool:
@@ -94,6 +97,7 @@ STYLES = {
     "fields": Style(),
     "print": Style(paper=True, body_opacity=0.5, outlines=True),
     "fabric": Style(colour="plain", woven=True),
+    "studio": Style(colour="plain", traced=True),
 }
 """Styles by name; the first is the default."""
 

@@ -38,7 +38,7 @@ def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     positions = trajectory.positions(frame)
     cloths = [surface for surface in trajectory.surfaces if surface.role == "cloth"]
     ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
-    stretches = np.split(_stretches(trajectory, frame), ends[:-1])
+    stretches = np.split(_stretches(trajectory, frame), ends)[: len(cloths)]
     first = trajectory.positions(0)
     made = [
         Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part, material=first[cloth.rows])
@@ -174,7 +174,7 @@ def draw_run(
     progress: Callable[[int, int], None] = lambda done, total: None,
     **settings: Any,
 ) -> str:
-    """Write a picture of a frame (.png), or a movie of all (.mp4, .gif); returns the line that names the renderer.
+    """Write a picture of a frame (.png) or a movie of all (.mp4, .webp, .gif); return the line that names the renderer.
 
     field: what colours the cloths; progress: of a movie; settings: PICTURE_SETTINGS, MOVIE_SETTINGS, dots_per_inch; the
     axis against gravity is that of the scene where none is given.

@@ -331,7 +331,7 @@ class Run(Sequence[Frame]):
         Parameters
         ----------
         path : str or Path
-            A file that ends in .mp4 or .gif.
+            A file that ends in .mp4, .webp or .gif.
         progress : callable, optional
             Called with the frames drawn and all frames after each of them.
         field : str, optional

@@ -7,6 +7,7 @@ from render_scenes import ball, sheet
 
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.render.movie import movie
+from clothsim.render.picture import draw
 
 SETTINGS = {"size": (97, 72), "renderer": "ray", "samples": 1}
 
@@ -15,18 +16,21 @@ def falling(n=4):
     return [[sheet(n=6, lift=0.1 * (n - k), stretch=1 + 0.02 * k), ball(n=8)] for k in range(n)]
 
 
-def test_a_gif_has_every_frame_and_reports_progress(tmp_path):
+@pytest.mark.parametrize("name", ["run.gif", "run.webp"])
+def test_a_movie_of_images_has_every_frame_and_reports_progress(name, tmp_path):
     seen = []
     movie(
-        tmp_path / "run.gif",
+        tmp_path / name,
         falling(),
         frames_per_second=10,
         progress=lambda done, total: seen.append((done, total)),
         **SETTINGS,
     )
-    with Image.open(tmp_path / "run.gif") as picture:
+    with Image.open(tmp_path / name) as picture:
         assert picture.n_frames == 4
         assert picture.size == (96, 72)
+        picture.seek(1)
+        picture.load()
         assert picture.info["duration"] == 100
     assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
@@ -42,6 +46,16 @@ def test_a_generator_of_frames_works_and_the_camera_stands_still(tmp_path):
     assert moved[:40].max() > 30
     assert moved[-3:, :3].max() < 8  # the backdrop and the scalar bar do not move
     assert moved[20:60, -14:].max() < 8
+
+
+def test_a_webp_keeps_the_colours_of_its_frames(tmp_path):
+    draw(tmp_path / "frame.png", falling(2)[0], size=(96, 72), renderer="ray", limits=(0.98, 1.02))
+    movie(tmp_path / "same.webp", falling(2), limits=(0.98, 1.02), **{**SETTINGS, "samples": 2})
+    with Image.open(tmp_path / "same.webp") as film, Image.open(tmp_path / "frame.png") as frame:
+        film.seek(0)
+        bar = np.s_[:, -12:]
+        difference = np.asarray(film.convert("RGB"), float)[bar] - np.asarray(frame.convert("RGB"), float)[bar]
+    assert np.abs(difference).mean() < 4
 
 
 def test_an_mp4_has_every_frame(tmp_path):

@@ -71,12 +71,14 @@ def test_a_weave_moves_with_the_material():
 
 @pytest.mark.parametrize("style", STYLES)
 def test_each_style_draws_a_picture_of_its_own(style, tmp_path):
+    if STYLES[style].traced:
+        pytest.importorskip("mitsuba", reason="an extra: pip install 'clothsim[look]'")
     surfaces = [sheet(), ball()]
     made = rendered_without_legend(setup(surfaces, style=style), surfaces)
     usual = rendered_without_legend(setup(surfaces), surfaces)
     assert np.array_equal(made, usual) == (style == "fields")
     assert (made[0, 0] == 1.0).all() == STYLES[style].paper
-    assert (setup(surfaces, style=style).scale is None) == (style == "fabric")
+    assert (setup(surfaces, style=style).scale is None) == (STYLES[style].colour == "plain")
 
 
 def test_a_body_is_half_transparent_in_print():

@@ -26,6 +26,7 @@ from clothsim.study.farm.reading import (
     read_mesh,
     whole_files,
 )
+from clothsim.study.farm.rules import RULES
 from clothsim.study.farm.status import manifest
 from clothsim.study.farm.verification import demand_verified
 
@@ -48,7 +49,8 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         f"* Made by clothsim {settings['package']}, recipe version {settings['version']}, seed {settings['seed']}",
         f"* Planned {len(farm.jobs)}, published {len(rows)}, usable {len(used)}",
         "* Usable: completed"
-        + (", at rest" if settings["scene"]["run"].get("until") == "rest" else "")
+        + (", at rest" if settings["usable"]["at_rest"] else "")
+        + "".join(f", {key} = {value:g}" for key, value in settings["usable"].items() if key in RULES)
         + ", free of intersections by the exact test in every step, and no piece inside a body",
         f"* The garment is {'cut to the body' if cut else 'not cut to the body'}",
         f"* Kept: {'the last frame' if settings['frames'] == 'last' else 'all frames'}, positions in float32 [m]",

@@ -1,0 +1,278 @@
+"""Path-traced pictures of a photographer's studio: soft lights, a backdrop, woven cloth with rims, hems and stitches.
+
+Needs Mitsuba 3 (Jakob et al. 2022), `pip install 'clothsim[look]'`. Its scalar variant is taken: the vectorised ones
+need a library of LLVM, and some of those end the process. The light that leaves a surface is divided by its colour,
+smoothed where depth and normal agree by an edge-avoiding a-trous filter (Dammertz et al. 2010), and multiplied again.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.base.linalg import unit
+from clothsim.render.camera import Camera
+from clothsim.render.cloth_shell import cloth_shell
+from clothsim.render.colour_scale import Scale
+from clothsim.render.surface_look import Surface, creased_normals, vertex_values
+
+PALETTE = np.array(
+    [[0.055, 0.125, 0.245], [0.55, 0.24, 0.075], [0.115, 0.20, 0.125], [0.40, 0.055, 0.075], [0.62, 0.55, 0.43]]
+)
+"""Linear RGB of cloths without a field: indigo, ochre, bottle green, madder, ecru."""
+BACKDROP = np.array([0.78, 0.78, 0.79])
+RIBS, TEXELS, RIB_PIXELS = 48, 768, 2.4
+"""Ribs and texels of a tile of the weave, and the least width of a rib in a picture [pixels]."""
+RIB, MELANGE = 1.6e-3, 0.08
+"""Width of a rib [m], and the variation of the brightness of its threads."""
+DEPTH = 5
+"""Bounces of light."""
+PATHS = 6
+"""Paths of a pixel for each of the picture's samples squared."""
+
+
+def render(
+    surfaces: Sequence[Surface],
+    scale: Scale | None,
+    camera: Camera,
+    size: tuple[int, int],
+    up: Floats,
+    samples: int = 2,
+) -> Floats:
+    """The picture (height, width, 3), sRGB in [0, 1].
+
+    Parameters
+    ----------
+    surfaces : sequence of Surface
+        Cloths and bodies, smooth already.
+    scale : Scale or None
+        Colours of the cloths by their values; None: those of PALETTE.
+    camera, size, up
+        As of a `PictureSetup`.
+    samples : int
+        Samples of a pixel in each direction.
+
+    Raises
+    ------
+    InputError
+        Without Mitsuba.
+    """
+    mi = _mitsuba()
+    everything = np.concatenate([each.positions for each in surfaces])
+    extent = float(np.ptp(everything, axis=0).max())
+    pixel = 2.0 * camera.tangents[1] / size[1] * float((camera.position - everything.mean(axis=0)) @ camera.axes[2])
+    shapes: list[Any] = []
+    for k, surface in enumerate(surfaces):
+        if surface.role == "body":
+            normals = creased_normals(surface.positions, surface.triangles)
+            shapes.append(_mesh(mi, surface.positions[surface.triangles], normals, _LACQUER))
+        else:
+            shapes += _cloth(mi, surface, PALETTE[k % len(PALETTE)], scale, max(RIB, RIB_PIXELS * pixel))
+    aovs = "colour:albedo,normal:sh_normal,depth:depth"
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "aov", "aovs": aovs, "traced": {"type": "path", "max_depth": DEPTH}},
+        "sensor": _sensor(mi, camera, size, extent),
+        **{f"surface_{k}": shape for k, shape in enumerate(shapes)},
+        **_stage(mi, everything, camera, up, extent),
+    }
+    traced = np.array(mi.render(mi.load_dict(scene), spp=PATHS * samples**2), np.float32)
+    light, colour, normal, depth = traced[..., :3], traced[..., 3:6], traced[..., 6:9], traced[..., 9]
+    return _developed(_denoised(light, colour, normal, depth, extent))
+
+
+def _mitsuba() -> Any:
+    """The module `mitsuba` in its scalar variant. InputError where it is not installed."""
+    try:
+        import mitsuba
+    except ImportError as error:
+        raise InputError(
+            'The style "studio" needs Mitsuba.', "pip install 'clothsim[look]', or take the style \"fabric\"."
+        ) from error
+    mitsuba.set_variant("scalar_rgb")
+    return mitsuba
+
+
+def _mesh(
+    mi: Any, corners: Floats, normals: Floats, material: dict[str, Any], uv: Floats | None = None, colour: Any = None
+) -> Any:
+    """A mesh of triangles with corners of their own, (k, 3, 3) each."""
+    properties = mi.Properties()
+    properties["mesh_bsdf"] = mi.load_dict(material)
+    count = 3 * len(corners)
+    has = {"has_vertex_normals": True, "has_vertex_texcoords": uv is not None}
+    mesh = mi.Mesh("", count, len(corners), props=properties, **has)
+    if colour is not None:
+        mesh.add_attribute("vertex_colour", 3, np.ascontiguousarray(colour, np.float32).ravel())
+    data = mi.traverse(mesh)
+    data["vertex_positions"] = np.ascontiguousarray(corners, np.float32).ravel()
+    data["vertex_normals"] = np.ascontiguousarray(normals, np.float32).ravel()
+    data["faces"] = np.arange(count, dtype=np.uint32)
+    if uv is not None:
+        data["vertex_texcoords"] = np.ascontiguousarray(uv, np.float32).ravel()
+    data.update()
+    return mesh
+
+
+def _cloth(mi: Any, surface: Surface, colour: Floats, scale: Scale | None, rib: float) -> list[Any]:
+    """The meshes of a cloth and of its stitches; rib: width of the ribs of its weave [m]."""
+    shell, stitches = cloth_shell(surface)
+    values = vertex_values(surface)
+    if scale is not None and len(values):
+        painted = (scale.colours(values)[shell.source] ** 2.2).reshape(-1, 3)
+        made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, None, rib), shell.uv, painted)]
+    else:
+        made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, colour, rib), shell.uv)]
+    if len(stitches):
+        facing = unit(np.cross(stitches[:, 1] - stitches[:, 0], stitches[:, 2] - stitches[:, 0]))
+        normals = np.broadcast_to(facing[:, None], stitches.shape)
+        made.append(_mesh(mi, stitches, normals, _diffuse(0.25 * colour + 0.02)))
+    return made
+
+
+def _diffuse(colour: Floats) -> dict[str, Any]:
+    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(colour)}}}
+
+
+_LACQUER = {
+    "type": "twosided",
+    "bsdf": {
+        "type": "principled",
+        "base_color": {"type": "rgb", "value": [0.66, 0.61, 0.55]},
+        "roughness": 0.42,
+        "specular": 0.45,
+    },
+}
+"""Satin lacquer of a shop's mannequin."""
+
+
+def _woven(mi: Any, colour: Floats | None, rib: float) -> dict[str, Any]:
+    """Matt threads in a twill, with the sheen of fibres seen at a grazing angle; None: in the colours of the mesh."""
+    height, threads = _twill()
+    place = {"raw": True, "to_uv": mi.ScalarTransform4f().scale([1.0 / (RIBS * rib), 1.0 / (RIBS * rib), 1.0])}
+    base: dict[str, Any] = {"type": "mesh_attribute", "name": "vertex_colour"}
+    if colour is not None:
+        tile = np.clip(threads[..., None] * colour, 0.0, 1.0).astype(np.float32)
+        base = {"type": "bitmap", "bitmap": mi.Bitmap(tile), **place}
+    fibres = {"roughness": 0.9, "specular": 0.12, "sheen": 0.7, "sheen_tint": 0.5}
+    bump = {"type": "bitmap", "bitmap": mi.Bitmap(height[..., None].astype(np.float32)), **place}
+    cloth = {"type": "principled", "base_color": base, **fibres}
+    return {"type": "twosided", "bsdf": {"type": "bumpmap", "scale": 0.16 * rib, "texture": bump, "cloth": cloth}}
+
+
+def _twill() -> tuple[Floats, Floats]:
+    """A tile of a 2/1 twill: its height in 0..1, and the brightness of its threads about 1, (TEXELS, TEXELS) each."""
+    u, v = np.meshgrid(np.arange(TEXELS) / TEXELS, np.arange(TEXELS) / TEXELS)
+    phase = 2.0 * np.pi * RIBS * (u + v)
+    height = (0.5 + 0.5 * np.cos(phase)) * (0.85 + 0.15 * np.cos(2.0 * np.pi * RIBS * (u - v)))
+    random = np.random.default_rng(11)
+    warp, weft = random.normal(size=(2, 2 * RIBS))
+    at = np.arange(TEXELS) * 2 * RIBS // TEXELS
+    threads = 1.0 + MELANGE * 0.5 * (warp[at][None, :] + weft[at][:, None])
+    return height, np.clip(threads * (0.86 + 0.20 * height), 0.3, 1.5)
+
+
+def _stage(mi: Any, everything: Floats, camera: Camera, up: Floats, extent: float) -> dict[str, Any]:
+    """Floor that curves into a wall behind the scene, a large soft light, a weak one against it, and a sky."""
+    right, _, back = camera.axes
+    upright = up / np.linalg.norm(up)
+    level = back - (back @ upright) * upright
+    level = right if np.linalg.norm(level) < 1e-3 else level / np.linalg.norm(level)
+    side = np.cross(upright, level)
+    centre = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
+    floor = centre - (centre @ upright - (everything @ upright).min() + 1e-4 * extent) * upright
+    radius, depth = 1.2 * extent, 1.8 * extent
+    turns = np.linspace(0.0, 0.5 * np.pi, 24)
+    ahead = np.concatenate([[8.0 * extent], -depth - radius * np.sin(turns), [-depth - radius]])
+    height = np.concatenate([[0.0], radius * (1.0 - np.cos(turns)), [12.0 * extent]])
+    profile = floor + ahead[:, None] * level + height[:, None] * upright
+    left, far = profile - 14.0 * extent * side, profile + 14.0 * extent * side
+    facing = unit(np.cross(side, np.gradient(profile, axis=0)))
+    facing *= np.sign(facing @ (upright + level))[:, None]
+
+    def strip(near: Floats, away: Floats) -> Floats:
+        first = np.stack([near[:-1], away[:-1], near[1:]], axis=1)
+        return np.concatenate([first, np.stack([away[:-1], away[1:], near[1:]], axis=1)])
+
+    def panel(towards: Floats, distance: float, half: float, radiance: list[float]) -> dict[str, Any]:
+        origin = centre + distance * extent * unit(towards)
+        turned = mi.ScalarTransform4f().look_at(
+            origin=list(origin), target=list(centre), up=list(upright + 0.01 * side)
+        )
+        emitter = {"type": "area", "radiance": {"type": "rgb", "value": radiance}}
+        return {
+            "type": "rectangle",
+            "to_world": turned @ mi.ScalarTransform4f().scale(half * extent),
+            "emitter": emitter,
+        }
+
+    return {
+        "backdrop": _mesh(mi, strip(left, far), strip(facing, facing), _diffuse(BACKDROP)),
+        "key": panel(-0.95 * right + 0.85 * upright + 0.55 * level, 2.6, 0.75, [12.5, 12.0, 11.2]),
+        "fill": panel(1.0 * right + 0.35 * upright + 0.7 * level, 3.2, 1.0, [1.1, 1.2, 1.35]),
+        "rim": panel(0.75 * right + 0.9 * upright - 0.75 * level, 2.4, 0.5, [5.0, 5.0, 5.2]),
+        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 0.30}},
+    }
+
+
+def _sensor(mi: Any, camera: Camera, size: tuple[int, int], extent: float) -> dict[str, Any]:
+    _, picture_up, back = camera.axes
+    looking = mi.ScalarTransform4f().look_at(
+        origin=list(camera.position), target=list(camera.position - back), up=list(picture_up)
+    )
+    film = {"type": "hdrfilm", "width": size[0], "height": size[1], "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+    return {
+        "type": "perspective",
+        "fov": float(2.0 * np.degrees(np.arctan(camera.tangents[1]))),
+        "fov_axis": "y",
+        "near_clip": 1e-3 * extent,
+        "far_clip": 200.0 * extent,
+        "to_world": looking,
+        "film": {**film, "component_format": "float32"},
+        "sampler": {"type": "independent"},
+    }
+
+
+ROUNDS = 4
+"""Passes of the filter; each reaches twice as far as the one before."""
+_KERNEL = (1.0, 4.0, 6.0, 4.0, 1.0)
+
+
+def _denoised(light: Any, colour: Any, normal: Any, depth: Any, extent: float) -> Any:
+    """Light (h, w, 3) smoothed where the surface does not change; a pixel on an outline stays as it was traced."""
+    height, width = depth.shape
+    base = np.maximum(colour, 0.02)
+    seen = light / base
+    whole = np.linalg.norm(normal, axis=2)
+    slopes = np.gradient(depth)
+    for level in range(ROUNDS):
+        step = 2**level
+        total, weight = np.zeros_like(seen), np.zeros((height, width, 1), np.float32)
+        brightness = seen.mean(axis=2)
+        tolerance = np.inf if level == 0 else 0.5**level
+        reach = 2 * step
+        around = ((reach, reach), (reach, reach), (0, 0))
+        padded = [np.pad(each, around, mode="edge") for each in (seen, normal, depth[..., None])]
+        for i in range(5):
+            for j in range(5):
+                rows, columns = slice(i * step, i * step + height), slice(j * step, j * step + width)
+                other, facing, far = (each[rows, columns] for each in padded)
+                alike = np.clip((facing * normal).sum(axis=2), 0.0, 1.0) ** 64
+                plane = depth + step * ((i - 2) * slopes[0] + (j - 2) * slopes[1])
+                near = np.exp(-np.abs(far[..., 0] - plane) / (0.004 * extent * step))
+                close = np.exp(-np.abs(other.mean(axis=2) - brightness) / (tolerance * np.maximum(brightness, 0.05)))
+                w = (_KERNEL[i] * _KERNEL[j] * alike * near * close)[..., None]
+                total += w * other
+                weight += w
+        seen = np.where(weight > 1e-6, total / np.maximum(weight, 1e-6), seen)
+    smooth = (whole > 0.985)[..., None]
+    return np.where(smooth, seen * base, light)
+
+
+def _developed(light: Any) -> Floats:
+    """SRGB in [0, 1] of linear light, its brightest part compressed."""
+    linear = np.maximum(light, 0.0)
+    linear = np.where(linear < 0.7, linear, 0.7 + 0.3 * (1.0 - np.exp(-(linear - 0.7) / 0.3)))
+    return np.clip(np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055), 0.0, 1.0)

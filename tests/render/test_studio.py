@@ -1,0 +1,113 @@
+"""Pictures with traced light: cloth with a thickness, and what is lit by what."""
+
+import numpy as np
+import pytest
+import trimesh
+from render_scenes import ball, sheet
+
+from clothsim.base.errors import InputError
+from clothsim.render import cloth_shell as shells
+from clothsim.render import studio
+from clothsim.render.picture import draw, picture_setup, rendered_without_legend
+from clothsim.render.surface_look import Surface
+
+
+def square(side=0.4, cells=40):
+    """A flat cloth of `side` metres in z = 0."""
+    x, y = np.meshgrid(np.linspace(0, side, cells + 1), np.linspace(0, side, cells + 1))
+    number = np.arange((cells + 1) ** 2).reshape(cells + 1, -1)
+    a, b, c, d = (number[i : i + cells, j : j + cells].ravel() for i, j in ((0, 0), (0, 1), (1, 1), (1, 0)))
+    positions = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    return Surface(
+        "square", positions, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]), "cloth", np.zeros((0, 2))
+    )
+
+
+def area_of(corners):
+    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+
+
+def test_a_shell_is_closed_and_as_thick_as_its_hem():
+    shell, _ = shells.cloth_shell(square())
+    assert np.ptp(shell.corners[..., 2]) == pytest.approx(shells.THICKNESS * shells.HEM_LAYERS)
+    # closed: by the divergence theorem the area vectors sum to nothing, and their moments to three times the volume
+    vectors = 0.5 * np.cross(shell.corners[:, 1] - shell.corners[:, 0], shell.corners[:, 2] - shell.corners[:, 0])
+    assert np.abs(vectors.sum(axis=0)).max() < 1e-12
+    volume = np.einsum("ij,ij->", shell.corners.mean(axis=1), vectors) / 3
+    hem = 0.4**2 - (0.4 - 2 * shells.HEM_WIDTH) ** 2
+    wanted = shells.THICKNESS * (0.4**2 + (shells.HEM_LAYERS - 1) * hem)
+    assert volume == pytest.approx(wanted, rel=0.05)  # the step of a hem is as wide as a cell
+    assert np.einsum("ij,ij->i", vectors, shell.normals.mean(axis=1)).min() > 0
+
+
+def test_stitches_run_along_the_hem_in_the_share_of_their_length():
+    _, stitches = shells.cloth_shell(square())
+    points = stitches.reshape(-1, 3)
+    inset = np.minimum(points[:, :2], 0.4 - points[:, :2]).min(axis=1)
+    assert inset == pytest.approx(0.9 * shells.HEM_WIDTH, abs=2 * shells.THREAD + 1e-3)
+    # four sides of a square prism about each thread, on two faces of the cloth
+    length = area_of(stitches) / (2 * 4 * np.sqrt(2) * shells.THREAD)
+    around = 4 * (0.4 - 2 * 0.9 * shells.HEM_WIDTH)
+    assert length / around == pytest.approx(shells.STITCH / (shells.STITCH + shells.GAP), abs=0.06)
+
+
+def test_a_closed_cloth_and_a_small_one_have_no_hem():
+    globe = trimesh.creation.icosphere(2, 0.3)
+    closed = Surface("globe", np.array(globe.vertices), np.array(globe.faces), "cloth", np.zeros((0, 2)))
+    for surface in (closed, square(side=0.1)):
+        shell, stitches = shells.cloth_shell(surface)
+        assert len(stitches) == 0
+        rims = 2 * 4 * 40 if surface.name == "square" else 0
+        assert len(shell.corners) == 2 * len(surface.triangles) + rims
+
+
+def test_without_mitsuba_the_remedy_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(__import__("sys").modules, "mitsuba", None)
+    with pytest.raises(InputError, match=r"clothsim\[look\]"):
+        draw(tmp_path / "a.png", [sheet()], style="studio")
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_whole_figures_are_in_the_picture_and_ground_is_not():
+    cloth = square()
+    figure = Surface("figure", ball().positions * 0.5, ball().triangles, "body", np.zeros((0, 2)))
+    ground = Surface("ground", square().positions * 100, square().triangles, "body", np.zeros((0, 2)))
+    settings = {"size": (80, 80), "colour": "plain", "up": "z", "view": "auto", "title": "1 s", "renderer": "auto"}
+    setup = picture_setup([[cloth, figure, ground]], style="studio", **settings)
+    assert np.abs(setup.camera.project(figure.positions)).max() <= 1
+    assert np.abs(setup.camera.project(ground.positions)).max() > 1
+    assert setup.title == ""
+    assert setup.renderer == "mitsuba"
+
+
+def test_traced_cloth_has_its_colour_and_a_shadow():
+    pytest.importorskip("mitsuba", reason="an extra: pip install 'clothsim[look]'")
+    above = square()
+    settings = {
+        "size": (96, 72),
+        "colour": "plain",
+        "up": "z",
+        "view": (0.0, -1.0, 0.8),
+        "title": "",
+        "renderer": "auto",
+    }
+    setup = picture_setup([[above]], style="studio", samples=1, **settings)
+    image = rendered_without_legend(setup, [above])
+    assert image.shape == (72, 96, 3)
+    assert np.isfinite(image).all() and image.min() >= 0 and image.max() <= 1  # noqa: PT018
+    middle, corner = image[36, 48], image[4, 4]
+    assert middle[2] > 1.3 * middle[0]  # indigo
+    assert corner.min() > middle.max()
+    assert np.ptp(corner) < 0.08  # the backdrop is grey
+
+
+def test_the_light_filter_keeps_outlines_and_removes_noise():
+    random = np.random.default_rng(0)
+    noise = 1 + 0.3 * random.normal(size=(40, 40, 1)).astype(np.float32)
+    colour = np.ones((40, 40, 3), np.float32) * np.where(np.arange(40) < 20, 0.2, 0.8)[None, :, None]
+    normal = np.zeros((40, 40, 3))
+    normal[:, :20, 2], normal[:, 20:, 0] = 1.0, 1.0
+    smooth = studio._denoised(noise * colour, colour, normal, np.ones((40, 40)), 1.0)
+    assert (smooth / colour).std() < 0.25 * 0.3
+    assert smooth[:, :20].mean() == pytest.approx(0.2, rel=0.05)
+    assert smooth[:, 20:].mean() == pytest.approx(0.8, rel=0.05)
