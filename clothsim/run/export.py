@@ -35,6 +35,7 @@ SMALLEST_SCALE = 1e-9
 SETTINGS = ("frame", "fps", "scale", "up", "colour", "overwrite")
 """Keywords of `export`."""
 
+
 @dataclass(frozen=True)
 class Exported:
     """Files of an export.
