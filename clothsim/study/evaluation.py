@@ -36,7 +36,7 @@ class Progress:
 class Gatherer:
     """The points known so far: outcomes (data points and failures), and {point: why it was left out}.
 
-    stored: {key: entry of study.json} of an earlier study of the same scene; spent: CPU seconds of all processes so far;
+    stored: {key: entry of study.json} of an earlier study of the same scene; spent: CPU seconds of all processes;
     left: those of the budget that are left, none once the study is asked to end; begun: {target: guess} of the runs
     under way.
     """
