@@ -27,7 +27,6 @@ import numpy as np
 from clothsim import Scene, simulate
 from clothsim.base.record import to_json
 from clothsim.engine import cloths_at_start
-from clothsim.files import write_obj
 
 ONE_THREAD = ("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 TEMPORARY = ("TMPDIR", "TEMP", "TMP")
@@ -296,8 +295,12 @@ def jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     start, triangles = cloths_at_start(scene)
     amplitude = JITTER * float(np.linalg.norm(np.ptp(start, axis=0)))
     moved = start + np.random.default_rng(seed).uniform(-amplitude, amplitude, start.shape)
+    file = folder / "start.obj"
+    with file.open("w", encoding="utf-8") as lines:
+        np.savetxt(lines, moved, "v %.17g %.17g %.17g")
+        np.savetxt(lines, triangles + 1, "f %d %d %d")
     untangling = {key: value for key, value in scene.seed.items() if key == "untangle"}
-    return {**untangling, "from": "file", "file": str(write_obj(folder / "start.obj", moved, triangles))}
+    return {**untangling, "from": "file", "file": str(file)}
 
 
 if __name__ == "__main__":
