@@ -35,6 +35,17 @@ def home_of(name: str) -> str:
     return f"{name} is a key of {listed}{' and others' if len(homes) > MOST else ''}."
 
 
+def paths_of(name: str) -> list[str]:
+    """Paths, such as "cloth.fabric", of the keys of this name."""
+    kinds = [*(Solver, RunSettings, Seed, Contact), *(ClothTable, BodyTable, RigidTable)]
+    found = [f"{kind.section}.{name}" for kind in kinds if name in keys_of(kind)]
+    found += [
+        f"{mesh}.{name}" for mesh in ("cloth", "body") for kind in GENERATOR_KEYS.values() if name in keys_of(kind)
+    ]
+    found += [f"effects.{effect}.{name}" for effect, kind in TYPED_EFFECTS.items() if name in keys_of(kind)]
+    return list(dict.fromkeys(found))
+
+
 def effect_remedy(name: str) -> str:
     """The form in which a scene file names an effect, with its first key."""
     declared = keys_of(TYPED_EFFECTS[name]).values() if name in TYPED_EFFECTS else ()
