@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from clothsim.base.inputs import nearest
 from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.key_table import KeyTable
 from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, RigidTable
 from clothsim.keys.schema import keys_of
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
@@ -37,7 +38,7 @@ def home_of(name: str) -> str:
 
 def paths_of(name: str) -> list[str]:
     """Paths, such as "cloth.fabric", of the keys of this name."""
-    kinds = [*(Solver, RunSettings, Seed, Contact), *(ClothTable, BodyTable, RigidTable)]
+    kinds: tuple[type[KeyTable], ...] = (Solver, RunSettings, Seed, Contact, ClothTable, BodyTable, RigidTable)
     found = [f"{kind.section}.{name}" for kind in kinds if name in keys_of(kind)]
     found += [
         f"{mesh}.{name}" for mesh in ("cloth", "body") for kind in GENERATOR_KEYS.values() if name in keys_of(kind)
