@@ -95,6 +95,19 @@ def example_scenes() -> list[ExampleScene]:
     return [_described(file) for file in sorted(scenes_folder().glob("*.toml"))]
 
 
+def examples() -> dict[str, str]:
+    """Names of the example scenes, which `load_scene` takes, and what each shows.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.examples()["sphere"]
+    'A square metre of cotton falls on a ball'
+    """
+    files = sorted(scenes_folder().glob("*.toml"))
+    return {file.stem: headline(file.read_text(encoding="utf-8")) for file in files}
+
+
 def _described(file: Path) -> ExampleScene:
     scene = load_scene(file)
     missing = [name for name in named_files(scene) if not any(scene.directory.glob(name))]

@@ -165,7 +165,7 @@ def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
             raise InputError(
                 f"{each.cloth} starts inside {each.body}, {each.where}: contact would keep it in.",
                 f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
-                "meant to hold it, give run.allow_inside = true (--force).",
+                "meant to hold it, give run.allow_inside = true, or --force.",
             )
 
 
@@ -175,8 +175,7 @@ def refuse_large_error(world: World, scene: Scene) -> None:
     if error >= size:
         raise InputError(
             f"solver.error is {error:g} m, and the whole scene is {size:.3g} m long.",
-            f"Give it in metres: solver.error = {1e-3 * error:g}; on the command line with its unit: "
-            f"--error {error:g}mm.",
+            f"Give it in metres, solver.error = {1e-3 * error:g}, or with its unit: `--error {error:g}mm`.",
         )
 
 
