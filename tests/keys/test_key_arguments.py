@@ -18,7 +18,7 @@ TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
         (lambda: clothsim.Cloth(fabirc="denim"), "fabirc", "'fabric'"),
         (lambda: clothsim.Cloth(fabric="denim"), "vertices", "clothsim.Cloth(vertices=...)"),
         (lambda: clothsim.Gravity(9.81), "9.81", "Gravity(acceleration=(0.0, 0.0, -9.81))"),
-        (lambda: clothsim.Gravity(accelaration=[0, 0, 1]), "accelaration", "'acceleration'"),
+        (lambda: clothsim.Gravity(accelerat=[0, 0, 1]), "accelerat", "'acceleration'"),
         (lambda: clothsim.Pins("top"), "top", "Pins("),
         (lambda: clothsim.Solver(0.02), "0.02", "Solver(dt=0.01)"),
         (lambda: clothsim.RunSettings(durations=2), "durations", "'duration'"),
