@@ -115,7 +115,7 @@ def _ended(command: subprocess.Popen[bytes]) -> list[str]:
     if command.poll() is None:
         command.kill()
     said = command.communicate()[1].decode(errors="replace").splitlines()
-    return [line for line in said if line.strip()][-6:]
+    return [line for line in said if line.strip()][-20:]
 
 
 def _state(farm: Farm) -> dict[str, Any]:

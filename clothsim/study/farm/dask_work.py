@@ -4,6 +4,7 @@ A task makes a drape where nobody does and returns its id alone. Whatever is kil
 not published is given out again.
 """
 
+import logging
 import os
 import subprocess
 import sys
@@ -81,6 +82,7 @@ def work_with_dask(
     matters, as a task only makes what is not published, and what is not published is given out again.
     """
     with ExitStack() as stack:
+        stack.enter_context(_quiet_client())
         own = None
         if scheduler is None:
             own = stack.enter_context(_own_workers(farm, workers))
@@ -110,6 +112,19 @@ def _greet(scheduler: str, announce: Callable[[str], None] | None) -> None:
                 announce(client.dashboard_link)
     except (OSError, ValueError) as error:
         raise InputError(f"The scheduler {scheduler} does not answer: {error}.", "Check its address.") from error
+
+
+@contextmanager
+def _quiet_client() -> Iterator[None]:
+    """Within the block Dask's client prints no traceback where it loses a scheduler: there is a sentence for that."""
+    dask_package()  # which sets the levels of its loggers
+    client = logging.getLogger("distributed.client")
+    before = client.level
+    client.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        client.setLevel(before)
 
 
 @contextmanager

@@ -126,8 +126,8 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
 
     Notes
     -----
-    HDF5: `manifest` (a line of JSON for each drape, failed ones too), `meshes/HASH/{start, rest, triangles, material,
-    uv}`, and for each topology `garments/K/{positions (N, n, 3) or (N, frames, n, 3), ids, meshes}`. Shards:
+    HDF5: `manifest` (a line of JSON for each drape, failed ones too), `card`, `meshes/HASH/{start, rest, triangles,
+    material, uv}`, and for each topology `garments/K/{positions (N, n, 3) or (N, frames, n, 3), ids, meshes}`. Shards:
     ID.cloth.npy, ID.summary.json, ID.params.json, and the meshes in meshes.tar; the same bytes whenever they are made
     of the same drapes.
     """
@@ -163,6 +163,7 @@ def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Seque
         file.attrs["licence"] = farm.settings["licence"]
         file.attrs["package"] = farm.settings["package"]
         file["manifest"] = [json.dumps(row) for row in rows]
+        file["card"] = card(farm, rows)
         topologies: dict[str, list[Mapping[str, Any]]] = {}
         names: dict[str, None] = {}
         for row in used:

@@ -1,5 +1,7 @@
 """Work by real workers of Dask: killed ones are started again, a lost scheduler is one sentence."""
 
+import logging
+
 import pytest
 from small_scenes import small_scene
 
@@ -53,7 +55,12 @@ def test_workers_that_never_live_end_the_work(farm, monkeypatch):
 
 def test_a_scheduler_that_is_lost_is_exit_code_1_and_one_sentence(farm, monkeypatch, capsys):
     cluster = distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=None, host="127.0.0.1")
-    monkeypatch.setattr(dask_work, "_greet", lambda *given: cluster.close())
+
+    def lost(*given):
+        cluster.close()
+        logging.getLogger("distributed.client").error("a traceback")
+
+    monkeypatch.setattr(dask_work, "_greet", lost)
     monkeypatch.setattr(dask_work, "PATIENCE", 0.1)
     words = ["farm", "work", str(farm.directory), "--scheduler", cluster.scheduler_address, "--quiet"]
     assert main(words) == 1
