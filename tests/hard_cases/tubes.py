@@ -58,7 +58,7 @@ def coiled(small: bool) -> Scene:
         body={"name": "floor", "mesh": "rectangle", "size": [1, 1], "cells": [1, 1], "position": [0.1, 0.05, 0]},
         effects=ELASTIC | {"gravity": {}, "body_contact": {}, "self_contact": {}, "friction": {}},
         solver={"dt": 0.01},
-        run={"duration": 0.5 if small else 1.0, "frames_per_second": 50},
+        run={"duration": 0.7 if small else 1.2, "frames_per_second": 50},
     )
 
 
