@@ -45,7 +45,7 @@ def shut(run: Run) -> str:
         off = float(np.abs(last[end] - np.column_stack([first[end, :2] @ turn.T, first[end, 2]])).max())
         if off > 1e-9:
             return f"a pinned vertex is {off:.2g} m off its script"
-    waist = float(np.hypot(last[:, 0], last[:, 1])[np.abs(first[:, 2]) < 1e-9].max())
+    waist = float(np.hypot(last[:, 0], last[:, 1])[np.abs(first[:, 2]) < 1e-3].max())
     return f"the waist has a radius of {waist:.2g} m" if waist > RADIUS / 2 else ""
 
 
