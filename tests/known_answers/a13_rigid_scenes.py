@@ -9,7 +9,7 @@ from clothsim import Scene
 from clothsim.base.arrays import Floats
 from clothsim.mesh.generators.shapes import rectangle, sphere
 from tests.known_answers.row import ANY_ORDER, Outcome, Row
-from tests.known_answers.scene_runs import G, PAPER, Ended, ended, on_meshes
+from tests.known_answers.scene_runs import PAPER, Ended, G, ended, on_meshes
 
 FRICTION, GAP, SLIDE = 0.5, 0.0016, 0.5
 """Coefficient; gap at which the block starts, about that at which it rides [m]; duration [s]."""
