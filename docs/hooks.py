@@ -6,8 +6,12 @@ from pathlib import Path
 
 from latex2mathml.converter import convert
 from mkdocs.structure.files import File
+from mkdocs.utils import get_relative_url
 
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+
+VIEWER = re.compile(r'<iframe[^>]*"http://127\.0\.0\.1[^>]*></iframe>')
+"""The page of a run in a notebook's output, which answers only while the notebook runs."""
 
 CHANGE = re.compile(r"(\| `(?P<text>[^`]+)` \| `(?P<file>clothsim/[^`]+\.py))` \|$", re.MULTILINE)
 """The end of a row of the page's ten changes: what is searched for, and the file that has it."""
@@ -35,7 +39,19 @@ def line_of(text, file):
 
 
 def on_page_content(content, **_):
-    """TeX formulas as MathML, which browsers draw by themselves."""
-    return FORMULA.sub(
-        lambda found: convert(html.unescape(found[3]), display="inline" if found[2] == "(" else "block"), content
-    )
+    """TeX formulas as MathML, which browsers draw by themselves; those on lines of their own scroll."""
+
+    def drawn(found):
+        if found[2] == "(":
+            return convert(html.unescape(found[3]), display="inline")
+        return f'<div class="formula">{convert(html.unescape(found[3]), display="block")}</div>'
+
+    return FORMULA.sub(drawn, content)
+
+
+def on_post_page(output, page, **_):
+    """A picture in place of the page of a run, which is not there on the site."""
+    if not VIEWER.search(output):
+        return output
+    picture = get_relative_url("pictures/viewer.png", page.url)
+    return VIEWER.sub(f'<img src="{picture}" alt="The page of a run in the browser">', output)

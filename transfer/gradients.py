@@ -8,7 +8,6 @@ vertices, and x, y, z decouple: one scalar matrix serves all three.
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
@@ -80,30 +79,18 @@ def inverse_frames(positions: Floats, triangles: Ints, name: str, numbers: Ints 
     return np.stack([cross(e2, c) / length**2, cross(c, e1) / length**2, c / length**1.5], axis=1)
 
 
-@njit(error_model="numpy")
 def deformation_gradients(inverses: Floats, deformed: Floats, triangles: Ints) -> Floats:
-    """Deformation gradients T = V~ V^-1 (m, 3, 3), from the `inverses` of its rest frames.
-
-    Compiled, in 0.6 s by each process that calls it (numba's cache on disk would lie in the folder of this package):
-    with numpy it is nearly half of the time of a pose.
-    """
-    out = np.empty((len(triangles), 3, 3))
-    e, f, normal = np.empty(3), np.empty(3), np.empty(3)
-    for t in range(len(triangles)):
-        i, j, k = triangles[t]
-        for a in range(3):
-            e[a], f[a] = deformed[j, a] - deformed[i, a], deformed[k, a] - deformed[i, a]
-        squared = 0.0
-        for a in range(3):
-            b, c = (a + 1) % 3, (a + 2) % 3
-            normal[a] = e[b] * f[c] - e[c] * f[b]
-            squared += normal[a] ** 2
-        root = squared**0.25
-        for a in range(3):
-            n = normal[a] / root if root > 0.0 else 0.0
-            for b in range(3):
-                out[t, a, b] = e[a] * inverses[t, 0, b] + f[a] * inverses[t, 1, b] + n * inverses[t, 2, b]
-    return out
+    """Deformation gradients T = V~ V^-1 (m, 3, 3), from the `inverses` of its rest frames."""
+    corners = deformed.T[:, triangles]  # one array for each coordinate: what follows runs along the triangles
+    e, f = corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]
+    normal = e[[1, 2, 0]] * f[[2, 0, 1]] - e[[2, 0, 1]] * f[[1, 2, 0]]
+    root = (normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) ** 0.25
+    n = np.divide(normal, root, out=np.zeros_like(normal), where=root > 0.0)
+    rows = np.ascontiguousarray(inverses.transpose(1, 2, 0))
+    out = np.empty((3, 3, len(triangles)))
+    for a in range(3):
+        out[a] = e[a] * rows[0] + f[a] * rows[1] + n[a] * rows[2]
+    return np.ascontiguousarray(out.transpose(2, 0, 1))
 
 
 def gradient_operator(inverses: Floats, triangles: Ints, vertices: int) -> csr_array:

@@ -17,7 +17,7 @@ def keep_freed_memory() -> bool:
     """Set glibc's malloc to keep freed memory instead of returning it to the kernel; True on success.
 
     Every Newton iteration allocates the same element blocks. By default each is returned when freed, and every
-    page then faults: 57,601 faults against 472 in 64 iterations at 32 x 32 cells, and half of the wall time on a
+    page then faults: 57,601 faults against 472 in 64 iterations at 32 x 32 cells, and half of the wall-clock time on a
     virtual machine. Without glibc nothing is done.
     """
     if not sys.platform.startswith("linux"):

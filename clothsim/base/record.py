@@ -12,6 +12,7 @@ import numpy as np
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import write_atomically, writing
+from clothsim.base.inputs import shown
 
 RECORD_NAME = "record.jsonl"
 MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
@@ -21,6 +22,14 @@ RUN_PICTURES = (PICTURE_NAME, FAILURE_NAME, MOVIE_NAME, GIF_NAME)
 SUMMARY_NAME = "summary.json"
 FITTED_NAME = "fitted.obj"
 """Garment that a fit leaves."""
+
+SUMMARY_TYPES: dict[str, tuple[type, ...]] = {
+    **dict.fromkeys(("status", "reason", "end"), (str,)),
+    **dict.fromkeys(("certificate", "failure"), (dict, type(None))),
+    **dict.fromkeys(("notes", "found"), (list,)),
+    **dict.fromkeys(("steps", "newton_iterations"), (int, type(None))),
+}
+"""Types of entries of a summary that readers count on."""
 
 
 class RecordWriter:
@@ -81,6 +90,9 @@ def read_summary(path: str | Path) -> dict[str, Any]:
     summary = _parse(read_regular_file(Path(path)))
     if summary is None:
         raise InputError(f"{path} is not a JSON object.")
+    for name, kinds in SUMMARY_TYPES.items():
+        if name in summary and not isinstance(summary[name], kinds):
+            raise InputError(f"{path} has a {name} that is {shown(summary[name])}.", "Repeat the run from its scene.")
     return summary
 
 

@@ -16,7 +16,7 @@ from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
 from clothsim.base.text import printable
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
-from clothsim.cli.report import Report, events, stream
+from clothsim.cli.report import Report, events, never_silent, stream
 
 
 class Command(NamedTuple):
@@ -112,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = join_vectors(sys.argv[1:] if argv is None else argv)
     if argv is None:  # called as a program, whose settings are its own
         gc.set_threshold(*_MANY_OBJECTS)
-    with events(words):
+    with never_silent(words), events(words):
         return _guarded(words)
 
 

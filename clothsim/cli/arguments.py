@@ -251,6 +251,4 @@ def scene_of(arguments: argparse.Namespace, or_run: bool = False) -> "Scene":
     """Return the scene of a file or of an installed name with the keys of --set; or_run: of a run's directory too."""
     path = arguments.scene
     scene = clothsim.open_run(path).scene if or_run and path.is_dir() else clothsim.load_scene(path)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
-    return scene
+    return engine.override(scene, *arguments.set)

@@ -29,6 +29,7 @@ from clothsim.cli.arguments import (
     refuse_output,
     scene_of,
 )
+from clothsim.cli.progress import clock
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ def add_to(commands: Any) -> None:
     plan = actions.add_parser("plan", help="write the scene and values of every drape")
     plan.add_argument("recipe", type=Path, metavar="RECIPE", help="a TOML file with [farm] and [vary]")
     plan.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the farm")
+    plan.add_argument("--no-pilot", action="store_true", help="make no drape first to see whether it is usable")
     plan.set_defaults(handler=_plan)
     work = actions.add_parser("work", help="make the drapes that are left")
     work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
@@ -126,11 +128,17 @@ A stopped sweep goes on; `clothsim farm work DIR` helps it from another process.
 def _plan(arguments: argparse.Namespace) -> Report:
     recipe = on_demand.load_recipe(arguments.recipe)
     on_demand.refuse_unbuildable(recipe)
+    made = None if arguments.no_pilot else on_demand.pilot(recipe)
     farm = on_demand.plan(recipe, arguments.output)
-    return Report(
-        {"directory": str(farm.directory), "planned": len(farm.jobs)},
-        f"{farm.directory}: {len(farm.jobs)} drapes planned. `clothsim farm work {farm.directory}` makes them.",
-    )
+    lines = [f"{farm.directory}: {len(farm.jobs)} drapes planned. `clothsim farm work {farm.directory}` makes them."]
+    if made is not None:
+        left = clock(len(farm.jobs) * made.cpu_seconds)
+        lines.append(
+            f"A pilot, drape {made.index}, is usable after {made.time:g} s. It took {made.cpu_seconds:.1f} CPU s; "
+            f"all take about {left} of one core."
+        )
+    pilot = None if made is None else asdict(made)
+    return Report({"directory": str(farm.directory), "planned": len(farm.jobs), "pilot": pilot}, "\n".join(lines))
 
 
 def _work(arguments: argparse.Namespace) -> Report | int:
@@ -152,6 +160,9 @@ def _work(arguments: argparse.Namespace) -> Report | int:
             left = len(farm.unpublished())
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
             return 130
+        except on_demand.LostWorkersError as error:
+            print(f"{error.sentence} {error.remedy}", file=sys.stderr)
+            return FAULT
     on_demand.write_manifest(farm)
     if farm.plan_fault:
         raise InputError(f"{farm.plan_fault} The drapes of its other lines are made.", on_demand.REPLAN)
@@ -275,7 +286,7 @@ def _text(state: "Status") -> str:
         + "."
     ]
     lines += [f"  {count} {cause}" for cause, count in sorted(state.causes.items())]
-    lines += [f"  {rate:.0f} drapes in an hour of one core ({name})" for name, rate in state.per_core_hour.items()]
+    lines += [f"  {rate:.0f} usable ones in an hour of one core ({name})" for name, rate in state.per_core_hour.items()]
     return "\n".join(lines)
 
 

@@ -21,13 +21,15 @@ if TYPE_CHECKING:
     from clothsim.study.fabric_test import draw_drape, fabric_tested
     from clothsim.study.farm.claims import worker_of
     from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
+    from clothsim.study.farm.dask_work import LostWorkersError, work_with_dask
     from clothsim.study.farm.pack import pack
+    from clothsim.study.farm.pilot import pilot
     from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe
     from clothsim.study.farm.repair import MACHINE, repair
     from clothsim.study.farm.status import status, verdict_text, write_manifest
     from clothsim.study.farm.verification import REPLAN, verify
-    from clothsim.study.farm.work import work, work_with_dask
+    from clothsim.study.farm.work import work
     from clothsim.study.goal_report import NamedGoal, goal_lines
     from clothsim.study.learned_drapes import learn
     from clothsim.study.presets import with_preset

@@ -3,11 +3,14 @@
 import argparse
 import io
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from threading import Event, Thread
+from time import monotonic
+from typing import IO, Any, TextIO, cast
 
 from clothsim import __version__
 from clothsim.base.text import printable
@@ -91,6 +94,49 @@ class EventStream(io.TextIOBase):
         """Write the last line where it has no end."""
         if self._rest:
             self.write("\n")
+
+
+SILENCE = 8.0
+"""Longest time of a command without a line [s]."""
+
+
+class _Heard:
+    """A stream that notes when it was written to; all else is that of the stream itself."""
+
+    def __init__(self, stream: IO[str], heard: deque[float]) -> None:
+        self._stream, self._heard = stream, heard
+
+    def write(self, text: str) -> int:
+        """Write, and note the time."""
+        self._heard.append(monotonic())
+        return self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def never_silent(words: Sequence[str]) -> Iterator[None]:
+    """A line on stderr where a command has printed nothing for a while: a long step, a large file. --quiet: none."""
+    if "--quiet" in words:
+        yield
+        return
+    before, over = (sys.stdout, sys.stderr), Event()
+    heard: deque[float] = deque([monotonic()], maxlen=1)
+    sys.stdout, sys.stderr = (cast("TextIO", _Heard(stream, heard)) for stream in before)
+
+    def watch() -> None:
+        while not over.wait(1.0):
+            if monotonic() - heard[-1] > SILENCE:
+                print(f"still at work ({monotonic() - began:.0f} s)", file=sys.stderr, flush=True)
+
+    began = monotonic()
+    Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        over.set()
+        sys.stdout, sys.stderr = before
 
 
 @contextmanager

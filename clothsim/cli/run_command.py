@@ -55,7 +55,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
     add_overwrite(run, "replace an earlier run in the output directory")
-    run.add_argument("--force", action="store_true", help="run whatever it is expected to cost")
+    run.add_argument("--force", action="store_true", help="run whatever it costs, and from inside a body")
     run.add_argument("--view", action="store_true", help="show it in a browser while it runs (clothsim[view])")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", description=_RESUME)
@@ -111,12 +111,11 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = clothsim.load_scene(arguments.scene)
     if arguments.preset is not None:
         scene = _apply_preset(scene, arguments)
-    for assignment in arguments.set:
-        scene = engine.override(scene, assignment)
+    scene = engine.override(scene, *arguments.set)
     if arguments.error is not None:
-        scene = engine.override(scene, f"solver.error={as_length('--error', arguments.error)!r}")
+        scene = engine.replace(scene, "solver.error", as_length("--error", arguments.error))
     if arguments.estimate:
-        scene = engine.override(scene, "solver.estimate=true")
+        scene = engine.replace(scene, "solver.estimate", True)
     if arguments.frames_per_second is not None:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})

@@ -26,6 +26,7 @@ from clothsim.gradients.run import Trace, traced
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.mesh.world import world_surfaces
 from clothsim.patterns.pattern_mesh import PatternMesh
+from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
 
 # Loss of a scene as a function of the logarithms of some of its numbers, each evaluation a run with its gradient.
@@ -293,6 +294,8 @@ def residuals_of(loss: Loss) -> tuple[int, int] | None:
 
 MOST_RUNS = 60
 """Runs of one start, about."""
+FAR = 10.0
+"""Distance of a target in sizes of the scene beyond which it is refused."""
 FAILED = 1e6
 """Relative loss that stands for a run that cannot be taken."""
 AT_LIMIT = 1e-3
@@ -390,6 +393,7 @@ def recover(
     >>> round(found.values["cloth.youngs_modulus"])
     20000
     """
+    _refuse_far(scene, loss)
     problem = problem_of(scene, loss, free, pattern)
     rng = np.random.default_rng(seed)
     ends, runs = list[Evaluation](), 1
@@ -415,6 +419,22 @@ def recover(
         tuple(each.loss for each in ends),
         runs + known.runs,
     )
+
+
+def _refuse_far(scene: Scene, loss: Loss) -> None:
+    """InputError for a target that no number of the scene could bring the cloth to: another unit, or another place."""
+    target = loss.target if isinstance(loss, Distance) else loss.points if isinstance(loss, Scan) else None
+    if target is None or not np.size(target):
+        return
+    world = world_of(scene)
+    points = world.start() + world.origin
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    away = float(np.linalg.norm(np.median(np.asarray(target, np.float64), axis=0) - np.median(points, axis=0)))
+    if not away <= FAR * size:
+        raise InputError(
+            f"The target is {away:.3g} m away from the scene, which is {size:.3g} m wide.",
+            "Give its unit (scale, metres per unit), or move it to the cloth.",
+        )
 
 
 def _minimised(

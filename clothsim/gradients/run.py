@@ -152,6 +152,7 @@ def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: i
     polish : int
         As of `simulate_differentiably`.
     """
+    scene.refuse_without_cloth("a gradient")
     session = prepare(scene, build(scene, affordable=True))
     session = differentiable_session(with_stiffness(session, stiffness) if stiffness else session, polish)
     return Trace(session, tuple(forward(session)))

@@ -221,6 +221,9 @@ class Hinges:
         return 0.5 * self.edge_lengths * (self.corners[:, 2, 1] - self.corners[:, 3, 1])
 
 
+NO_HINGES = Hinges(np.zeros((0, 4), np.int64), np.zeros((0, 4, 2)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
+
+
 def cloth_hinges(cloth: Cloth, offset: int = 0) -> Hinges:
     """Return the hinges of one cloth whose first vertex is number `offset` of the world."""
     vertices, pairs = interior_edges(cloth.triangles)
@@ -260,6 +263,7 @@ def stiffness_in_series(stiffnesses: Floats, heights: Floats) -> Floats:
 
 def join_hinges(parts: Sequence[Hinges]) -> Hinges:
     """Concatenate hinges."""
+    parts = [NO_HINGES, *parts]
     return Hinges(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Hinges)))
 
 

@@ -28,7 +28,7 @@ class World:
     Parameters
     ----------
     cloths, bodies : tuple
-        At least one cloth. The last bodies are the surfaces of `rigid`.
+        At least one cloth, or a rigid body. The last bodies are the surfaces of `rigid`.
     hinges : Hinges
         Those of all cloths, and of clamps.
     ghosts : (g, 3) float64
@@ -103,7 +103,8 @@ class World:
     def triangles(self) -> Ints:
         """All cloth triangles in world numbering, (m, 3)."""
         offsets = [rows.start for rows in self.cloth_slices]
-        return np.concatenate([cloth.triangles + k for cloth, k in zip(self.cloths, offsets, strict=True)])
+        faces = [cloth.triangles + k for cloth, k in zip(self.cloths, offsets, strict=True)]
+        return np.concatenate([np.zeros((0, 3), np.int64), *faces])
 
     @cached_property
     def body_triangles(self) -> Ints:
@@ -119,14 +120,17 @@ class World:
 
     @cached_property
     def cell(self) -> float:
-        """Median length of the edges of the cloths as they are at rest [m]."""
+        """Median length of the edges of the cloths at rest, without cloth of the rigid bodies [m]."""
+        if not self.cloths:
+            ends = np.concatenate([body.positions[unique_edges(body.triangles)] for body in self.rigid])
+            return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
         E = self.rest_shapes  # columns are two edges of each triangle
         return float(np.median(np.linalg.norm(E, axis=1)))
 
     @cached_property
     def rest_shapes(self) -> Floats:
         """Dm = [e1 e2] of each triangle at rest, (m, 2, 2) [m]; its columns are the reference edges."""
-        corners = np.concatenate([cloth.material_coordinates for cloth in self.cloths])
+        corners = np.concatenate([np.zeros((0, 3, 2)), *(cloth.material_coordinates for cloth in self.cloths)])
         return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
 
     @cached_property
@@ -161,7 +165,7 @@ class World:
 
     def per_triangle(self, property_name: str) -> Floats:
         """Return a property of each triangle's fabric, (m,): "density", "shear_modulus", "thickness", ..."""
-        return np.concatenate([cloth.per_triangle(property_name) for cloth in self.cloths])
+        return np.concatenate([np.zeros(0), *(cloth.per_triangle(property_name) for cloth in self.cloths)])
 
     def _to_vertices(self, amounts: Floats) -> Floats:
         """A third of each triangle's amount to each of its corners, (n_cloth,)."""
@@ -173,6 +177,12 @@ class World:
         cloth = [c.positions for c in self.cloths]
         rigid = [body.coordinates for body in self.rigid]
         return np.concatenate([*cloth, *rigid, *(body.at(0.0) for body in self.bodies), self.ghosts])
+
+    def moved(self) -> Floats:
+        """Return the vertices of the cloths at the start, without cloth those of the rigid bodies, (k, 3) [m]."""
+        if self.cloths:
+            return self.start()[: self.n_cloth]
+        return np.concatenate([body.positions for body in self.rigid])
 
     def start_velocities(self) -> Floats:
         """Return the velocities of every row at time 0, (N, 3) [m/s]; 0 for ghosts and bodies that are not rigid."""
@@ -186,15 +196,15 @@ class World:
 
 
 def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = (), rigid: Sequence[RigidBody] = ()) -> World:
-    """Make a world of at least one cloth; `bodies` without the surfaces of `rigid`, which are added.
+    """Make a world of at least one cloth or rigid body; `bodies` without the surfaces of `rigid`, which are added.
 
     Raises
     ------
     InputError
-        Where there is no cloth, or two objects share a name.
+        Where there is neither, or two objects share a name.
     """
-    if not cloths:
-        raise InputError("The scene has no cloth.", "Add a [[cloth]] table with a mesh.")
+    if not cloths and not rigid:
+        raise InputError("The scene has no cloth.", "Add a [[cloth]] table with a mesh, or a [[rigid]] body.")
     bodies = [*bodies, *(Body(body.name, body.positions, body.triangles, FreeMotion()) for body in rigid)]
     names = [cloth.name for cloth in cloths] + [body.name for body in bodies]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -258,12 +268,12 @@ def world_surfaces(world: World) -> tuple[Surface, ...]:
 
 
 def check_surfaces(surfaces: Sequence[Surface]) -> None:
-    """InputError unless at least one cloth, then the bodies, follow one another in x from row 0.
+    """InputError unless cloths, then bodies, at least one of them cloth or rigid, follow one another in x from row 0.
 
     There is no gap, but for the coordinates of rigid bodies between the cloths and the bodies.
     """
     roles = [surface.role for surface in surfaces]
-    if "cloth" not in roles:
+    if "cloth" not in roles and not any(surface.rigid for surface in surfaces):
         raise InputError("A trajectory needs at least one cloth.")
     if roles != sorted(roles, reverse=True):
         raise InputError("The cloths of a trajectory come before its bodies.")
@@ -296,21 +306,22 @@ meshes nor its frames could hold the shape."""
 
 
 def with_local_origin(world: World) -> World:
-    """Return the world relative to the centre of its cloths, with `origin` set; unchanged where that is near.
+    """Return the world relative to the centre of what moves, with `origin` set; unchanged where that is near.
 
     InputError where it is so far that coordinates there do not resolve the cloth.
     """
-    cloth = world.start()[: world.n_cloth]
-    low, high = cloth.min(axis=0), cloth.max(axis=0)
+    moved = world.moved()
+    low, high = moved.min(axis=0), moved.max(axis=0)
     middle = 0.5 * (low + high)
     if math.hypot(*middle) <= FAR * math.hypot(*(high - low)):
         return world
     size, far = math.hypot(*(high - low)), float(np.abs(middle).max())
     spacing = float(np.spacing(far))
     if spacing > COARSEST * size:
+        name = world.cloths[0].name if world.cloths else world.rigid[0].name
         raise InputError(
-            f"{world.cloths[0].name} is {far:.2g} m from the origin, where double precision tells "
-            f"only points {spacing:.2g} m apart; the cloth is {size:.2g} m long.",
+            f"{name} is {far:.2g} m from the origin, where double precision tells "
+            f"only points {spacing:.2g} m apart; {'the cloth' if world.cloths else 'it'} is {size:.2g} m long.",
             "Move cloths and bodies near the origin (position).",
         )
     cloths = tuple(replace(each, positions=each.positions - middle) for each in world.cloths)

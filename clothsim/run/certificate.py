@@ -310,8 +310,8 @@ class Certificate:
         return replace(
             self,
             gap=min(self.gap, report.minimum_gap),
-            stretch_min=min(self.stretch_min, float(stretches[:, 1].min())),
-            stretch_max=max(self.stretch_max, float(stretches[:, 0].max())),
+            stretch_min=float(stretches[:, 1].min(initial=self.stretch_min)),
+            stretch_max=float(stretches[:, 0].max(initial=self.stretch_max)),
             residual=report.result.residual,
             relative_residual=max(self.relative_residual, report.result.relative_residual),
             energy=end.total,

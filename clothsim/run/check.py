@@ -333,7 +333,7 @@ def _intersections(
     allowed = sorted({kind for kind in kinds if kind in ALLOWED})
     others = f", but for {' and '.join(ALLOWED[kind] for kind in allowed)}" if allowed else ""
     notes = [] if test.bodies else ["no body, so nothing for cloth to intersect but itself"]
-    absent = {"cloth_body": test.bodies, "cloth_cloth": True, "rigid": test.rigid}
+    absent = {"cloth_body": test.bodies and test.cloths, "cloth_cloth": test.cloths, "rigid": test.rigid}
     for kind, looked_for in absent.items():
         if looked_for and kind not in kinds:
             notes.append(f"{SURFACES_OF_KIND[kind]} do not intersect {anywhere}{others}")

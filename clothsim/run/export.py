@@ -30,6 +30,8 @@ from clothsim.scene.scene import scene_from_text
 if TYPE_CHECKING:
     from clothsim.run.results import Run
 
+SMALLEST_SCALE = 1e-9
+"""Units of a file in a metre, at least, and their inverse at most: coordinates in single precision hold them."""
 SETTINGS = ("frame", "fps", "scale", "up", "colour", "overwrite")
 """Keywords of `export`."""
 
@@ -140,6 +142,9 @@ def _refuse_settings(run: "Run", target: Path, kind: Format, given: dict[str, An
     for name in ("fps", "scale"):
         if given[name] is not None:
             as_positive(name, given[name])
+    if not SMALLEST_SCALE <= given["scale"] <= 1 / SMALLEST_SCALE:
+        what = f"scale is {given['scale']:g} units in a metre, from {SMALLEST_SCALE:g} to {1 / SMALLEST_SCALE:g} can be"
+        raise InputError(f"{what}.", "Give 100 for centimetres, 1000 for millimetres.")
     if kind.metres and given["scale"] != 1:
         raise InputError(f"{target.suffix} files are in metres.", "Leave the scale out.")
     if given["frame"] is not None and given["fps"] is not None:

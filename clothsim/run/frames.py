@@ -57,12 +57,15 @@ class Colouring:
         True where the numbers are logarithms of a stretch.
     surfaces_of : callable
         Surfaces of a frame, with their values.
+    without_cloth : bool
+        True for a run of rigid bodies alone, which are then what is shown.
     """
 
     name: str
     scale: Scale | None
     log_stretch: bool
     surfaces_of: Callable[[int], Sequence[Surface]]
+    without_cloth: bool = False
 
     @classmethod
     def of_run(cls, run: Run, name: str) -> "Colouring":
@@ -74,7 +77,7 @@ class Colouring:
             return drawn(run.trajectory, frame)
 
         if name == PLAIN:
-            return cls(name, None, False, surfaces_of)
+            return cls(name, None, False, surfaces_of, not run.trajectory.cloth_names)
         frames = np.unique(np.linspace(0, len(run) - 1, min(RANGE_FRAMES, len(run))).astype(int))
         cloths = [each for k in frames for each in surfaces_of(int(k)) if each.role == "cloth"]
         colour = settings["colour"]
@@ -85,6 +88,8 @@ class Colouring:
     def names(run: Run) -> list[str]:
         """Quantities that colour this run: plain, stretch, fields that it wrote and those that its positions give."""
         names = [PLAIN]
+        if not run.trajectory.cloth_names:
+            return names
         if "principal_stretches" in run.trajectory.fields:
             names.append(STRETCH)
         written = [name for name in run.trajectory.fields if name in FIELDS]
@@ -102,11 +107,12 @@ class Colouring:
     @property
     def of_bodies(self) -> bool:
         """True where the colours lie on the bodies, whose cloths are then not drawn."""
-        return self.name in FIELDS and FIELDS[self.name].location == "body"
+        return self.without_cloth or (self.name in FIELDS and FIELDS[self.name].location == "body")
 
     def mesh(self, frame: int) -> ColouredMesh:
         """The coloured surfaces of a frame, as one mesh: the cloths, or of a field of the bodies these."""
-        surfaces = [each for each in self.surfaces_of(frame) if each.role == "cloth"]
+        shown = "body" if self.without_cloth else "cloth"
+        surfaces = [each for each in self.surfaces_of(frame) if each.role == shown]
         starts = np.cumsum([0, *(len(each.positions) for each in surfaces)])
         values = [vertex_values(each) for each in surfaces]
         return ColouredMesh(
@@ -273,6 +279,8 @@ def _surfaces(trajectory: Trajectory, frame: int) -> list[Floats]:
 
 def _box(trajectory: Trajectory, frame: int) -> tuple[Floats, Floats]:
     points = trajectory.positions(frame)
+    if not len(points):
+        points = np.concatenate([own for _, own, _ in trajectory.bodies(frame)])
     return points.min(axis=0), points.max(axis=0)
 
 

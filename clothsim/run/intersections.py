@@ -48,6 +48,11 @@ class IntersectionCheck:
     proofs: "ProvedSeparations | None" = None
 
     @property
+    def cloths(self) -> bool:
+        """True where the scene has a cloth."""
+        return any(surface.role == "cloth" for surface in self.surfaces)
+
+    @property
     def bodies(self) -> bool:
         """True where the scene has a body."""
         return any(surface.role == "body" for surface in self.surfaces)
@@ -97,6 +102,8 @@ class IntersectionCheck:
         """Return a description of the checked pairs, for the certificate; complete: of all states."""
         checked = "checked at every step" if complete else "checked at every step since the run was resumed"
         kinds = {"cloth_body": checked if self.bodies else "no body", "cloth_cloth": checked}
+        if not self.cloths:
+            kinds = dict.fromkeys(kinds, NO_CLOTH)
         return kinds | ({"rigid": checked} if self.rigid else {})
 
 
@@ -115,6 +122,9 @@ def intersection_check_of(
     acting = frozenset(_EFFECT_OF_ROLE.values()) & set(on)
     return IntersectionCheck(tuple(surfaces), acting, frozenset(map(frozenset, pairs)), proofs)
 
+
+NO_CLOTH = "no cloth"
+"""Coverage of the kinds with cloth in a scene of rigid bodies alone."""
 
 KINDS = ("cloth_body", "cloth_cloth", "excluded")
 """Kinds of intersections: of cloth with a body, of cloth with cloth, of pairs that the scene excludes from contact."""

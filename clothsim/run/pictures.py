@@ -38,7 +38,7 @@ def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     positions = trajectory.positions(frame)
     cloths = [surface for surface in trajectory.surfaces if surface.role == "cloth"]
     ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
-    stretches = np.split(_stretches(trajectory, frame), ends[:-1])
+    stretches = np.split(_stretches(trajectory, frame), ends)[: len(cloths)]
     first = trajectory.positions(0)
     made = [
         Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part, material=first[cloth.rows])

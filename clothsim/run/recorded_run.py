@@ -234,6 +234,7 @@ def recorded_run(
         certificate, _ = _checked(check, session, state, certificate, is_frame=True)
         write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate))
     with (
+        interruption() as flag,  # before the files: within a call of HDF5 a KeyboardInterrupt is lost
         _Checkpoints(directory) as checkpoints,
         TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=resume_frame, fields=arrays) as trajectory,
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed and state.step else None) as record,
@@ -253,9 +254,8 @@ def recorded_run(
             if on_report is not None:
                 on_report(report)
 
-        with interruption() as flag:
-            output = replace(output, session=interruptible(session, flag))
-            state, certificate, failure = _stepped(output, state, certificate, log, after_step, flag)
+        output = replace(output, session=interruptible(session, flag))
+        state, certificate, failure = _stepped(output, state, certificate, log, after_step, flag)
     seconds = {"wall_seconds": perf_counter() - started, "warmup_seconds": warm}
     entries = read_record(directory / RECORD_NAME)
     write_summary(directory / SUMMARY_NAME, summary_of(session, state, certificate, check, failure, entries, seconds))

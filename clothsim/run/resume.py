@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, refuse_replacing
 from clothsim.base.inputs import refuse_uncallable
@@ -178,9 +180,15 @@ def _continued(
     if len(saved.state.positions) != session.built.world.n_vertices:
         raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
     state = saved.state
-    _refuse_another_frame(state, scene.run_settings.frames_per_second)
-    restore(session.integrator.potential.timers, saved.counters)
-    certificate = certificate_from(saved.counters["certificate"])
+    _refuse_another_state(state, scene)
+    try:
+        restore(session.integrator.potential.timers, saved.counters)
+        certificate = certificate_from(saved.counters["certificate"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{folder / CHECKPOINT_NAME} has broken counters ({type(error).__name__}: {error}).",
+            "Repeat the run from its scene.",
+        ) from error
     if announce is not None:
         announce(session)
     run = recorded_run(session, state, certificate, folder, started, listeners, log, resumed=True)
@@ -188,13 +196,27 @@ def _continued(
     return run
 
 
-def _refuse_another_frame(state: State, frames_per_second: float) -> None:
-    """InputError for a number of frames that are not yet due: the run would end before its time."""
-    due = state.time * frames_per_second
+LARGEST = 1e100
+"""Bound on positions [m] and velocities [m/s] of a run that goes on: their squares are finite."""
+SMALLEST_STEP = 1e-12
+"""Time step of a checkpoint, as a fraction of the scene's, below which no run goes on."""
+
+
+def _refuse_another_state(state: State, scene: Scene) -> None:
+    """InputError for a time, a step, frames or positions that the scene does not come to: no run of it wrote them."""
+    run, longest = scene.run_settings, scene.solver_settings.longest_step
+    due = state.time * run.frames_per_second
+    remedy = "Repeat the run from its scene."
+    before = () if state.previous is None else (state.previous.positions, state.previous.velocities)
+    if not all((np.abs(rows) < LARGEST).all() for rows in (state.positions, state.velocities, *before)):
+        raise InputError(f"{CHECKPOINT_NAME} has a vertex that is not finite, or beyond {LARGEST:g} m.", remedy)
+    if state.time > run.duration * (1 + 1e-9) + max(longest, 1 / run.frames_per_second):
+        raise InputError(f"{CHECKPOINT_NAME} is at {state.time:.6g} s, its scene ends at {run.duration:g} s.", remedy)
+    if state.dt < SMALLEST_STEP * longest:
+        raise InputError(f"{CHECKPOINT_NAME} has a step of {state.dt:.6g} s, the scene one of {longest:g} s.", remedy)
     if state.frame > due * (1 + 1e-9) + 1 + 1e-6:  # the last frame may be due after the end of the run
         raise InputError(
-            f"{CHECKPOINT_NAME} has {state.frame:,} frames at {state.time:.6g} s, and {due:.6g} are due.",
-            "Repeat the run from its scene.",
+            f"{CHECKPOINT_NAME} has {state.frame:,} frames at {state.time:.6g} s, and {due:.6g} are due.", remedy
         )
 
 

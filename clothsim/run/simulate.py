@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,7 +58,8 @@ def simulate(
     overwrite : bool
         True: an earlier run in the directory is replaced.
     force : bool
-        True: a run is begun whatever it is expected to cost, and however far something moves in a step.
+        True: a run is begun whatever it is expected to cost, however far something moves in a step, and with cloth
+        that starts inside a body (run.allow_inside).
     differentiable : bool
         True: the run keeps its steps and has a method `gradient` (docs/howto/gradients.md).
 
@@ -98,7 +100,12 @@ def simulate(
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
     refuse_earlier_run(directory, overwrite, (), (scene,))  # before minutes of building, and again under the lock
     if isinstance(scene, Scene):
+        if force:
+            scene = replace(scene, run={**scene.run, "allow_inside": True})
         _tell_cost(scene, message, force)
+        asked = scene.solver_settings
+        if differentiable or asked.error or asked.estimate:
+            scene.refuse_without_cloth("solver.error, solver.estimate or a gradient")
     if differentiable:
         differentiably = _loaded("differentiable")
         return differentiably(scene, output, progress, announce, on_step, message, overwrite)

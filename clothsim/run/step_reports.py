@@ -153,7 +153,7 @@ class Progress:
 
 
 def progress_of(report: StepReport, session: Session, seconds: float) -> Progress:
-    """The progress after a step; seconds: wall time since the run began [s]."""
+    """The progress after a step; seconds: wall-clock time since the run began [s]."""
     run, integrator = session.scene.run_settings, session.integrator
     verdict = "moving"
     if integrator.control is None and report.dt < integrator.dt / 8:

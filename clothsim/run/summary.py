@@ -8,7 +8,7 @@ from clothsim.base.process_memory import peak_memory
 from clothsim.base.text import length, many
 from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.physics.energies.protocols import report_of
-from clothsim.run.intersections import SURFACES_OF_KIND, IntersectionCheck, intersection_warnings
+from clothsim.run.intersections import NO_CLOTH, SURFACES_OF_KIND, IntersectionCheck, intersection_warnings
 from clothsim.scene.assembly.checks import held_sentences
 
 if TYPE_CHECKING:
@@ -113,10 +113,11 @@ def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
 def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tuple[str, str]]:
     """Three lines: intersections and gap; stretches; residual and energy."""
     parts = ["no body"] if certificate["cloth_body"] == "no body" else []
+    without_cloth = certificate["cloth_body"] == NO_CLOTH
     for kind, each in certificate["intersections"].items():
         if each["states"]:
             parts.append(f"{SURFACES_OF_KIND[kind]} INTERSECT in {many(each['states'], 'state')}")
-        elif kind != "excluded" and not (parts and kind == "cloth_body"):
+        elif kind != "excluded" and not without_cloth and not (parts and kind == "cloth_body"):
             parts.append(f"{SURFACES_OF_KIND[kind]} never intersect")
     if "rigid" in certificate and "rigid" not in certificate["intersections"]:
         parts.append(f"{SURFACES_OF_KIND['rigid']} never intersect")

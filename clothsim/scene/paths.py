@@ -7,7 +7,7 @@ list, as in "effects.springs.spring[0].stiffness" or "cloth.position[2]". `overr
 import dataclasses
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from glob import glob
 from pathlib import Path
 from typing import Any
@@ -108,18 +108,34 @@ def replace(scene: Scene, path: str, value: Any) -> Scene:
     >>> replace(scene, "cloth.mesh", "disk").cloth
     ClothTable(mesh='disk')
     """
-    section, entry, keys = located(scene, path)
-    old = _entry(scene, section, entry)
-    new = _changed(path, section, {} if old is None else old, keys, value)
-    if section in LISTS and keys:
-        new = _drop_keys_of_old_mesh(section, new, old)
-    if section == "solver":
-        new.pop(_INSTEAD.get(str(keys[0])), None)
-    if section == "effects":
-        new = {**scene.effects, entry: new}
-    elif section in LISTS and isinstance(getattr(scene, section), tuple):
-        new = [new if k == entry else each for k, each in enumerate(getattr(scene, LISTS[section]))]
-    changed: dict[str, Any] = {section: new}
+    return replaced(scene, [(path, value)])
+
+
+def replaced(scene: Scene, changes: Iterable[tuple[str, Any]]) -> Scene:
+    """The scene with several keys set as of `replace`, checked together: those that need one another, as seed.from."""
+    tables: dict[tuple[str, str | int | None], Any] = {}
+    for path, value in changes:
+        section, entry, keys = located(scene, path)
+        old = _entry(scene, section, entry)
+        table = tables.get((section, entry), {} if old is None else old)
+        if len(keys) > 1 and isinstance(table, Mapping) and keys[0] not in table:
+            usual = _default(old, str(keys[0]))
+            table = table if usual is None else {**table, keys[0]: usual}
+        table = _changed(path, section, table, keys, value)
+        if section in LISTS and keys:
+            table = _drop_keys_of_old_mesh(section, table, old)
+        if section == "solver":
+            table.pop(_INSTEAD.get(str(keys[0])), None)
+        tables[section, entry] = table
+    changed: dict[str, Any] = {}
+    for (section, entry), table in tables.items():
+        if section == "effects":
+            changed[section] = {**changed.get(section, scene.effects), entry: table}
+        elif section in LISTS and isinstance(getattr(scene, section), tuple):
+            entries = changed.get(section, getattr(scene, LISTS[section]))
+            changed[section] = [table if k == entry else each for k, each in enumerate(entries)]
+        else:
+            changed[section] = table
     return dataclasses.replace(scene, **changed)
 
 
@@ -228,7 +244,7 @@ def _default(section: Mapping[str, Any], key: str) -> Any:
 
 
 def _drop_keys_of_old_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
-    """The new table without what belongs to the old mesh alone: keys that the new one has not, or refuses."""
+    """The new table without what belongs to the old mesh alone: keys of it that the new one has not, or refuses."""
     source = old.get("mesh")
     merged = dict(new)
     if sum(name in new for name in SOURCES) > 1:  # the new one replaces the old
@@ -237,7 +253,7 @@ def _drop_keys_of_old_mesh(section: str, new: dict[str, Any], old: Mapping[str, 
         return merged
     generator = GENERATOR_KEYS.get(source) if isinstance(source, str) else None
     for key in keys_of(generator or FilePart):
-        if key in old and key in merged and not _fits(section, merged, key):
+        if key in merged and merged[key] == old.get(key) and not _fits(section, merged, key):
             del merged[key]
     return merged
 
@@ -256,14 +272,14 @@ FILES = ("mesh", "frames", "model", "clip", "file")
 """Keys that name files."""
 
 
-def override(scene: Scene, assignment: str) -> Scene:
-    """The scene with one key changed.
+def override(scene: Scene, *assignments: str) -> Scene:
+    """The scene with some keys changed, which are checked together.
 
     Parameters
     ----------
     scene : Scene
         Scene to change; it stays as it is.
-    assignment : str
+    *assignments : str
         "solver.dt=0.01", "effects.damping.rate=3", "body.mesh=person.obj": the value is read as TOML, and as plain text
         where it is none; the path is one of `paths.replace`. A file that exists under the current folder is meant
         there, and so are the files that match a pattern ("shell*.obj").
@@ -287,6 +303,11 @@ def override(scene: Scene, assignment: str) -> Scene:
     >>> override(scene, "cloth.mesh=disk").cloth
     ClothTable(mesh='disk')
     """
+    return replaced(scene, [_assigned(scene, assignment) for assignment in assignments])
+
+
+def _assigned(scene: Scene, assignment: str) -> tuple[str, Any]:
+    """Path and value of an assignment."""
     path, equals, text = assignment.partition("=")
     if not equals or len(parts := parts_of(path)) < 2:
         raise InputError(f"--set {assignment!r} is no assignment.", "Write it as --set solver.dt=0.01.")
@@ -295,7 +316,7 @@ def override(scene: Scene, assignment: str) -> Scene:
         value = str(Path(value).resolve())
     elif parts[-1] in FILES and isinstance(value, str):
         _refuse_missing(assignment, value, scene.directory)
-    return replace(scene, path, value)
+    return path, value
 
 
 def _refuse_missing(assignment: str, name: str, directory: Path) -> None:

@@ -94,7 +94,7 @@ class Scene:
 
     def __init__(
         self,
-        cloth: Table | Cloth | Any,
+        cloth: Table | Cloth | Any = (),
         body: Table | Body | Any = (),
         effects: Mapping[str, Any] | Iterable[EffectKeys] = (),
         solver: Table | Solver | None = None,
@@ -172,6 +172,11 @@ class Scene:
         """[contact]."""
         return self.contact
 
+    def refuse_without_cloth(self, what: str) -> None:
+        """InputError for a scene of rigid bodies alone, where `what` is a measure of cloth."""
+        if not self.cloths:
+            raise InputError(f"The scene has no cloth: {what} is of cloth.", "Add a [cloth], or leave it out.")
+
     @property
     def up(self) -> tuple[float, ...]:
         """Unit vector against gravity; z where there is none."""
@@ -222,9 +227,9 @@ def make_scene(data: Table, directory: Path) -> Scene:
     for name in data:
         if name not in SECTIONS:
             raise InputError(f"The scene has no key {name!r}.", section_remedy(name, SECTIONS))
-    if "cloth" not in data:
-        raise InputError("The scene has no cloth.", "Add a [cloth] table with a mesh.")
-    return Scene(**data, directory=directory)
+    if "cloth" not in data and "rigid" not in data:
+        raise InputError("The scene has no cloth.", "Add a [cloth] table with a mesh, or a [[rigid]] body.")
+    return Scene(**{"cloth": (), **data}, directory=directory)
 
 
 def scene_from_text(text: str, here: Path = Path()) -> Scene:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import nearest
 from clothsim.scene.named_files import named_files
 from clothsim.scene.scene import Scene, make_scene
 
@@ -33,10 +32,7 @@ def scene_file(path: Path) -> Path:
     selected = installed(path)
     if selected is not None:
         return selected
-    names = [file.stem for folder in folders() for file in folder.glob("*.toml")]
-    close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.5)
-    hint = f"Did you mean {close[0]!r}?" if close else "`clothsim scenes` lists those that are installed."
-    raise InputError(f"There is no scene file {path} and no installed scene of that name.", hint)
+    raise InputError(f"There is no scene file {path} and no installed scene of that name.", _near(path))
 
 
 def example_file(path: Path, ending: str = ".toml") -> Path:
@@ -112,6 +108,8 @@ def headline(text: str) -> str:
 
 
 MOST_BYTES = 1 << 28
+CLOSE = 0.7
+"""Similarity, 0 to 1, from which on one name is asked about in place of another."""
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -149,11 +147,11 @@ def load_scene(path: str | Path) -> Scene:
 
 
 def _near(file: Path) -> str:
-    """Remedy for a missing file: the scenes of its folder."""
+    """Remedy for a missing file: a scene of its folder, or an installed one, of nearly that name."""
     try:
-        names = sorted(path.name for path in file.parent.glob("*.toml"))
+        beside = {path.stem: path.name for path in file.parent.glob("*.toml")}
     except OSError:
-        names = []
-    if not names:
-        return f"There is no scene in {file.parent}/: name a .toml file."
-    return nearest(file.name, names) or f"{file.parent}/ has {', '.join(names[:5])}."
+        beside = {}
+    names = {each.stem: each.stem for folder in folders() for each in folder.glob("*.toml")} | beside
+    close = difflib.get_close_matches(file.stem, names, n=1, cutoff=CLOSE)
+    return f"Did you mean {names[close[0]]!r}?" if close else "Name a .toml file; `clothsim scenes` lists the examples."

@@ -182,6 +182,7 @@ def study_accuracy(
     deadline = started + seconds - min(FOR_FILES[0] * seconds, FOR_FILES[1])
     directory = Path(tempfile.mkdtemp(prefix="clothsim-study-") if output is None else output)
     built = build(scene, affordable=True)
+    scene.refuse_without_cloth("a study of the error")
     make_directory(directory / FOLDER)
     scene, found = searched_settings(scene, directory, seconds)
     if found is not None:

@@ -203,7 +203,7 @@ def _run_job(job: dict[str, Any]) -> dict[str, Any]:
     with TemporaryDirectory(prefix="clothsim-study-") as folder:
         scene = Scene.from_text(job["scene"])
         if job["seed"]:
-            scene = replace(scene, seed=_jittered(scene, job["seed"], Path(folder)))
+            scene = replace(scene, seed=jittered(scene, job["seed"], Path(folder)))
         session: list[Any] = []
         timed: list[tuple[float, float]] = []
         for _ in range(TIMES):
@@ -251,7 +251,7 @@ def _write(target: Path, world: Any, positions: Any) -> None:
     np.savez(target, **arrays)
 
 
-def _jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
+def jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     """The [seed] of `scene` with each vertex of its start moved by up to JITTER of the size, at random."""
     start, triangles = cloths_at_start(scene)
     amplitude = JITTER * float(np.linalg.norm(np.ptp(start, axis=0)))

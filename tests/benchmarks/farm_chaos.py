@@ -95,11 +95,11 @@ class Processes:
         """Start what is not running."""
         if self.address and _ended(self.scheduler):
             port = self.address.rpartition(":")[2]
-            self.scheduler = _python("-m", "distributed.cli.dask_scheduler", "--port", port, "--no-dashboard")
+            self.scheduler = python("-m", "distributed.cli.dask_scheduler", "--port", port, "--no-dashboard")
             time.sleep(5)
         if self.address and _ended(self.driver):
             words = ("--scheduler", self.address, "--attempts", str(self.most_attempts), "--quiet")
-            self.driver = _python("-m", "clothsim", "farm", "work", str(self.farm), *words)
+            self.driver = python("-m", "clothsim", "farm", "work", str(self.farm), *words)
         self.running = [each for each in self.running if not _ended(each)]
         while len(self.running) < self.workers:
             self.running.append(self._worker())
@@ -107,9 +107,9 @@ class Processes:
     def _worker(self) -> subprocess.Popen[bytes]:
         if self.address:
             words = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--death-timeout", "60")
-            return _python("-m", "distributed.cli.dask_worker", self.address, *words)
+            return python("-m", "distributed.cli.dask_worker", self.address, *words)
         words = ("--attempts", str(self.most_attempts), "--quiet")
-        return _python("-m", "clothsim", "farm", "work", str(self.farm), *words)
+        return python("-m", "clothsim", "farm", "work", str(self.farm), *words)
 
     def kill_one(self, chance: random.Random) -> None:
         """Kill a random worker."""
@@ -138,11 +138,11 @@ def chaos(farm: Farm, processes: Processes, period: float, seconds: float, seed:
         while len(farm.published()) < planned and time.monotonic() < end:
             processes.keep()
             time.sleep(0.2)
-            running = _processor_time(processes.running)
+            running = processor_time([each.pid for each in processes.running])
             if running - ended >= period and processes.running:
                 processes.kill_one(chance)
                 kills["workers"] += 1
-                ended = _processor_time([each for each in processes.running if not _ended(each)])
+                ended = processor_time([each.pid for each in processes.running if not _ended(each)])
             third = planned * (kills["schedulers"] + 1) / 3
             if processes.scheduler and kills["schedulers"] < 2 and len(farm.published()) > third:
                 processes.scheduler.send_signal(signal.SIGKILL)
@@ -201,7 +201,7 @@ def poisoned(directory: Path) -> tuple[int, dict[str, Any]]:
     farm = plan(make_recipe(scene, {"count": 1, "until": "time"}, {}, {}), directory)
     killed = 0
     for _ in range(10):
-        if _python("-m", "tests.benchmarks.farm_chaos", "--work", str(directory)).wait() == 0:
+        if python("-m", "tests.benchmarks.farm_chaos", "--work", str(directory)).wait() == 0:
             break
         killed += 1
     return killed, read_drape(farm.directory, farm.jobs[0].id)[0]
@@ -256,18 +256,20 @@ def _ended(process: subprocess.Popen[bytes] | None) -> bool:
     return process is None or process.poll() is not None
 
 
-def _python(*words: str) -> subprocess.Popen[bytes]:
+def python(*words: str, **options: Any) -> subprocess.Popen[bytes]:
+    """Start Python in this clone, with one thread; options: of Popen."""
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
-    return subprocess.Popen([sys.executable, *words], env={**os.environ, **threads, "PYTHONPATH": path}, cwd=ROOT)
+    environment = {**os.environ, **threads, "PYTHONPATH": path}
+    return subprocess.Popen([sys.executable, *words], env=environment, cwd=ROOT, **options)
 
 
-def _processor_time(processes: Sequence[subprocess.Popen[bytes]]) -> float:
-    """Processor time of running processes [s]; wall time where the system does not tell."""
+def processor_time(processes: Sequence[int]) -> float:
+    """Processor time of running processes, by their numbers [s]; none where the system does not tell."""
     total = 0.0
-    for each in processes:
+    for pid in processes:
         try:
-            fields = Path(f"/proc/{each.pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+            fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
         except OSError:
             continue
         total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -16,7 +16,7 @@ RUN = [ROOT / "README.md", *(page for top in ("start", "howto") for page in sort
 """Pages whose blocks are run, each page in one folder."""
 PARSED = [*RUN, *(page for top in ("", "reference", "results") for page in sorted((DOCS / top).glob("*.md")))]
 """Pages whose commands the parser of the command line reads."""
-PAGE_REASONS = {"gallery.md": "long", "farm.md": "long"}
+PAGE_REASONS = {"gallery.md": "long"}
 """Pages with one reason for all of their blocks."""
 REASONS = {
     "file": "needs a file of the reader's",

@@ -5,7 +5,7 @@ import pytest
 from small_skirt import LENGTH, hanging_skirt, skirt_mesh
 
 from clothsim import InputError
-from clothsim.gradients.design import design, mirrored
+from clothsim.gradients.design import _Search, design, mirrored
 from clothsim.gradients.design_aims import HemAt, Measured, StretchBelow
 from clothsim.gradients.losses import Girth
 from clothsim.gradients.pattern_numbers import PatternNumbers
@@ -49,6 +49,19 @@ def test_the_area_of_the_fabric_is_a_bound(mesh):
     assert found.best.loss < found.runs[0].loss
     assert found.best.values[free[0]] > 0.24
     assert found.best.values[free[1]] < 0.30
+
+
+def test_the_slope_of_a_run_is_that_of_differences_of_its_loss(mesh):
+    """By the shape in which the skirt hangs, and by the rest shape that the stretch is measured from."""
+    shaped = shaped_scene(hanging_skirt(mesh, steps=1), mesh)
+    paths, numbers = ("pattern.front+back.height", CONTROLS[0]), shaped.numbers
+    hem = shaped.edge_rows("front", 0)
+    origin = np.array([numbers.value(path) for path in paths])
+    search = _Search(shaped, (HemAt(hem, -0.2, 1e-2), StretchBelow(1.0001)), paths, origin, np.eye(2))
+    direction = np.array([1.0, -0.7])
+    middle, more, less = (search._run(search.values(step * direction), None, {}) for step in (0.0, 1e-5, -1e-5))
+    assert min(middle.aims) > 0
+    assert middle.slope @ direction == pytest.approx((more.loss - less.loss) / 2e-5, rel=1e-3)
 
 
 @pytest.mark.parametrize("aim", [HemAt([0, 2], 0.1, 0.2), Measured(Girth(0.2), 0.5, 0.1), StretchBelow(1.01)])

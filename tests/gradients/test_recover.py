@@ -109,6 +109,12 @@ def test_other_losses_have_no_standard_errors(drape):
     assert np.isnan(found.errors[YOUNG])
 
 
+@pytest.mark.parametrize("make", [Distance, Scan])
+def test_a_target_a_thousand_kilometres_away_is_refused(drape, make):
+    with pytest.raises(InputError, match=r"1e\+06 m"):
+        recover(hanging(4e4, 1e-5), make(np.add(drape, [1e6, 0, 0])), [YOUNG], 1)
+
+
 def test_a_number_at_the_end_of_its_range(drape):
     found = recover(hanging(4e4, 1e-5), Height(), [YOUNG], 1)  # the softer, the lower
     assert found.at_limit == (YOUNG,)

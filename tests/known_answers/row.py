@@ -15,7 +15,8 @@ class Outcome:
 
     bar: the largest deviation that passes: a fraction of the exact value where unit is "", else in that unit; printed:
     exact value as docs/results/validation.md prints it, with which the computed one must agree in every digit; order:
-    observed, to lie in orders; hinges: the value with hinges in place of the default bending. A row that compares
+    observed, to lie in orders; coarser: deviations on coarser meshes,
+    of which it is; hinges: the value with hinges in place of the default bending. A row that compares
     nothing with a known value (a spread, a largest error) has exact 0.
     """
 
@@ -27,6 +28,7 @@ class Outcome:
     order: float | None = None
     orders: tuple[float, float] = ANY_ORDER
     hinges: float | None = None
+    coarser: tuple[float, ...] = ()
 
     @property
     def deviation(self) -> float:

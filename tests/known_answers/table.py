@@ -16,6 +16,8 @@ from tests.known_answers import (
     a8_wrinkles,
     a9_plates,
     a10_rigid,
+    a11_strips,
+    a12_sheets,
 )
 from tests.known_answers.row import Outcome, Row, Seen
 
@@ -30,9 +32,11 @@ ROWS: tuple[Row, ...] = (
     *a8_wrinkles.ROWS,
     *a9_plates.ROWS,
     *a10_rigid.ROWS,
+    *a11_strips.ROWS,
+    *a12_sheets.ROWS,
 )
 
-HEADER = ("row", "what", "ours", "exact", "off", "bar", "order", "hinges off", "CPU s", "passed")
+HEADER = ("row", "what", "ours", "exact", "off", "coarser", "bar", "order", "hinges off", "CPU s", "passed")
 
 
 def chosen(names: Iterable[str], rows: Sequence[Row] = ROWS) -> list[Row]:
@@ -53,6 +57,7 @@ def entry(seen: Seen) -> dict[str, Any]:
         kept |= {"value": outcome.value, "exact": outcome.exact, "deviation": outcome.deviation, "bar": outcome.bar}
         kept |= {"unit": outcome.unit, "order": outcome.order, "orders": asked(outcome)}
         kept["hinges"] = outcome.deviation_of_hinges
+        kept["coarser"] = list(outcome.coarser)
     return kept
 
 
@@ -61,7 +66,7 @@ def cells(row: Row, kept: dict[str, Any]) -> tuple[str, ...]:
     passed = f"no: {row.why or kept['wrong']}" if kept["wrong"] else "yes"
     seconds = f"{kept['seconds']:.1f}"
     if "value" not in kept:
-        return (row.name, row.what, "", "", "", "", "", "", seconds, passed)
+        return (row.name, row.what, *[""] * 7, seconds, passed)
     unit, order, hinges = kept["unit"], kept["order"], kept.get("hinges")
     return (
         row.name,
@@ -69,6 +74,7 @@ def cells(row: Row, kept: dict[str, Any]) -> tuple[str, ...]:
         f"{kept['value']:.8g}",
         f"{kept['exact']:.8g}",
         off(kept["deviation"], unit),
+        ", ".join(off(each, unit) for each in kept.get("coarser", ())),
         off(kept["bar"], unit),
         "" if order is None else f"{order:.2f} ({kept['orders']})",
         "" if hinges is None else off(hinges, unit),

@@ -225,6 +225,8 @@ def test_without_its_mesh_file_a_run_loses_texture_and_panels_with_a_note(tmp_pa
         {"name": "a.glb", "up": "z"},
         {"name": "a.obj", "up": "x"},
         {"name": "a.obj", "scale": 0},
+        {"name": "a.obj", "scale": 1e300},
+        {"name": "a.usda", "scale": 1e-300},
         {"name": "a.obj", "scale": "big"},
         {"name": "a.obj", "fps": 1e9},
         {"name": "a.obj", "fps": float("nan")},

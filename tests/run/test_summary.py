@@ -30,6 +30,9 @@ def pressed(below, above, d_hat=0.01):
 
 def test_a_cloth_inside_a_body_is_in_the_certificate(tmp_path):
     run = simulate(small_scene(SMALL, BALL, EFFECTS, run=SHORT | {"allow_inside": True}), tmp_path)
+    forced = simulate(small_scene(SMALL, BALL, EFFECTS, run=SHORT), tmp_path / "forced", force=True)
+    assert forced.summary["certificate"]["held_inside"] == run.summary["certificate"]["held_inside"]
+    assert forced.scene.run.allow_inside
     (inside,) = run.summary["certificate"]["held_inside"]
     assert (inside["cloth"], inside["body"], inside["pieces"], inside["of"]) == ("cloth", "ball", 1, 1)
     assert run.intersection_free

@@ -219,6 +219,22 @@ def test_a_new_mesh_replaces_the_keys_of_the_old_generator():
     assert override(sheet, "cloth.mesh=tube").cloth == {"mesh": "tube", "cells": (4, 4), "density": 0.2}
 
 
+def test_keys_that_need_one_another_are_set_together(tmp_path, monkeypatch):
+    (tmp_path / "start.obj").write_text("v 0 0 0\n")
+    monkeypatch.chdir(tmp_path)
+    pair = ["seed.from=file", "seed.file=start.obj"]
+    for order in (pair, pair[::-1]):
+        assert override(SCENE, *order).seed["file"] == str(tmp_path / "start.obj")
+    with pytest.raises(InputError, match="seed"):
+        override(SCENE, pair[0])
+    sheet = Scene(cloth={"mesh": "rectangle", "size": [1, 2], "cells": [4, 4]})
+    for order in (["cloth.mesh=disk", "cloth.radius=0.3"], ["cloth.radius=0.3", "cloth.mesh=disk"]):
+        assert override(sheet, *order).cloth == {"mesh": "disk", "radius": 0.3}
+    moved = override(sheet, "cloth.position[2]=0.5", "cloth.size[0]=3", "solver.dt=0.02", "solver.threads=1")
+    assert (moved.cloth.position, moved.cloth.size, moved.solver.dt) == ((0, 0, 0.5), (3, 2), 0.02)
+    assert override(sheet, "solver.dt=0.02", "solver.error=0.001").solver == {"error": 0.001}
+
+
 @pytest.mark.parametrize(
     ("assignment", "message"),
     [

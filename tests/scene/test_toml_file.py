@@ -48,6 +48,21 @@ def test_an_unknown_name_is_answered_with_the_nearest():
     assert "'sphere'" in caught.value.remedy
 
 
+@pytest.mark.parametrize("there", ["win.toml", "mine.toml"])
+def test_a_file_that_is_there_by_chance_is_not_asked_about(tmp_path, there):
+    (tmp_path / there).write_text("")
+    with pytest.raises(InputError) as caught:
+        load_scene(tmp_path / "missing.toml")
+    assert there not in caught.value.remedy
+    assert "clothsim scenes" in caught.value.remedy
+
+
+def test_a_file_of_nearly_that_name_is_asked_about(tmp_path):
+    (tmp_path / "my_skirt.toml").write_text("")
+    with pytest.raises(InputError, match=r"'my_skirt\.toml'"):
+        load_scene(tmp_path / "my_skrit.toml")
+
+
 @pytest.mark.parametrize("command", ["run", "check", "explain", "study"])
 @pytest.mark.parametrize("name", ["sphere.toml", "folder/sphere.toml"])
 def test_a_missing_file_of_an_installed_name_is_answered_with_that_name(tmp_path, monkeypatch, capsys, command, name):

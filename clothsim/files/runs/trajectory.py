@@ -1,5 +1,6 @@
 """Trajectory of a run: `trajectory.vtkhdf`, every cloth and body at every frame."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -159,7 +160,7 @@ class TrajectoryWriter:
                 raise InputError(
                     f"{array.name} must have shape {(int(ends[-1]), *array.components)}, not {rows.shape}."
                 )
-            flat = rows.reshape(len(rows), -1) if array.components else rows
+            flat = rows.reshape(len(rows), math.prod(array.components)) if array.components else rows
             for surface, start, stop in zip(own, ends[:-1], ends[1:], strict=True):
                 parts[surface.name, array.name] = flat[start:stop]
         return parts
@@ -185,11 +186,12 @@ class Trajectory:
     @cached_property
     def triangles(self) -> Ints:
         """The triangles of all cloths, (m, 3)."""
-        return np.concatenate([surface.triangles for surface in self.surfaces if surface.role == "cloth"])
+        none = np.zeros((0, 3), np.int64)
+        return np.concatenate([none, *(surface.triangles for surface in self.surfaces if surface.role == "cloth")])
 
     def positions(self, frame: int) -> Floats:
         """The vertices of all cloths in a frame, (n, 3) [m]; negative frames count from the end."""
-        return np.concatenate([points for surface, points in self._points(frame, "cloth")])
+        return np.concatenate([np.zeros((0, 3)), *(points for surface, points in self._points(frame, "cloth"))])
 
     def bodies(self, frame: int) -> list[tuple[str, Floats, Ints]]:
         """Each body in a frame: name, vertices (n, 3) [m], triangles (m, 3) of its own vertices."""
@@ -289,7 +291,8 @@ def _resume(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray,
         raise InputError(f"{path} holds {len(trajectory.times)} frames, so no run can go on from frame {frames}.")
     with _opened(path) as file:
         stored = {array for block in blocks(file) for array in arrays_of(block)}
-    if stored != set(arrays) or not same_surfaces(trajectory.surfaces, surfaces):
+    wanted = {array for array in arrays if any(surface.role == array.role for surface in surfaces)}
+    if stored != wanted or not same_surfaces(trajectory.surfaces, surfaces):
         raise InputError(f"{path} holds other surfaces or fields than this run.", "Write to another directory.")
     require_space(path, frame_bytes(surfaces, arrays))
     with writing(path):

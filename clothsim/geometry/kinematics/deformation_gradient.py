@@ -135,7 +135,7 @@ def thread_axes(world: World, angles: Floats) -> Floats:
     (m, 2, 2) array
         Unit vectors of warp and weft as columns, in the plane of `World.rest_shapes`.
     """
-    first = np.concatenate([_first_axes(cloth) for cloth in world.cloths])
+    first = np.concatenate([np.zeros((0, 2)), *(_first_axes(cloth) for cloth in world.cloths)])
     cosine, sine = np.cos(angles), np.sin(angles)
     warp = np.column_stack([cosine * first[:, 0] - sine * first[:, 1], sine * first[:, 0] + cosine * first[:, 1]])
     return np.stack([warp, np.column_stack([-warp[:, 1], warp[:, 0]])], axis=2)

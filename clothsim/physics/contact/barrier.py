@@ -94,7 +94,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
         approach = np.where(in_contact, (step.velocities[:n] * inward).sum(axis=1), speeds)
         stiffness = barrier_stiffness(
             float(loads[in_contact].max(initial=0.0)),
-            float(self.masses.sum() / self.areas.sum()),
+            float(self.masses.sum() / self.areas.sum()) if n else 0.0,
             float(approach.max(initial=0.0)),
             self.d_hat,
             step.dt,

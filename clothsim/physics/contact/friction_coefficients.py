@@ -41,7 +41,7 @@ def friction(world: World, keys: Friction, *, contacts: Sequence[str] = ()) -> E
         return Off("every coefficient is 0")
     if not contacts:
         return Off("the scene has no contact")
-    size = max(float(np.linalg.norm(np.ptp(cloth.positions, axis=0))) for cloth in world.cloths)
+    size = max(float(np.linalg.norm(np.ptp(each.positions, axis=0))) for each in world.cloths or world.rigid)
     speed, slip = _scales(size, keys, bool((static != kinetic).any()))
     from clothsim.physics.contact.friction import (  # after the last Off: no kernel for a zero
         NO_CONTACTS,

@@ -9,6 +9,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.keys.typed_effects import ContactKeys
+from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
@@ -64,10 +65,11 @@ def _resolved_d_hat(name: str, world: World, surface: ContactSurface, d_hat: flo
             f"{coordinate:.3g} m double precision does not carry the changes of such gaps.",
             f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
         )
-    size = float(np.ptp(world.start()[: world.n_cloth], axis=0).max())
+    size = float(np.ptp(world.moved(), axis=0).max())
     if d_hat >= size:
+        whole = "the whole cloth is" if world.cloths else "all rigid bodies together are"
         raise InputError(
-            f"effects.{name}.d_hat is {d_hat:g} m, and the whole cloth is {size:.3g} m long.",
+            f"effects.{name}.d_hat is {d_hat:g} m, and {whole} {size:.3g} m long.",
             f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
         )
     return d_hat
@@ -97,8 +99,18 @@ def d_hat_below_rest_gaps(world: World, surface: ContactSurface) -> float:
 
 
 def edge_lengths(world: World) -> Floats:
-    """Lengths of the cloths' edges at the start, (e,) [m]."""
-    return np.asarray(np.linalg.norm(np.diff(world.start()[world.edges], axis=1)[:, 0], axis=1), np.float64)
+    """Lengths of the cloths' edges at the start, without cloth those of the rigid bodies, (e,) [m]."""
+    edges = (
+        world.edges
+        if world.cloths
+        else np.concatenate(
+            [
+                unique_edges(body.triangles) + rows.start
+                for body, rows in zip(world.rigid, world.rigid_slices, strict=True)
+            ]
+        )
+    )
+    return np.asarray(np.linalg.norm(np.diff(world.start()[edges], axis=1)[:, 0], axis=1), np.float64)
 
 
 def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) -> None:

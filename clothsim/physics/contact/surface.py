@@ -186,7 +186,8 @@ def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> Cont
     allowed[fixed:, n:fixed] = True
     allowed[fixed:, fixed:] = np.triu(np.ones((len(world.rigid),) * 2, bool), 1)
     rest = _rest_positions(world)
-    cloth_area = world.rest_areas.mean()
+    areas = [world.rest_areas] if world.cloths else [triangle_areas(b.positions[b.triangles]) for b in world.rigid]
+    cloth_area = np.concatenate(areas).mean()
     for body, rows in zip(world.bodies, world.body_slices, strict=True):
         area = triangle_areas(body.positions[body.triangles])
         rest[rows] = body.positions * np.sqrt(min(1.0, cloth_area / area.mean()))
@@ -261,7 +262,7 @@ def _cloth_corners(world: World) -> Floats:
     A sewn pattern has no flat or curved shape in space in which all of its triangles are at rest: only their own plane
     tells their areas.
     """
-    corners = []
+    corners = [np.zeros((0, 3, 3))]
     for cloth in world.cloths:
         in_plane = np.zeros((len(cloth.triangles), 3, 3))
         in_plane[:, :, :2] = cloth.material_coordinates

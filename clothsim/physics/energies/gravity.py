@@ -75,7 +75,7 @@ def gravity(world: World, keys: Gravity) -> Energy | Off:
     vector = np.array(keys.acceleration, np.float64)
     if not vector.any():
         return Off("acceleration is zero")
-    origin = world.start()[: world.n_cloth].mean(axis=0)
+    origin = world.moved().mean(axis=0)
     return GravityEnergy(every_vertex(world.n_unknowns), world.weighing_masses, vector, origin)
 
 

@@ -8,6 +8,8 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
+from clothsim.keys.key_table import KeyTable
+from clothsim.keys.plausible import doubts
 from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
@@ -18,14 +20,6 @@ from clothsim.scene.scene import Scene
 
 LARGEST, SMALLEST = 10.0, 0.01
 """Longest extents of a mesh [m] beyond which its unit is doubted."""
-PLAUSIBLE = {
-    "density": (0.005, 5.0, "kg/m2", "a cotton has 0.15"),
-    "thickness": (1e-5, 0.02, "m", "a cotton has 0.0003"),
-    "youngs_modulus": (1e3, 1e10, "Pa", "a cotton has 0.8e6"),
-    "bending_stiffness": (1e-9, 1e-2, "N m", "a cotton has 9e-6"),
-    "friction": (0.0, 3.0, "1", "cloth on a body has 0.2 to 0.6"),
-}
-"""Ranges of a key of a cloth, or of effects.friction.coefficient, beyond which its unit is doubted."""
 LYING, FLAT = 0.5, 0.1
 """Extent along gravity, as fraction of the longest, below which a body lies, and below which it is a floor."""
 
@@ -75,15 +69,11 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
 
 def _implausible(world: World, scene: Scene) -> list[str]:
     """A question on each number that looks like one in another unit."""
-    tables = list(zip(world.cloths, scene.cloths, strict=True))
-    given = [(f"{cloth.name}: {key}", key, keys.get(key)) for cloth, keys in tables for key in PLAUSIBLE]
-    friction = dict(scene.effects.get("friction", {})).get("coefficient")
-    given.append(("effects.friction.coefficient", "friction", friction))
-    sentences = []
-    for where, key, value in given:
-        low, high, unit, usual = PLAUSIBLE[key]
-        if isinstance(value, int | float) and value != 0 and not low <= value <= high:
-            sentences.append(f"{where} is {value:g} {unit}, where {usual}: is it in another unit?")
+    tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
+    sections: list[tuple[str, KeyTable]] = list(zip(world.names, tables, strict=True))
+    sections += [(f"effects.{name}", keys) for name, keys in scene.effects.items()]
+    sections += [("solver", scene.solver), ("run", scene.run), ("seed", scene.seed)]
+    sentences = [sentence for where, keys in sections for sentence in doubts(where, keys)]
     size = float(np.ptp(world.start(), axis=0).max())
     if (scene.solver_settings.error or 0.0) > 0.1 * size:
         error = f"{scene.solver_settings.error:g} m"
@@ -167,7 +157,7 @@ def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
             raise InputError(
                 f"{each.cloth} starts inside {each.body}, {each.where}: contact would keep it in.",
                 f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
-                "meant to hold it, give run.allow_inside = true.",
+                "meant to hold it, give run.allow_inside = true (--force).",
             )
 
 
@@ -194,7 +184,9 @@ def _nested_bodies(world: World, energies: dict[str, Energy]) -> list[str]:
 
 
 def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:
-    """Activation distances above the median edge length."""
+    """Activation distances above the median edge length of the cloth."""
+    if not world.cloths:
+        return []
     starts = world.start()[world.edges]
     edge = float(np.median(np.linalg.norm(starts[:, 0] - starts[:, 1], axis=1)))
     wide = {name: energy.d_hat for name, energy in energies.items() if isinstance(energy, ContactGap)}

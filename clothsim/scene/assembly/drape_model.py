@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import replacing
 from clothsim.geometry.intersection.crossings import Crossing, crossings
 from clothsim.mesh.generators.mannequin.generator import JOINTS, template
@@ -126,14 +128,36 @@ def family(scene: Scene, varied: Sequence[str]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+LARGEST_MODEL = 1 << 30
+"""Largest content of the file of a model [bytes]."""
+
+
 def read_model(path: Path) -> DrapeModel:
     """The model in a file of `DrapeModel.write`. InputError for another file."""
     try:
+        with zipfile.ZipFile(BytesIO(read_regular_file(path))) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > LARGEST_MODEL:
+                raise ValueError(f"it unpacks to more than {LARGEST_MODEL:,} bytes")
         with np.load(path, allow_pickle=False) as arrays:
             content = {name: arrays[name] for name in DrapeModel.__dataclass_fields__}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+        _refuse_other_shapes(content)
+    except InputError:
+        raise
+    except Exception as error:  # zipfile, zlib and NumPy's header raise a dozen types of errors
         raise InputError(f"{path} is no model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
     return DrapeModel(**{**content, "family": str(content["family"])})
+
+
+def _refuse_other_shapes(content: Mapping[str, NDArray[Any]]) -> None:
+    """ValueError for arrays that do not fit together, or hold numbers that are not finite."""
+    k, components, coordinates = len(content["inputs"]), content["weights"].shape[1], content["mean"].size
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("low", "high", "centre", "scale"), (k,))
+    shapes |= {"weights": (1 + k, components), "mean": (coordinates,), "basis": (coordinates, components)}
+    for name, shape in shapes.items():
+        if content[name].shape != shape or not np.isfinite(content[name]).all():
+            raise ValueError(f"{name} has the shape {content[name].shape}, or is not finite")
+    if coordinates % 3 or not content["scale"].all() or len(content["same"]) != len(content["same_as"]):
+        raise ValueError("its arrays do not fit together")
 
 
 def _number(key: str, value: Any) -> float:

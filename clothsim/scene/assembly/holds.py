@@ -72,6 +72,8 @@ def holds(
     """
     start, count = world.start(), world.n_cloth
     labels = _pieces(world, energies)
+    if not count:
+        return ()
     pieces = np.split(np.argsort(labels, kind="stable"), np.cumsum(np.bincount(labels))[:-1])
     pieces = sorted(pieces, key=lambda rows: int(rows[0]))
     held = _tied(energies, constraints, count)

@@ -11,8 +11,8 @@ from clothsim.base.parallel import available_cores
 ONE_THREAD_BELOW = 20_000
 """Vertices below which a step gets one thread where the scene leaves the number open.
 
-At 1,681 vertices a factorisation takes 4 ms on one thread and 52 ms of the processor on two, which wait for one another
-actively; at 10,201 vertices two take .55 of its wall time, yet a run of the impact took 34 s on two and 28 s on one.
+At 1,681 vertices a factorisation takes 4 ms on one thread and 52 ms of the processor on two, which wait for each other
+actively; at 10,201 vertices two take 0.55 of its time on the clock; a run of the impact took 34 s on two, 28 s on one.
 """
 
 MOST = 4

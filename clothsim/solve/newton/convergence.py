@@ -3,7 +3,7 @@
 A step of the time integrator is wrong by its local error, whatever Newton does. Iterations that change the result by
 much less buy nothing; iterations left out add their error to it. Both errors enter the velocity alike, so that what is
 balanced in each step stays balanced over a run (docs/notes/newton_stop.md). `MotionStop` is the default;
-`ErrorBalance` converges each step (`[solver] converge = true`).
+`ErrorBalance` converges each step (`[solver] converge = true`), `StaticStop` those of a quasi-static run.
 """
 
 from collections.abc import Callable
@@ -124,6 +124,54 @@ class ErrorBalance:
         Plain, not weighted by mass: the local error of a step is (`StepError`), and like is compared with like.
         """
         return rms_by_body(dx, (slice(self.count),)) if exact else np.array([np.inf])
+
+
+STATIC_FLOOR = 1e-3
+"""Motion of a quasi-static solve, in cells, whose steps are as good as none: one that starts at rest has no other."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaticStop(ErrorBalance):
+    """Newton's error as a fraction of what a quasi-static solve moves, for lack of a time error.
+
+    Its dt is but a part of the load. A speed, 1 mm/s, ended loops 10 to 30 % off where the load came in one step,
+    and left a deep beam a hundredth of the way from its unstable equilibrium to the stable one: steps beside a saddle
+    are short. The longest step may have `fraction` of the longest motion since the start, or of a cell where that is
+    shorter.
+
+    Parameters
+    ----------
+    start : (N, 3) float64
+        Positions before the solve [m].
+    cell : float
+        Median length of the edges [m].
+    """
+
+    start: Floats
+    cell: float
+
+    @property
+    def floor(self) -> float:
+        """Length of a step that ends a solve whatever it moved [m]."""
+        return STATIC_FLOOR * self.fraction * self.cell
+
+    def allowed(self, x: Floats) -> tuple[float, float]:
+        """Return the longest step that may end a solve at x (N, 3) [m], twice."""
+        moved = largest_step(x[: self.count] - self.start[: self.count])
+        longest = max(self.floor, self.fraction * min(moved, self.cell))
+        return longest, longest
+
+    def reached(self, x: Floats, dx: Floats, last: LastStep, dt: float) -> bool:
+        """Return True where the step dx from x may end the solve; parameters as of `ErrorBalance.reached`."""
+        return largest_step(dx) < self.allowed(x + dx)[1]
+
+    def force_fraction(self, first: bool, without: float) -> float:
+        """Return the residual over the force scale to which forces must balance: that of a tolerance."""
+        return without
+
+    def most(self, dt: float) -> float:
+        """Return the longest displacement of a vertex that may end a solve [m]."""
+        return self.fraction * self.cell
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import CONTACT_TIME_SCALE, Constraint, Prescribed, Step
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.threads import one_blas_thread
-from clothsim.solve.newton.convergence import ErrorBalance, MotionStop
+from clothsim.solve.newton.convergence import LEAST_SPEED, ErrorBalance, MotionStop, StaticStop
 from clothsim.solve.newton.newton import TOLERANCE_ALONE, Newton, NewtonResult, NewtonSettings
 from clothsim.solve.newton.observer import Observer, unobserved
 from clothsim.solve.newton.outcome import Ending
@@ -211,7 +211,7 @@ def _advance(integrator: Integrator, state: State, until: float, retries: bool) 
     tried, dt = state, state.dt
     smallest = integrator.shortest(dt) if retries else dt
     rejected, restarted = 0, False
-    patient = _patient(integrator) if retries else integrator
+    patient = _patient(integrator)
     held = integrator.constraints.values()
     unbalanced: list[tuple[Potential, NewtonResult]] = []
     for attempt in range(1, MOST_TRIES + 1):
@@ -314,7 +314,13 @@ def _newton(
     observe = integrator.watch(state.step + 1, h, bound)
     settings, world = integrator.settings, integrator.world
     balance: ErrorBalance | MotionStop = TOLERANCE_ALONE
-    if settings.error_fraction and "inertia" in integrator.potential.energies:
+    dynamic = "inertia" in integrator.potential.energies
+    if settings.error_fraction and not dynamic:
+        balance = StaticStop(
+            LEAST_SPEED * settings.error_fraction, world.n_cloth, start=state.positions, cell=world.cell
+        )
+        settings = replace(settings, tolerance=min(settings.tolerance, balance.floor / abs(h)))
+    if settings.error_fraction and dynamic:
         n = world.n_unknowns
         held, part = target.vertices[target.vertices < n], settings.error_fraction
         if settings.converge:
@@ -322,7 +328,7 @@ def _newton(
         else:
             balance = motion_stop(part, settings.tolerance * h, integrator.formula, formula, world, state, h, held)
     least = float(integrator.world.inertial_masses.max()) * integrator.settings.tolerance / abs(h)
-    return Newton(bound, integrator.system, integrator.settings, h, observe, balance, least)
+    return Newton(bound, integrator.system, settings, h, observe, balance, least)
 
 
 def _after(

@@ -2,7 +2,8 @@
 
 import shutil
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -15,9 +16,24 @@ from clothsim.base.errors import ClothsimError, IntersectionWarning, MachineErro
 from clothsim.engine import Session, World
 from clothsim.study.farm.publication import processor, store_mesh
 from clothsim.study.farm.reading import array_hash
+from clothsim.study.farm.rules import broken_rule, checked_rules
+from clothsim.study.workers import jittered
 
-KEPT = ("status", "reason", "steps", "newton_iterations", "vertices", "triangles", "certificate", "notes", "warnings")
+KEPT = (
+    "status",
+    "reason",
+    "end",
+    "steps",
+    "newton_iterations",
+    "vertices",
+    "triangles",
+    "certificate",
+    "notes",
+    "warnings",
+)
 """What is kept of the summary of a run."""
+AT_REST = {"at_rest": True}
+"""The rule of a farm that states none."""
 
 
 @dataclass(frozen=True)
@@ -36,15 +52,20 @@ class Drape:
     positions: NDArray[np.float32] | None
 
 
-def drape(scene: Scene, folder: Path, farm: Path | None = None, frames: str = "last") -> Drape:
+def drape(
+    scene: Scene, folder: Path, farm: Path | None = None, frames: str = "last", rules: Mapping[str, Any] | None = None
+) -> Drape:
     """Simulate a scene in a folder of its own; what it refuses or fails at is the reason of a failed drape.
 
     folder: of the files of the run, which are deleted; farm: where the meshes are stored; frames: "last" or "all", what
-    is kept. OSError, MemoryError, MachineError and KeyboardInterrupt are no verdict on the drape, and are raised.
+    is kept; rules: what is usable, besides what every drape must be (`checked_rules`; without them, at rest where the
+    scene runs until rest). OSError, MemoryError, MachineError and KeyboardInterrupt are no verdict on the drape, and
+    are raised.
     """
     started, cpu = perf_counter(), process_time()
+    rules = checked_rules({}, scene.run_settings.until) if rules is None else rules
     try:
-        content, positions, meshes = _simulated(scene, folder / "run", farm, frames)
+        content, positions, meshes = _simulated(scene, folder, farm, frames, rules)
     except (OSError, MemoryError, MachineError):
         raise
     except ClothsimError as error:
@@ -52,7 +73,8 @@ def drape(scene: Scene, folder: Path, farm: Path | None = None, frames: str = "l
     except Exception as error:
         content, positions, meshes = failed(f"{type(error).__name__}: {error}", "fault"), None, {}
     finally:
-        shutil.rmtree(folder / "run", ignore_errors=True)
+        for name in ("run", "second"):
+            shutil.rmtree(folder / name, ignore_errors=True)
     content |= {
         "hash": None if positions is None else array_hash(positions),
         "meshes": meshes,
@@ -69,25 +91,51 @@ def failed(reason: str, cause: str) -> dict[str, Any]:
 
 
 def _simulated(
-    scene: Scene, folder: Path, farm: Path | None, frames: str
+    scene: Scene, folder: Path, farm: Path | None, frames: str, rules: Mapping[str, Any]
 ) -> tuple[dict[str, Any], NDArray[np.float32], dict[str, Any]]:
     sessions: list[Session] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)
-        run = simulate(scene, folder, announce=sessions.append, overwrite=True)
-    world = sessions[-1].built.world
+        run = simulate(scene, folder / "run", announce=sessions.append, overwrite=True)
     kept = range(len(run)) if frames == "all" else [len(run) - 1]
     shapes = [np.concatenate(list(run[k].positions.values())).astype(np.float32) for k in kept]
     content = {key: run.summary[key] for key in KEPT if key in run.summary}
     certificate = content["certificate"]
-    at_rest = scene.run_settings.until != "rest" or bool(certificate["at_rest"])
-    free = certificate["intersection_free"] is True
+    content["measured"] = {
+        "time": float(run[-1].time),
+        "stretch_min": certificate["stretch_min"],
+        "stretch_max": certificate["stretch_max"],
+        "drop": max(float(np.mean(x[:, 2] - run[-1].positions[name][:, 2])) for name, x in run[0].positions.items()),
+    }
     cause = "" if content["status"] == "completed" else str((run.summary["failure"] or {}).get("cause", "run"))
-    outside = "inside a body" if certificate["held_inside"] else ""
-    content["cause"] = cause or ("" if free else "not certified") or outside or ("" if at_rest else "not at rest")
-    content["usable"] = not content["cause"]
-    meshes = {} if farm is None else store_world(farm, world)
+    if not cause and certificate["intersection_free"] is not True:
+        cause = "not certified"
+    if not cause and certificate["held_inside"]:
+        cause = "inside a body"
+    if not cause:
+        if "floor_max" in rules:
+            content["measured"]["floor"] = _floor(scene, folder, shapes[-1])
+        cause, sentence = broken_rule(rules, bool(certificate["at_rest"]), content["measured"])
+        content["reason"] = sentence or content["reason"]
+    content |= {"cause": cause, "usable": not cause}
+    meshes = {} if farm is None else store_world(farm, sessions[-1].built.world)
     return content, np.stack(shapes) if frames == "all" else shapes[0], meshes
+
+
+def _floor(scene: Scene, folder: Path, end: NDArray[np.float32]) -> float | None:
+    """Root mean square distance of a vertex to where it ends from a jittered start [m]; None where that run fails."""
+    folder.mkdir(exist_ok=True)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", IntersectionWarning)
+            again = simulate(replace(scene, seed=jittered(scene, 1, folder)), folder / "second", overwrite=True)
+    except MachineError:
+        raise
+    except ClothsimError:
+        return None
+    if again.status != "completed":
+        return None
+    return float(np.sqrt(np.mean(np.sum((again.positions(-1) - end) ** 2, axis=1))))
 
 
 def store_world(farm: Path, world: World) -> dict[str, Any]:

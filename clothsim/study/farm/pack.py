@@ -26,6 +26,7 @@ from clothsim.study.farm.reading import (
     read_mesh,
     whole_files,
 )
+from clothsim.study.farm.rules import RULES
 from clothsim.study.farm.status import manifest
 from clothsim.study.farm.verification import demand_verified
 
@@ -48,7 +49,8 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         f"* Made by clothsim {settings['package']}, recipe version {settings['version']}, seed {settings['seed']}",
         f"* Planned {len(farm.jobs)}, published {len(rows)}, usable {len(used)}",
         "* Usable: completed"
-        + (", at rest" if settings["scene"]["run"].get("until") == "rest" else "")
+        + (", at rest" if settings["usable"]["at_rest"] else "")
+        + "".join(f", {key} = {value:g}" for key, value in settings["usable"].items() if key in RULES)
         + ", free of intersections by the exact test in every step, and no piece inside a body",
         f"* The garment is {'cut to the body' if cut else 'not cut to the body'}",
         f"* Kept: {'the last frame' if settings['frames'] == 'last' else 'all frames'}, positions in float32 [m]",
@@ -124,8 +126,8 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
 
     Notes
     -----
-    HDF5: `manifest` (a line of JSON for each drape, failed ones too), `meshes/HASH/{start, rest, triangles, material,
-    uv}`, and for each topology `garments/K/{positions (N, n, 3) or (N, frames, n, 3), ids, meshes}`. Shards:
+    HDF5: `manifest` (a line of JSON for each drape, failed ones too), `card`, `meshes/HASH/{start, rest, triangles,
+    material, uv}`, and for each topology `garments/K/{positions (N, n, 3) or (N, frames, n, 3), ids, meshes}`. Shards:
     ID.cloth.npy, ID.summary.json, ID.params.json, and the meshes in meshes.tar; the same bytes whenever they are made
     of the same drapes.
     """
@@ -161,6 +163,7 @@ def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Seque
         file.attrs["licence"] = farm.settings["licence"]
         file.attrs["package"] = farm.settings["package"]
         file["manifest"] = [json.dumps(row) for row in rows]
+        file["card"] = card(farm, rows)
         topologies: dict[str, list[Mapping[str, Any]]] = {}
         names: dict[str, None] = {}
         for row in used:

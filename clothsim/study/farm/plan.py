@@ -122,6 +122,7 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
         "seed": recipe.seed,
         "frames": recipe.frames,
         "licence": recipe.licence,
+        "usable": dict(recipe.rules),
         "boxes": {key: list(box) for key, box in recipe.boxes.items()},
         "varied": [*recipe.draws, *recipe.same],
         "same": dict(recipe.same),
@@ -131,7 +132,7 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
     settings["jobs"] = file_hash(lines)
     if (folder / FARM_NAME).is_file():
         farm = open_farm(folder)
-        if farm.settings.get("jobs") != settings["jobs"]:
+        if farm.settings["sha256"] != _settings_hash(settings):
             raise InputError(f"{folder} has another plan.", "Choose another folder with -o.")
         if farm.plan_fault:  # lost or changed since: the same recipe has the same lines
             write_atomically(folder / JOBS_NAME, lines)

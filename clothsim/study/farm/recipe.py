@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.inputs import refuse_unknown, shown, table
+from clothsim.study.farm.rules import checked_rules
 
 # Random draws of scene keys: one stream for each seed, index and key.
 
@@ -172,6 +174,8 @@ class Recipe:
         What is kept of a drape.
     licence : str
         Of the data set.
+    rules : dict
+        What a usable drape must be, from [usable].
     """
 
     scene: Scene
@@ -182,6 +186,7 @@ class Recipe:
     same: Mapping[str, str] = field(default_factory=dict)
     frames: str = "last"
     licence: str = "unspecified"
+    rules: Mapping[str, Any] = field(default_factory=dict)
 
     def values(self, index: int) -> dict[str, Any]:
         """The values of the varied keys of a drape, from 0."""
@@ -220,15 +225,18 @@ def load_recipe(path: str | Path) -> Recipe:
         data = tomllib.loads(read_regular_file(file, 1 << 24, absent).decode("utf-8"))
     except ValueError as error:
         raise InputError(f"{file} is not a TOML file: {error}.", "Write key = value, as in toml.io.") from error
-    refuse_unknown("The recipe", data, ("farm", "set", "vary"))
+    refuse_unknown("The recipe", data, ("farm", "set", "usable", "vary"))
     farm = table("farm", data.get("farm", {}))
     refuse_unknown("farm", farm, FARM_KEYS)
     named = farm.get("scene")
     if not isinstance(named, str):
-        raise InputError("farm.scene is missing.", 'Write scene = "shirt.toml", a file or the name of an example.')
+        raise InputError(
+            "farm.scene is missing.", 'Write scene = "shirt", the name of an example, or a file beside the recipe.'
+        )
     beside = file.parent / named
     scene = load_scene(beside if beside.is_file() else named)
-    return make_recipe(scene, farm, table("set", data.get("set", {})), table("vary", data.get("vary", {})), file.parent)
+    fixed, varied, usable = (table(name, data.get(name, {})) for name in ("set", "vary", "usable"))
+    return make_recipe(scene, farm, fixed, varied, file.parent, usable)
 
 
 def make_recipe(
@@ -237,6 +245,7 @@ def make_recipe(
     fixed: Mapping[str, Any],
     vary: Mapping[str, Any],
     folder: Path = Path(),
+    usable: Mapping[str, Any] = MappingProxyType({}),
 ) -> Recipe:
     """A recipe from its tables; folder: where the names of files start. InputError names a bad key."""
     until = farm.get("until", "rest")
@@ -258,7 +267,8 @@ def make_recipe(
     base = changed(scene, {**{k: _resolved(v, folder) for k, v in _flat(fixed).items()}, "run.until": until})
     base = changed(base, {"solver.threads": 1})
     licence = str(farm.get("licence", "unspecified"))
-    return Recipe(base, whole["count"], whole["seed"], whole["version"], draws, same, frames, licence)
+    rules = checked_rules(usable, until)
+    return Recipe(base, whole["count"], whole["seed"], whole["version"], draws, same, frames, licence, rules)
 
 
 def changed(scene: Scene, values: Mapping[str, Any]) -> Scene:

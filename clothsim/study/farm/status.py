@@ -30,7 +30,7 @@ class Status:
     cpu_seconds : float
         Of all published drapes.
     per_core_hour : dict of str to float
-        Drapes in an hour of one core, by the name of the processor.
+        Usable drapes in an hour of one core, by the name of the processor: the time of the others counts too.
     """
 
     planned: int
@@ -91,7 +91,7 @@ def status(farm: Farm, worker: Worker | None = None) -> Status:
     for row in rows:
         if row["cpu_seconds"]:
             seconds[row["processor"]] += row["cpu_seconds"]
-            counts[row["processor"]] += row["hash"] is not None
+            counts[row["processor"]] += bool(row["usable"])
     return Status(
         planned=len(farm.jobs),
         published=len(rows),

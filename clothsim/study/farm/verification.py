@@ -208,7 +208,7 @@ def _again(farm: Farm, job: Job) -> Mapping[str, Any]:
     summary, _ = read_drape(farm.directory, job.id)
     before = positions_of(farm.directory, job.id)
     with tempfile.TemporaryDirectory(prefix="clothsim-verify-") as scratch:
-        made = drape(farm.scene_of(job), Path(scratch), frames=farm.settings["frames"])
+        made = drape(farm.scene_of(job), Path(scratch), None, farm.settings["frames"], farm.settings["usable"])
     after = made.positions
     distance = math.inf
     if after is not None and after.shape == before.shape:

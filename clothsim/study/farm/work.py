@@ -1,27 +1,21 @@
-"""Work on a farm, by this process or by Dask workers: drapes are claimed, made and published until all are done.
+"""Work on a farm by this process: drapes are claimed, made and published until all are done.
 
 Any number of processes on any number of machines that share the folder do this at the same time, and each may be
-killed at any instant. What is true is on the disk: a drape is done when its folder is in drapes/. Tasks of Dask (extra
-clothsim[farm]) return ids alone.
+killed at any instant. What is true is on the disk: a drape is done when its folder is in drapes/.
 """
 
 import json
 import shutil
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
-from itertools import islice
-from pathlib import Path
 from time import sleep
-from typing import TYPE_CHECKING, Any
 
-from clothsim.base.errors import InputError, MachineError, MissingPackageError
+from clothsim.base.errors import MachineError
 from clothsim.base.interruption import interruption
-from clothsim.study.farm.claims import Worker, claimed, holds, worker_of
+from clothsim.study.farm.claims import Worker, claimed, holds
 from clothsim.study.farm.drape import Drape, drape, failed
-from clothsim.study.farm.plan import Farm, Job, open_farm
+from clothsim.study.farm.plan import Farm, Job
 from clothsim.study.farm.publication import (
     as_npy,
     attempts,
@@ -33,9 +27,6 @@ from clothsim.study.farm.publication import (
     working_folder,
 )
 from clothsim.study.farm.reading import CLOTH, PARAMETERS, SUMMARY
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 ATTEMPTS = 3
 """Attempts of a drape before it is published as killed."""
@@ -138,7 +129,7 @@ def _attempted(farm: Farm, job: Job, worker: Worker) -> Drape:
     try:
         scratch = working_folder(folder, job.id, worker)
         try:
-            return drape(farm.scene_of(job), scratch, folder, farm.settings["frames"])
+            return drape(farm.scene_of(job), scratch, folder, farm.settings["frames"], farm.settings["usable"])
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
     except BaseException:
@@ -155,120 +146,3 @@ def _published(farm: Farm, job: Job, worker: Worker, made: Drape) -> bool:
     if made.positions is not None:
         files[CLOTH] = as_npy(made.positions)
     return publish(farm.directory, job.id, worker, files)
-
-
-FRUITLESS = 100
-"""Rounds in a row without a new drape, with waits of up to 30 s for a lost scheduler, before the work ends."""
-AHEAD = 4
-"""Tasks given to a scheduler for each thread of its workers: it holds a few hundred ids, not the whole farm."""
-
-
-def dask_package() -> Any:
-    """The package distributed. MissingPackageError where it is not installed."""
-    try:
-        import distributed
-    except ImportError as error:
-        raise MissingPackageError(
-            "--workers and --scheduler need the package distributed, which is not installed.",
-            "pip install 'clothsim[farm]', or start `clothsim farm work DIR` as often as you have cores.",
-        ) from error
-    return distributed
-
-
-def work_with_dask(
-    farm: Farm,
-    scheduler: str | None,
-    workers: int,
-    most_attempts: int = ATTEMPTS,
-    announce: Callable[[str], None] | None = None,
-    stale_after: float = Worker.stale_after,
-) -> None:
-    """Make all drapes of a farm, whose folder is seen by all workers under the same path, by the workers of Dask.
-
-    scheduler: its address; None: a LocalCluster of `workers` processes with one thread each; announce: called with the
-    address of the dashboard; stale_after: without a heartbeat for this time a claim is taken over [s].
-
-    Raises
-    ------
-    MissingPackageError
-        Where distributed is not installed.
-    InputError
-        Where the scheduler does not answer.
-
-    Notes
-    -----
-    Dask reruns tasks whose worker died, and gives a task up after some deaths, also one that was innocent: neither
-    matters, as a task only makes what is not published, and what is not published is handed out again. A scheduler
-    that was killed is waited for; a LocalCluster begins again with the command.
-    """
-    with _connections(scheduler, workers) as connect:
-        with connect() as client:
-            if announce is not None:
-                announce(client.dashboard_link)
-        fruitless = 0
-        while fruitless < FRUITLESS:
-            waiting = farm.unpublished()
-            if not waiting:
-                return
-            _round(connect, farm, list(waiting.values()), most_attempts, stale_after)
-            fruitless = 0 if len(farm.unpublished()) < len(waiting) else fruitless + 1
-            if fruitless:
-                sleep(PAUSE)
-    raise InputError(
-        f"{FRUITLESS} times in a row no drape came from the workers.", "Look at them; `clothsim farm work DIR` goes on."
-    )
-
-
-def _round(
-    connect: "Callable[[], Client]", farm: Farm, left: Sequence[Job], most_attempts: int, stale_after: float
-) -> None:
-    """Give out all drapes that are left, once, or until the scheduler is lost.
-
-    A task that failed as Dask counts (its workers died) is given out again by the next round.
-    """
-    directory, jobs = str(farm.directory.resolve()), iter(left)
-
-    def submit(client: "Client", number: int) -> list[Any]:
-        given = [(directory, job.id, most_attempts, stale_after) for job in islice(jobs, number)]
-        return [client.submit(make_one, *each, pure=False) for each in given]
-
-    with suppress(OSError, RuntimeError, TimeoutError), connect() as client:  # CommClosedError is an OSError
-        running = dask_package().as_completed(
-            submit(client, AHEAD * max(1, sum(client.nthreads().values()))), timeout=Worker().longest
-        )
-        for future in running:
-            if future.cancelled():
-                return
-            future.release()
-            running.update(submit(client, 1))
-
-
-def make_one(directory: str, name: str, most_attempts: int, stale_after: float = Worker.stale_after) -> str:
-    """Task of a Dask worker: make one drape where nobody does. Returns its id."""
-    farm, jobs, worker = _opened(directory, stale_after)
-    make(farm, jobs[name], worker, most_attempts)
-    return name
-
-
-@cache
-def _opened(directory: str, stale_after: float) -> tuple[Farm, dict[str, Job], Worker]:
-    """Farm, its drapes by id, and this process as a worker: read once by each process."""
-    farm = open_farm(Path(directory))
-    return farm, {job.id: job for job in farm.jobs}, worker_of(stale_after)
-
-
-@contextmanager
-def _connections(scheduler: str | None, workers: int) -> "Iterator[Callable[[], Client]]":
-    """A function that connects to the scheduler, which is that of a LocalCluster where no address is given."""
-    distributed = dask_package()
-    if scheduler is None:
-        with distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster:
-            yield lambda: distributed.Client(cluster)
-        return
-    try:
-        distributed.Client(scheduler, timeout=30).close()
-    except (OSError, ValueError) as error:
-        raise InputError(f"The scheduler {scheduler} does not answer: {error}.", "Check its address.") from error
-    yield lambda: distributed.Client(scheduler, timeout=30)

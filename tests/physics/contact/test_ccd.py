@@ -4,7 +4,7 @@ import ipctk
 import numpy as np
 import pytest
 
-from clothsim.physics.contact.ccd import TOLERANCE, edge_edge_limit, point_triangle_limit
+from clothsim.physics.contact.ccd import TOLERANCE, _separated_fraction, edge_edge_limit, point_triangle_limit
 
 SLACK = 0.9
 POINT_TRIANGLE, EDGE_EDGE = 1, 2
@@ -266,3 +266,35 @@ def test_pair_beyond_its_displacement_is_stopped_by_the_offset(split):
     left = 0.3 - 0.25 * fraction(split, points, motion, offset=0.1, d_hat=0.01)
     assert 0.1 < left < 0.1 + 0.01
     assert fraction(split, points, motion, offset=0.04, d_hat=0.01) == 1.0
+
+
+def turning_directions(count, rng):
+    """Directions m0 + tau m1 + tau^2 m2 with |m0| = 1, differences w beyond the floor, their changes dw, and floors."""
+    for _ in range(count):
+        size = np.exp(rng.uniform(-2, 2, 4))
+        m = rng.standard_normal((3, 3)) * [[1.0], [size[0]], [size[1]]]
+        m[0] /= np.linalg.norm(m[0])
+        w, floor = rng.standard_normal((4, 3)), rng.uniform(0.0, 1.0)
+        w += (floor + rng.uniform(0.0, 2.0, 4) - w @ m[0])[:, None] * m[0]
+        yield m, size[2] * w, size[3] * rng.standard_normal((4, 3)), size[2] * floor
+
+
+def tuples(array):
+    return tuple(tuple(float(value) for value in row) for row in array)
+
+
+@pytest.mark.parametrize("is_edges", [False, True])
+def test_the_separated_fraction_keeps_the_floor_along_a_turning_direction(is_edges):
+    """m(tau) . (w + tau dw) >= floor |m(tau)| of all vertices up to the fraction; exact where nothing turns."""
+    stopped, count = 0, 4 if is_edges else 3
+    for m, w, dw, floor in turning_directions(300, np.random.default_rng(5)):
+        fraction = _separated_fraction(tuples(m), tuples(w), tuples(dw), is_edges, floor, 1.0)
+        tau = np.linspace(0.0, fraction, 40)[:, None]
+        along = m[0] + tau * m[1] + tau**2 * m[2]
+        gaps = np.einsum("tk,tik->ti", along, w[:count] + tau[:, :, None] * dw[:count])
+        assert (gaps - floor * np.linalg.norm(along, axis=1)[:, None]).min() > -1e-9 * np.abs(w).max()
+        still = _separated_fraction(tuples(m * [[1], [0], [0]]), tuples(w), tuples(dw), is_edges, floor, 1.0)
+        rates = np.minimum(dw[:count] @ m[0], -1e-300)
+        assert still == pytest.approx(min(1.0, ((w[:count] @ m[0] - floor) / -rates).min()), rel=1e-9)
+        stopped += fraction < 1
+    assert stopped > 200

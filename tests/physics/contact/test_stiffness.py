@@ -11,7 +11,7 @@ from solving import step_at
 from clothsim.mesh.body import make_body
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.world import make_world
-from clothsim.physics.contact.stiffness import RISE_TIME, bounded_stiffness
+from clothsim.physics.contact.stiffness import RISE_TIME, HeavyBody, barrier_stiffness, bounded_stiffness
 from clothsim.physics.energies.base import CONTACT_TIME_SCALE
 
 DT = 0.01
@@ -92,3 +92,25 @@ class TestStep:
         bound = contact.begin(step)
         assert bound.stiffness == low
         assert bound.stiffness_energy(step.positions, 10 * low) == pytest.approx(-9 * bound.value(step.positions))
+
+
+def test_a_heavy_body_has_the_load_of_its_weight_and_the_energy_of_its_speed():
+    masses, area, d_hat = np.array([1.0, 2.0, 4.0]), 0.5, 0.01
+    velocities = np.array([[9.0, 0, 0], [3.0, 0, 4], [0, 0, 1], [1, 2, 2]])
+    gradient = np.array([[50.0, 0, 0], [1.0, 0, 2], [1, 2, 2], [0, 2, 3]])
+    body = HeavyBody(slice(1, 4), masses, area)
+    step = replace(step_at(np.zeros((4, 3)), velocities, dt=DT), gradient=gradient)
+    assert body.kinetic_energy(step) == pytest.approx(0.5 * (1 * 25 + 2 * 1 + 4 * 9))
+    assert body.load(step) == pytest.approx(np.linalg.norm([2, 4, 7]))
+    expected = barrier_stiffness(80.0 / area, 7.0 / area, 5.0, d_hat, DT, step.contact_time_scale or DT)
+    assert body.stiffness(step, 80.0, d_hat) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_stiffness_is_the_largest_of_load_impact_and_response():
+    """Of the load; of the momentum, stopped within d_hat or in a step; of d_hat passed in T, where slower."""
+    d_hat, dt, scale = 0.01, 0.002, 0.05
+    assert barrier_stiffness(40.0, 0.3, 0.0, d_hat, dt, scale) == 40.0
+    assert barrier_stiffness(0.0, 0.3, 0.1, d_hat, dt, scale) == pytest.approx(0.3 * d_hat / scale**2)
+    assert barrier_stiffness(0.0, 0.3, 2.0, d_hat, dt, scale) == pytest.approx(0.3 * 2.0**2 / d_hat)
+    assert barrier_stiffness(0.0, 0.3, 9.0, d_hat, dt, scale) == pytest.approx(0.3 * 9.0 / dt)
+    assert barrier_stiffness(0.0, 0.3, 0.0, d_hat, dt, scale) == pytest.approx(0.3 * d_hat / scale**2)

@@ -164,6 +164,9 @@ def test_swing_stays_between_minus_one_and_one():
     assert -1 <= g.min() < -0.9
     assert 0.9 < g.max() <= 1
     assert abs(g.mean()) < 0.01
+    u = 0.7  # three sines whose paces have no common period
+    turns = [0.5 * np.sin(2 * np.pi * u), 0.3 * np.sin(2 * np.pi * np.sqrt(2) * u + 1)]
+    assert swing(np.array([u])) == pytest.approx(sum(turns) + 0.2 * np.sin(2 * np.pi * np.sqrt(5) * u + 2), rel=1e-12)
 
 
 def test_a_vortex_turns_about_its_line_and_is_advected():

@@ -128,6 +128,18 @@ def test_a_rate_may_vary_over_the_cloth():
     )
 
 
+def test_the_mass_term_by_the_start_of_a_step():
+    """rate m v turned by the adjoint a: -rate m a / h, with h and x_n of the difference formula."""
+    world, rng = small_world(), np.random.default_rng(4)
+    x, a, moved = rng.standard_normal((3, *world.start().shape))
+    step = bdf2_step(turned(x, -25), x, 0.07, 0.1)
+    energy = damping(world, rate=2.0).begin(step)
+    found = energy.past_sensitivity(step, x, a).past_positions
+    assert found == pytest.approx(-2.0 * world.masses[:, None] * a / step.past.dt, rel=1e-12)
+    changed = replace(energy, start=energy.start + moved).gradient(x) - energy.gradient(x)
+    assert np.vdot(found, moved) == pytest.approx(np.vdot(a, changed), rel=1e-9)
+
+
 def test_only_what_is_asked_for_is_there():
     world = small_world()
     assert isinstance(damping(world), MassDamping)

@@ -73,6 +73,9 @@ class TestOrthotropicSheet:
         assert 1 / S[2, 2] == pytest.approx(shear, rel=1e-8)
         assert 1 / S[0, 0] == pytest.approx(WARP, rel=1e-8)
         assert np.linalg.eigvalsh(dense_hessian(energy, world.start()))[0] > -1e-10
+        coupling = NU * np.sqrt(WARP * WEFT)
+        stiffness = np.array([[WARP, coupling], [coupling, WEFT]]) / (1 - NU**2)
+        assert energy.sheet.mu == pytest.approx(min(shear, 0.5 * np.linalg.eigvalsh(stiffness)[0]), rel=1e-12)
 
     def test_an_isotropic_fabric_has_the_small_limit_of_the_isotropic_sheet(self):
         world = small_world(0)

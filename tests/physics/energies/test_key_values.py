@@ -6,7 +6,7 @@ from meshes import cloth, grid
 
 from clothsim import InputError, Scene
 from clothsim.mesh.world import make_world
-from clothsim.physics.energies.key_values import by_cloth, over_cloth, schedule
+from clothsim.physics.energies.key_values import by_cloth, over_cloth, schedule, selected_vertices
 from clothsim.scene.assembly.scene_world import build
 
 
@@ -14,6 +14,18 @@ def two_cloths():
     """A sheet of 4 triangles and 6 vertices, and one of 12 and 12."""
     small, large = grid(2, 1), grid(3, 2)
     return make_world([cloth(*small, name="small"), cloth(*large, name="large")])
+
+
+@pytest.mark.parametrize(
+    ("side", "axis", "of"), [("left", 0, "min"), ("right", 0, "max"), ("bottom", 1, "min"), ("top", 1, "max")]
+)
+def test_a_side_is_the_rows_of_every_sheet_that_lie_there(side, axis, of):
+    world = two_cloths()
+    expected = []
+    for sheet, rows in zip(world.cloths, world.cloth_slices, strict=True):
+        along = sheet.rest_positions[:, axis]
+        expected += [rows.start + k for k in range(len(along)) if abs(along[k] - getattr(along, of)()) < 1e-9]
+    assert selected_vertices("p", world, side).tolist() == expected
 
 
 # --- over time ------------------------------------------------------------------------------------------------------

@@ -86,6 +86,13 @@ def test_derivatives_and_bounds_in_the_middle_of_a_loop(slope):
         assert np.linalg.eigvalsh(springs - squares)[0] > -1e-10 * np.abs(springs).max()
 
 
+def test_the_bounds_are_those_of_the_plate_and_in_proportion_to_the_width():
+    fabrics = [replace(LOOPED, poisson_ratio=0.2, bending_hysteresis=width) for width in (0.0, 0.3, 0.6)]
+    plate, once, twice = (bending(small_world(0, fabric)).bounds for fabric in fabrics)
+    assert (once > plate).all()
+    assert twice - once == pytest.approx(once - plate, rel=1e-9)
+
+
 def test_without_hysteresis_it_is_the_plate():
     assert type(bending(small_world())) is MidedgeBending
 

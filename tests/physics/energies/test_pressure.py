@@ -1,5 +1,7 @@
 """Pressure: exact on closed cloths and held borders, p A n / 3 on free ones; an inflated sphere and a disc (A6)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error
@@ -148,6 +150,8 @@ def test_a_scheduled_pressure_is_that_of_the_end_of_the_step_and_its_own_ramp():
     assert bound(world, x, value=[[0, 0.0], [2.0, 4.0]], dt=0.5, load=0.25).value(x) == pytest.approx(whole)
     assert bound(world, x, value=lambda time: 2 * time, dt=0.5).value(x) == pytest.approx(whole)
     assert bound(world, x, value=1.0, dt=0.5, load=0.25).value(x) == pytest.approx(whole / 4)
+    later = pressure(world, value=[[0, 0.0], [2.0, 4.0]]).begin(replace(step_at(x, dt=0.5), time=1.0))
+    assert later.value(x) == pytest.approx(3 * whole)
 
 
 def test_each_cloth_may_have_its_own():

@@ -12,6 +12,7 @@ from clothsim.solve.newton.convergence import (
     ErrorBalance,
     LastStep,
     MotionStop,
+    StaticStop,
     remaining_change,
 )
 
@@ -125,3 +126,19 @@ def test_steps_that_do_not_contract_do_not_end_a_solve():
     assert not ends(motion(), moved(1e-4, 1e-4), before=1e-5)
     assert not ends(motion(), moved(1e-4, 1e-4), before=1.2e-4)  # a rate of .83 leaves five times the step
     assert ends(motion(), moved(1e-4, 1e-4), before=2e-4)
+
+
+def test_a_quasi_static_solve_ends_at_a_fraction_of_what_it_moved_or_of_a_cell():
+    start = np.zeros((4, 3))
+    stop = StaticStop(1e-3, 4, start=start, cell=0.01)
+
+    def ends(moved, step):
+        dx = np.full((4, 3), step)
+        return stop.reached(start + moved - dx, dx, LastStep(1, False, np.array([np.inf]), np.array([np.inf])), 1.0)
+
+    assert ends(1e-3, 0.9e-6)
+    assert not ends(1e-3, 1.1e-6)
+    assert ends(1.0, 0.9e-5)  # a thousandth of a cell
+    assert not ends(1.0, 1.1e-5)
+    assert not ends(1e-6, 1e-6)  # beside a saddle a step is all that moved
+    assert ends(0.9e-8, 0.9e-8)  # nothing to move

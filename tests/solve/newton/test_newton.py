@@ -18,6 +18,7 @@ from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton import direction
 from clothsim.solve.newton.direction import QuadraticModel
+from clothsim.solve.newton.newton import FARTHEST
 from clothsim.solve.newton.outcome import Ending, outcome, position_text
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers
@@ -369,3 +370,19 @@ def test_a_stiffness_of_round_off_is_no_stiffness(linear):
     stretched, _ = model._solve(data, pull, direction.EXACT)  # nothing but the springs: it needs no shift
     assert stretched * 2 * k == pytest.approx(pull, rel=1e-12)
     assert model.potential.timers.linear_solves == 3
+
+
+def test_a_vertex_thrown_far_by_prescribed_ones_follows_to_a_bound_where_its_energy_is_lower():
+    world = small_world()
+    newton = newton_of(world, {"membrane": membrane(world)})
+    x, displacement = world.start(), np.zeros_like(world.start())
+    displacement[0] = [0.0, 0.02, 0.0]
+    thrown = displacement.copy()
+    thrown[5] = [300.0, 0.0, 400.0]
+    dx, fraction = newton._following(x, thrown, displacement)
+    bound = FARTHEST * 0.02
+    assert fraction == 1.0
+    assert dx[0] == pytest.approx(displacement[0])
+    assert dx[5] == pytest.approx([0.75 * bound, 0.0, bound])
+    thrown[5] = [0.0, 0.0, 0.9 * bound]
+    assert newton._following(x, thrown, displacement)[0] is thrown

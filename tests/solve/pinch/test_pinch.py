@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
+from contacts import two_sheets
+from effect_builders import self_contact
 from import_graph import FILES, reached, run_roots
 
 import clothsim
@@ -13,6 +15,7 @@ from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
 from clothsim.physics.contact.candidate_subsets import Suspension
 from clothsim.solve.pinch.carried import Carried, attached, carried_in
+from clothsim.solve.pinch.pinch import _contacts
 from clothsim.solve.pinch.pinch_gaps import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, nearest, pinched, sides
 
 EFFECTS = {
@@ -242,6 +245,17 @@ def test_the_gap_of_two_plates(first, last, gap):
         assert found.far.tolist() == [[4, 5, 6]]
 
 
+@pytest.mark.parametrize(("beside", "count"), [(0.99, 1), (1.01, 0)])
+def test_a_vertex_beside_a_plate_by_more_than_the_limit_is_not_in_its_gap(beside, count):
+    limit = 0.006
+    corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    above = 2 * corners[[0, 2, 1]]
+    vertex = [[0.0, -1.0 - beside * limit, 0.005]]
+    start, end = (np.concatenate([vertex, corners, above + np.array([0, 0, z])]) for z in (0.02, 0.001))
+    plates = faces(start, np.array([[1, 2, 3], [4, 5, 6]]))
+    assert len(pinched(plates, nearest(plates, start, np.array([0]), 0.03), start, end, limit, 0.03).vertices) == count
+
+
 def test_pairs_are_suspended_by_their_definition():
     """Against the definition, pair by pair: rows 0..5 are cloth, 0..2 carried; 6..9 body, 6 and 7 of the patch of 0."""
     carried = np.arange(10) < 3
@@ -261,3 +275,16 @@ def test_pairs_are_suspended_by_their_definition():
     assert 0 < sum(wanted) < len(wanted)
     self_pairs = random.integers(0, 6, (200, 4))
     assert np.array_equal(suspension.mask(self_pairs, 100, is_self=True), (self_pairs < 3).all(axis=1))
+
+
+def test_a_contact_has_the_vertices_that_bear_it():
+    """Sheets vertex over vertex: of each pair of a point and a triangle one vertex on either side."""
+    world = two_sheets(gap=0.001)
+    contact, x = self_contact(world, d_hat=0.01, stiffness=1.0), world.start()
+    for rows, places, directions, partners in _contacts(contact, x, world.n_cloth):
+        assert len(rows) > 10
+        assert ((rows >= 0) & (partners >= 0)).sum() == 0
+        assert ((rows >= 0).sum(axis=1) == 1).all()
+        assert ((partners >= 0).sum(axis=1) == 1).all()
+        assert places == pytest.approx(x[rows.max(axis=1)])
+        assert np.abs(directions) == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(rows), 1)))

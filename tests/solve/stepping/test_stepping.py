@@ -1,5 +1,8 @@
 """Time steps: retries with half the dt, growth, frames on their times, the ramp of a quasi-static run."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from effect_builders import gravity, inertia, membrane, pins
@@ -9,9 +12,10 @@ from solving import integrator_of, run_of
 
 from clothsim import Scene, simulate
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.base import Prescribed
 from clothsim.solve.newton.outcome import Ending
 from clothsim.solve.stepping.state import first_state
-from clothsim.solve.stepping.stepping import GROWTH, MAX_HALVINGS, advance
+from clothsim.solve.stepping.stepping import GROWTH, MAX_HALVINGS, _blocked, _shorter, advance
 from clothsim.solve.stepping.time_loop import steps
 
 
@@ -130,3 +134,32 @@ def test_a_sheet_hinged_at_an_edge_swings_down_under_any_load():
     assert result.record()[0]["newton_iterations"] > 20
     assert result.record()[0]["failures"] == []
     assert result.positions(-1)[:, 2].min() == pytest.approx(-0.3, rel=0.01)
+
+
+def test_blocked_tries_count_while_the_obstacle_stays_where_it_was():
+    """The time of the block is that of the part of the prescribed path that was covered; an earlier one is ignored."""
+    state = replace(first_state(small_world(), 0.1), time=1.0)
+    target = Prescribed(np.array([0]), state.positions[:1] + np.array([0.0, 0.0, 2.0]))
+
+    def tried(state, covered):
+        x = state.positions.copy()
+        x[0, 2] += 2.0 * covered
+        return _blocked(state, SimpleNamespace(x=x), target, 0.1)
+
+    first = tried(state, 0.7)
+    assert (first.blocked_at, first.blocked) == (pytest.approx(1.07), 1)
+    assert tried(first, 0.7).blocked == 2
+    assert tried(first, 0.5) is first
+    assert tried(first, 0.6) is first
+    further = tried(first, 0.9)
+    assert (further.blocked_at, further.blocked) == (pytest.approx(1.09), 1)
+
+
+@pytest.mark.parametrize(("h", "wanted"), [(0.04, 0.02), (0.011, 0.01), (0.01, 0.01)])
+def test_a_step_with_too_large_an_error_is_tried_again_down_to_the_shortest(h, wanted):
+    control = SimpleNamespace(exceeds=lambda *_: True, shortest=0.01, retry=lambda state, h, error: max(0.01, h / 2))
+    error = SimpleNamespace(rms=1.0)
+    assert _shorter(SimpleNamespace(control=control), None, h, error) == pytest.approx(wanted)
+    control.exceeds = lambda *_: False
+    assert _shorter(SimpleNamespace(control=control), None, h, error) == np.inf
+    assert _shorter(SimpleNamespace(control=None), None, h, error) == np.inf

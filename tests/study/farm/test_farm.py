@@ -17,13 +17,14 @@ from clothsim.base.file_writing import full_or_forbidden
 from clothsim.cli import main
 from clothsim.cli.farm_command import terminated_like_interrupted
 from clothsim.study.farm.claims import Worker, claimed, is_stale, worker_of
+from clothsim.study.farm.dask_work import make_one
 from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
 from clothsim.study.farm.publication import attempts, content_id, note_attempt, publish
 from clothsim.study.farm.reading import read_drape
 from clothsim.study.farm.recipe import changed, draw_of, load_recipe, make_recipe, stream_of
 from clothsim.study.farm.status import status
 from clothsim.study.farm.verification import verify
-from clothsim.study.farm.work import make, make_one, work
+from clothsim.study.farm.work import make, work
 from tests.benchmarks.farm_chaos import sheet_recipe
 
 QUICK = Worker(beat=0.05, stale_after=0.5)

@@ -1,0 +1,123 @@
+"""Plausible ranges of the numbers of a scene, by key and by unit: a number beyond them may be one in another unit.
+
+A scene is simulated with any number that its key allows; one beyond these ranges is asked about.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from clothsim.keys.key_table import KeyTable
+from clothsim.keys.schema import SceneKey, keys_of
+
+OF_KEY: Mapping[str, tuple[float, float, str]] = {
+    "cloth.density": (0.005, 5.0, "a cotton has 0.15"),
+    "cloth.thickness": (1e-5, 0.02, "a cotton has 0.0003"),
+    "cloth.youngs_modulus": (1e3, 1e10, "a cotton has 0.8e6"),
+    "cloth.bending_stiffness": (1e-9, 1e-2, "a cotton has 9e-6"),
+    "rigid.density": (10.0, 2.5e4, "wood has 600, steel 7800"),
+    "air.density": (0.01, 1500.0, "air has 1.2"),
+    "rigid.stiffness": (1e4, 1e12, "1e8 is usual"),
+    "cloth.weld": (1e-9, 0.05, "seams of a file are closer than 0.01"),
+    "slab.size": (1e-5, 1e4, "a table is 1 long"),
+    "mannequin.height": (0.4, 2.6, "an adult has 1.7"),
+    "ring.thickness": (1e-4, 1.0, "a ring is 0.01 thick"),
+    "body_contact.d_hat": (1e-7, 0.05, "0.001 to 0.005 is usual"),
+    "self_contact.d_hat": (1e-7, 0.05, "0.001 to 0.005 is usual"),
+    "body_contact.offset": (1e-7, 0.05, "half of a thickness is 0.0002"),
+    "self_contact.offset": (1e-7, 0.05, "half of a thickness is 0.0002"),
+    "body_contact.stiffness": (1e-2, 1e12, "it adapts where none is given"),
+    "self_contact.stiffness": (1e-2, 1e12, "it adapts where none is given"),
+    "friction.coefficient": (0.0, 3.0, "cloth on a body has 0.2 to 0.6"),
+    "friction.mu_static": (0.0, 3.0, "cloth on a body has 0.2 to 0.6"),
+    "friction.mu_kinetic": (0.0, 3.0, "cloth on a body has 0.2 to 0.6"),
+    "friction.elastic_slip": (1e-9, 0.01, "0.00001 is usual"),
+    "friction.eps_v": (1e-6, 1.0, "0.001 to 0.01 is usual"),
+    "pressure.value": (1e-3, 1e6, "a toy balloon has 2000"),
+    "plastic_bending.yield_curvature": (1.0, 1e5, "a crease of a millimetre has 1000"),
+    "solver.dt": (1e-7, 0.5, "0.01 is usual"),
+    "solver.tolerance": (1e-12, 1.0, "0.001 is usual"),
+    "run.rest_speed": (1e-9, 0.1, "0.001 is usual"),
+    "run.duration": (1e-4, 600.0, "a drape takes 1 to 5"),
+}
+"""Smallest and largest magnitude, in the unit of the key, and a usual number; 0 is plausible everywhere."""
+
+OF_UNIT: Mapping[str, tuple[float, float]] = {
+    "m": (1e-6, 100.0),
+    "m/s": (1e-6, 100.0),
+    "m/s2": (1e-3, 1000.0),
+    "m2/s": (1e-4, 1000.0),
+    "s": (1e-7, 600.0),
+    "1/s": (1e-4, 1e4),
+    "1/m": (1e-3, 1e4),
+    "N/m": (1e-3, 1e7),
+    "N m": (1e-10, 1e-1),
+    "N m2": (1e-12, 1e-1),
+    "N m/m": (1e-9, 1.0),
+    "N s/m": (1e-9, 1e3),
+    "degrees/s": (1e-3, 3.6e5),
+}
+"""Smallest and largest magnitude of keys that are not named above."""
+
+ANY: Mapping[str, str] = {
+    "scale": "what mends a file in another unit; the size of what it makes is looked at",
+    "budget": "a limit of computing time, which people set to hours",
+    "path": "rows of a time and three lengths",
+}
+"""Keys of which no number is doubted, and why."""
+UNITS_OF_ANY = ("degrees", "1", "-", "1, N/m")
+"""Units of which no number is: an angle may be many turns."""
+
+
+def plausible_range(section: str, key: SceneKey) -> tuple[float, float, str] | None:
+    """Range of a key and a usual number in words; None of one of which no number is doubted.
+
+    section: the section that declares it ("cloth", "friction"), without "effects.".
+
+    Examples
+    --------
+    >>> from clothsim.keys.settings import Solver
+    >>> plausible_range("solver", keys_of(Solver)["dt"])
+    (1e-07, 0.5, '0.01 is usual')
+    """
+    own = OF_KEY.get(f"{section}.{key.name}")
+    if own is not None or key.name in ANY or key.key.unit in UNITS_OF_ANY:
+        return own
+    low, high = OF_UNIT[key.key.unit]
+    return low, high, f"{low:g} to {high:g} is usual"
+
+
+def doubts(where: str, section: KeyTable) -> Iterator[str]:
+    """A question on each number of a section, and of its nested ones, that looks like one in another unit."""
+    known = keys_of(type(section))
+    for name in section:
+        key = known[name]
+        value = getattr(section, key.field)
+        nested = value if isinstance(value, list | tuple) else (value,)
+        for number, each in enumerate(nested):
+            if isinstance(each, KeyTable):
+                place = f"{where}.{name}[{number}]" if isinstance(value, list | tuple) else f"{where}.{name}"
+                yield from doubts(place, each)
+        found = next(filter(None, (plausible_range(own, key) for own in _declaring(section, name))), None)
+        size = _magnitude(value)
+        if found is not None and size and not found[0] <= size <= found[1]:
+            given = f"{value:g}" if isinstance(value, int | float) else f"of {size:.4g}"
+            yield f"{where}.{name} is {given} {key.key.unit}, where {found[2]}: is it in another unit?"
+
+
+def _declaring(section: KeyTable, name: str) -> list[str]:
+    """The last words of the names of the sections that have a key: "cloth" and "mannequin" of a composed one."""
+    kinds = type(section).parts or (type(section),)
+    return [kind.section.rpartition(".")[2] for kind in kinds if name in keys_of(kind)]
+
+
+def _magnitude(value: Any) -> float:
+    """Largest magnitude of a number or of a list of numbers; 0 of anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
+        return 0.0
+    try:
+        numbers = np.abs(np.asarray(value, np.float64))
+    except (ValueError, TypeError):
+        return 0.0
+    return float(numbers.max(initial=0.0)) if numbers.ndim < 2 else 0.0

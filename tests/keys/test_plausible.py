@@ -1,0 +1,70 @@
+"""Plausible ranges: one for every key that has a unit, and none that a usual scene is asked about."""
+
+from pathlib import Path
+
+import pytest
+
+from clothsim.keys.plausible import ANY, OF_KEY, UNITS_OF_ANY, doubts, plausible_range
+from clothsim.keys.settings import RunSettings
+from clothsim.scene.reference import sections
+from clothsim.scene.scene import Scene
+from clothsim.scene.toml_file import load_scene
+
+ROOT = Path(__file__).parents[2]
+KEYS = [(name, key) for name, section in sections().items() for key in section.keys.values()]
+SHEET = {"mesh": "rectangle", "cells": [2, 2]}
+
+
+@pytest.mark.parametrize(("section", "key"), KEYS, ids=lambda part: getattr(part, "name", part))
+def test_every_key_with_a_unit_has_a_range_or_is_named_as_one_without(section, key):
+    if key.key.unit not in UNITS_OF_ANY and key.name not in ANY:
+        low, high, usual = plausible_range(section.rpartition(".")[2], key)
+        assert 0 <= low < high
+        assert usual
+
+
+def test_every_named_range_is_of_a_key():
+    there = {(name.partition(" ")[0].rpartition(".")[2].strip('"'), key.name) for name, key in KEYS}
+    there |= {(name.rpartition('"')[0].rpartition('"')[2], key.name) for name, key in KEYS}
+    assert {tuple(name.split(".")) for name in OF_KEY} <= there
+    assert set(ANY) <= {key for _, key in there}
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "scenes").glob("*.toml")), ids=lambda file: file.stem)
+def test_no_example_is_asked_about(file):
+    scene = load_scene(file)
+    heavy = file.stem == "stack"  # its sheets weigh 50 kg/m2
+    assert len(asked(scene)) == 2 * heavy
+
+
+def asked(scene):
+    parts = [("cloth", each) for each in scene.cloths] + [("body", each) for each in scene.bodies]
+    parts += [("rigid", each) for each in scene.rigid_bodies]
+    parts += [(f"effects.{name}", each) for name, each in scene.effects.items()]
+    parts += [("solver", scene.solver), ("run", scene.run)]
+    return [text for where, keys in parts for text in doubts(where, keys)]
+
+
+@pytest.mark.parametrize(
+    ("sections", "named"),
+    [
+        ({"cloth": SHEET | {"density": 150}}, "cloth.density"),
+        ({"cloth": SHEET | {"position": [0, 0, 1500]}}, "cloth.position"),
+        ({"body": {"mesh": "mannequin", "height": 172}}, "body.height"),
+        ({"rigid": {"mesh": "slab", "density": 1}}, "rigid.density"),
+        ({"effects": {"gravity": {"acceleration": [0, 0, -9810]}}}, "effects.gravity.acceleration"),
+        ({"effects": {"body_contact": {"d_hat": 1}}}, "effects.body_contact.d_hat"),
+        ({"effects": {"friction": {"coefficient": 30}}}, "effects.friction.coefficient"),
+        ({"effects": {"springs": {"spring": [{"select": [0], "stiffness": 1e9}]}}}, "effects.springs.spring[0]."),
+        ({"solver": {"dt": 10}}, "solver.dt"),
+        ({"run": {"duration": 2000}}, "run.duration"),
+    ],
+)
+def test_a_number_in_another_unit_is_asked_about(sections, named):
+    (text,) = asked(Scene(**{"cloth": SHEET} | sections))
+    assert text.startswith(named)
+
+
+def test_zero_and_what_is_not_given_are_plausible():
+    assert list(doubts("run", RunSettings())) == []
+    assert asked(Scene(cloth=SHEET | {"bending_stiffness": 0})) == []

@@ -1,0 +1,1 @@
+"""Mutation run: formulas broken on purpose, one at a time, and whether the tests of their file see it."""

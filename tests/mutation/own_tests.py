@@ -1,0 +1,95 @@
+"""Tests of each file: the test that mirrors it, and those named here, the cheapest first."""
+
+from pathlib import Path
+
+ROOMS = ("physics/energies", "physics/contact", "solve", "gradients")
+
+FORMULAS = ("physics/energies/test_table", "physics/contact/test_examples", "gradients/test_past_differences")
+"""Derivatives of every energy by x and by the past against differences, rigid motions, balance of forces."""
+
+TRIANGLES = ("physics/energies/test_triangle_kernels", "physics/energies/test_membrane", "physics/test_membrane_patch")
+BENDING = ("physics/energies/test_bending", "physics/energies/test_rest_angle", "physics/test_bending_plates")
+BARRIER = ("physics/contact/test_psd_projection", "physics/contact/test_barrier_oracle", "physics/test_contact_gap")
+SEARCH = ("physics/contact/test_search", "physics/contact/test_culling", "physics/contact/test_candidates")
+FRICTION = ("gradients/test_past_differences", "physics/contact/test_friction_against_ipctk", "physics/test_friction")
+STEPS = ("solve/stepping/test_stepping", "solve/stepping/test_rest", "physics/test_time")
+NEWTON = ("solve/newton/test_newton", "solve/linear/test_linear_system")
+FACTORS = ("solve/linear/test_linear_solvers", "solve/linear/test_dissected_factor")
+ADJOINT = ("gradients/test_exact_system", "gradients/test_past_differences", "gradients/test_backward_pass")
+
+MORE: dict[str, tuple[str, ...]] = {
+    "physics/energies/bending": BENDING,
+    "physics/energies/damping": FORMULAS,
+    "physics/energies/fibre_kernels": ("physics/energies/test_fibres", *FORMULAS),
+    "physics/energies/gravity": (*FORMULAS, "physics/test_time"),
+    "physics/energies/hessians": ("physics/energies/test_hessians", *FORMULAS),
+    "physics/energies/hinge_bending": (*BENDING, *FORMULAS),
+    "physics/energies/hinge_kernels": (*BENDING, *FORMULAS),
+    "physics/energies/hinge_moments": ("physics/energies/test_plastic_bending", *BENDING),
+    "physics/energies/hourglass_kernels": ("physics/energies/test_paired_membrane", *FORMULAS),
+    "physics/energies/inertia": (*FORMULAS, "physics/test_time"),
+    "physics/energies/key_values": ("physics/energies/test_pins",),
+    "physics/energies/links": ("physics/energies/test_springs", "physics/energies/test_seams", *FORMULAS),
+    "physics/energies/measured_membrane": FORMULAS,
+    "physics/energies/membrane": TRIANGLES,
+    "physics/energies/membrane_kernels": (*TRIANGLES, *FORMULAS),
+    "physics/energies/midedge_bending": (*BENDING, "physics/energies/test_midedge_softening", *FORMULAS),
+    "physics/energies/midedge_hysteresis": FORMULAS,
+    "physics/energies/midedge_kernels": (*BENDING, "physics/energies/test_midedge_softening", *FORMULAS),
+    "physics/energies/midedge_softening": FORMULAS,
+    "physics/energies/paired_kernels": ("physics/energies/test_paired_membrane", *FORMULAS),
+    "physics/energies/quadratic_bending": (*BENDING, *FORMULAS),
+    "physics/energies/rigid_bodies": ("physics/test_rigid", *FORMULAS),
+    "physics/energies/triangle_kernels": (*TRIANGLES, *FORMULAS),
+    "physics/energies/triangle_pairs": ("physics/energies/test_paired_membrane",),
+    "physics/energies/woven_membrane": ("physics/energies/test_fibres", "physics/energies/test_measured_membrane"),
+    "physics/contact/anchors": ("physics/contact/test_rigid_motion", "physics/test_static_friction"),
+    "physics/contact/barrier": ("physics/contact/test_effects", *BARRIER),
+    "physics/contact/barrier_kernels": ("physics/contact/test_barrier", "physics/contact/test_effects", *BARRIER),
+    "physics/contact/bvh": SEARCH,
+    "physics/contact/candidates": ("physics/contact/test_effects", *BARRIER),
+    "physics/contact/ccd": ("physics/contact/test_candidates", "physics/contact/test_step_against_ipctk"),
+    "physics/contact/distance": ("physics/contact/test_barrier_oracle", "physics/contact/test_friction_against_ipctk"),
+    "physics/contact/filter": SEARCH,
+    "physics/contact/friction": FRICTION,
+    "physics/contact/friction_coefficients": ("physics/contact/test_effects", *FRICTION),
+    "physics/contact/pair_list": ("physics/contact/test_barrier_oracle",),
+    "physics/contact/search": SEARCH,
+    "physics/contact/setup": ("physics/contact/test_body_contact", "physics/contact/test_effects"),
+    "physics/contact/stiffness": ("physics/contact/test_effects", "physics/test_rigid"),
+    "physics/contact/surface": ("physics/contact/test_barrier_oracle",),
+    "solve/linear/assembly": ("solve/linear/test_linear_system",),
+    "solve/linear/dissection": ("solve/linear/test_dissected_factor",),
+    "solve/linear/pardiso": FACTORS,
+    "solve/linear/pardiso_factor": FACTORS,
+    "solve/linear/sparsity": ("solve/linear/test_linear_system",),
+    "solve/newton/direction": NEWTON,
+    "solve/newton/newton": NEWTON,
+    "solve/newton/statics": ("solve/newton/test_stability", "solve/stepping/test_rest"),
+    "solve/pinch/carried": ("solve/pinch/test_pinch",),
+    "solve/pinch/pinch_gaps": ("solve/pinch/test_pinch",),
+    "solve/problem": STEPS,
+    "solve/stepping/integrators": ("physics/test_bdf2", "physics/test_time"),
+    "solve/stepping/local_error": ("physics/test_asked_error",),
+    "solve/stepping/stepping": ("solve/stepping/test_rest", "physics/test_time", "physics/test_bdf2"),
+    "solve/stepping/time_loop": (*STEPS, "solve/stepping/test_local_error"),
+    "gradients/backward_pass": ADJOINT,
+    "gradients/design_aims": ("gradients/test_design",),
+    "gradients/differentiable_session": ADJOINT,
+    "gradients/exact_system": ADJOINT,
+    "gradients/gradient": ("gradients/test_run", "gradients/test_parameters"),
+    "gradients/parameters": ("gradients/test_run",),
+    "gradients/pattern_numbers": ("gradients/test_design",),
+    "gradients/run": ("gradients/test_parameters",),
+    "gradients/scene_of_pattern": ("gradients/test_design",),
+    "gradients/state_at_rest": ("gradients/test_backward_pass", "gradients/test_run"),
+    "gradients/targets": ("gradients/test_recover",),
+}
+
+
+def own_tests(root: Path, file: str) -> list[str]:
+    """Test files of a source file, below root."""
+    module = file.removeprefix("clothsim/").removesuffix(".py")
+    folder, _, name = module.rpartition("/")
+    files = [f"tests/{each}.py" for each in (f"{folder}/test_{name}", *MORE.get(module, ()))]
+    return [each for each in dict.fromkeys(files) if (root / each).is_file()]
