@@ -55,7 +55,7 @@ def add_to(commands: Any) -> None:
     study.add_argument("--parameters", metavar="NAMES", help="dt,cells,tolerance,d_hat,eps_v,iterations (default: all)")
     study.add_argument("--knobs", dest="parameters", action=Renamed, now="--parameters")
     study.add_argument("--goal", metavar="GOAL", help="which triangles make its error: hem, height, girth=0.8, ...")
-    study.add_argument("--budget", default="120s", metavar="TIME", help="of the whole study: 90s, 10min (default 120s)")
+    study.add_argument("--budget", default="120s", metavar="TIME", help="CPU time of all its processes: 90s, 10min")
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
     add_set(study)
     add_overwrite(study)

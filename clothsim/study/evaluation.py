@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from clothsim.base.file_writing import write_atomically
 from clothsim.base.record import read_summary, to_json
 from clothsim.study.points import BASE, Bench, Outcome, Point, predicted_seconds
 from clothsim.study.resample import Material, at_points_of, material_of
-from clothsim.study.workers import SHORT, TIMES, Answer, Job, Runner
+from clothsim.study.workers import SHORT, TIMES, Answer, Job, ProcessorTime, Runner
 
 STUDY_NAME, FOLDER = "study.json", "points"
 FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
@@ -24,7 +23,7 @@ FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress at the start or end of a run: runs done and known, elapsed seconds, budget [s], label of the run."""
+    """Progress at the start or end of a run: runs done and known, CPU seconds so far, budget [s], label."""
 
     done: int
     known: int
@@ -37,8 +36,9 @@ class Progress:
 class Gatherer:
     """The points known so far: outcomes (data points and failures), and {point: why it was left out}.
 
-    stored: {key: entry of study.json} of an earlier study of the same scene; left: seconds of the budget that are left,
-    none once the study is asked to end.
+    stored: {key: entry of study.json} of an earlier study of the same scene; spent: CPU seconds of all processes;
+    left: those of the budget that are left, none once the study is asked to end; begun: {target: guess} of the runs
+    under way.
     """
 
     bench: Bench
@@ -47,15 +47,14 @@ class Gatherer:
     directory: Path
     fingerprint: str
     runner: Runner
-    started: float
+    spent: ProcessorTime
     budget: float
     left: Callable[[], float]
-    cores: int
     progress: Callable[[Progress], None]
     stored: dict[str, dict[str, Any]]
     outcomes: dict[Point, Outcome] = field(default_factory=dict)
     left_out: dict[Point, str] = field(default_factory=dict)
-    slowness: float = 1.0
+    begun: dict[str, float] = field(default_factory=dict)
     reused: int = 0
 
     def gather(self, points: Sequence[Point], fraction: float = 1.0) -> None:
@@ -87,37 +86,29 @@ class Gatherer:
             return np.asarray(arrays["positions"], np.float64)
 
     def missing_seconds(self, points: Iterable[Point]) -> float:
-        """Wall-clock seconds that those of the points would take that are not known yet.
+        """CPU seconds that those of the points would take that are not known yet.
 
         A base that did not come to its end takes at least the time that was spent.
         """
-        done = self.field_seconds() or {BASE: monotonic() - self.started}
-        guesses = [
-            predicted_seconds(where, done, self.bench.parameters) * self.slowness
-            for where in points
-            if where not in self.outcomes
-        ]
-        each = [guess * (TIMES if guess < SHORT else 1) for guess in guesses]
-        return max(sum(each) / self.cores, max(each, default=0.0))
-
-    def _wall_seconds(self, where: Point) -> float:
-        """Guess of the wall-clock seconds of a point: a short run is timed several times."""
-        guess = self._guess(where) * self.slowness
-        return guess * (TIMES if guess < SHORT else 1)
+        done = self.field_seconds() or {BASE: self.spent.seconds()}
+        missing = [where for where in points if where not in self.outcomes]
+        return sum(_timed(predicted_seconds(where, done, self.bench.parameters)) for where in missing)
 
     def _run(self, jobs: dict[str, tuple[Point, Job]], fraction: float) -> None:
         def fits(job: Job) -> bool:
             where = jobs[str(job.target)][0]
-            left, guess = self.left(), self._wall_seconds(where)
-            if guess > left * (1.0 if fraction == 1.0 else fraction * self.cores):
+            left, guess = self.left() - sum(self.begun.values()), _timed(self._guess(where))
+            if guess > left * fraction:
                 self.left_out[where] = f"it would take about {guess:.0f} s, and {max(left, 0):.0f} s were left"
                 return False
+            self.begun[str(job.target)] = guess
             self._tell(where.label(), len(jobs))
             return True
 
         done = 0
         for job, answer in self.runner([job for _, job in jobs.values()], fits, self.left):
             where = jobs[str(job.target)][0]
+            self.begun.pop(str(job.target), None)
             done += 1
             if answer is None:
                 self.left_out.setdefault(where, "the budget was spent before its end")
@@ -130,8 +121,6 @@ class Gatherer:
         self.stored[key] = {"key": key, "label": where.label(), "settings": self._settings(where), **answer}
         self._reuse(where, key)
         self.reused -= 1
-        if answer.get("wall_seconds"):
-            self.slowness = max(1.0, 0.5 * (self.slowness + answer["wall_seconds"] / max(answer["seconds"], 1e-9)))
         write_points(self.directory, self.fingerprint, list(self.stored.values()))
 
     def _reuse(self, where: Point, key: str) -> bool:
@@ -173,9 +162,13 @@ class Gatherer:
         return predicted_seconds(where, done, self.bench.parameters)
 
     def _tell(self, label: str, left: int) -> None:
-        self.progress(
-            Progress(len(self.outcomes), len(self.outcomes) + left, monotonic() - self.started, self.budget, label)
-        )
+        known = len(self.outcomes)
+        self.progress(Progress(known, known + left, self.spent.seconds(), self.budget, label))
+
+
+def _timed(seconds: float) -> float:
+    """CPU seconds of a run that takes that long: a short one is timed several times."""
+    return seconds * (TIMES if seconds < SHORT else 1)
 
 
 def write_points(directory: Path, fingerprint: str, points: list[dict[str, Any]], **rest: Any) -> dict[str, Any]:

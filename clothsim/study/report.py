@@ -260,7 +260,7 @@ def _method(result: Mapping[str, Any]) -> list[str]:
         f"Twins, one with a start jittered by a millionth of the size, end {in_mm(result['twins_differ'])} apart.",
         f"Time: seconds of the processor, one thread, warm-up (up to {warm:.1f} s of loading and compiling) apart; "
         f"{result['workers']:g} processes at a time; runs below {SHORT:g} s: the median of {TIMES}.",
-        f"{result['date']}: {result['seconds']:.0f} s of a budget of {result['budget']:.0f} s, "
+        f"{result['date']}: {result['seconds']:.0f} CPU s of a budget of {result['budget']:.0f} s, "
         f"{result['reused']} runs taken from an earlier study.",
         *(f"{text}." for text in _invariants(result["invariants"])),
         *(f"No parameter {name}: {reason}." for name, reason in result["missing_knobs"].items()),

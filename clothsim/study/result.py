@@ -79,7 +79,7 @@ def needed_seconds(seen: Observations, reserve: tuple[float, float]) -> float | 
         return None
     outcomes = seen.gatherer.outcomes.values()
     warm = max((each.counts.get("warmup_seconds", 0.0) for each in outcomes), default=0.0)
-    seconds = warm * seen.gatherer.slowness + seen.gatherer.missing_seconds(missing)
+    seconds = warm + seen.gatherer.missing_seconds(missing)
     return float(min(seconds / (1 - reserve[0]), seconds + reserve[1]))
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from hashlib import sha256
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,7 @@ from clothsim.study.points import BASE, Bench, Point, point
 from clothsim.study.report import markdown
 from clothsim.study.resample import world_material
 from clothsim.study.result import UNFINISHED, StudyData, document, headline, needed_seconds
-from clothsim.study.workers import Runner, worker_processes
+from clothsim.study.workers import ProcessorTime, Runner, worker_processes
 
 # Settings of a scene with solver.error, found by one search, around which a study then varies its parameters.
 
@@ -124,7 +123,7 @@ def study_accuracy(
     budget: float = 120.0,
     workers: int | None = None,
     progress: Callable[[Progress], None] = lambda done: None,
-    runners: Callable[[int], AbstractContextManager[Runner]] = worker_processes,
+    runners: Callable[[int, ProcessorTime], AbstractContextManager[Runner]] = worker_processes,
     name: str = "the scene",
     stopped: Callable[[], bool] = lambda: False,
     goal: NamedGoal | None = None,
@@ -145,13 +144,13 @@ def study_accuracy(
     parameters : sequence of str, optional
         Names of `parameters.PARAMETERS`; None: all that the scene has.
     budget : float
-        Wall-clock time of the whole study [s].
+        CPU seconds of the whole study, of all its processes together [s]: what else the machine does is not counted.
     workers : int, optional
         Number of processes; None: one a core.
     progress : callable
         Called with a `Progress` at the start and the end of each run.
     runners : callable
-        Context manager of a runner of jobs, given the number of processes.
+        Context manager of a runner of jobs, given the number of processes and what counts their CPU seconds.
     name : str
         Name of the scene in the reports.
     stopped : callable
@@ -177,9 +176,9 @@ def study_accuracy(
     >>> [row["label"] for row in study.result["front"]]  # doctest: +SKIP
     ['cells -1', 'base', 'dt +1']
     """
-    started = monotonic()
+    spent = ProcessorTime()
     seconds = as_positive("budget", budget)
-    deadline = started + seconds - min(FOR_FILES[0] * seconds, FOR_FILES[1])
+    most = seconds - min(FOR_FILES[0] * seconds, FOR_FILES[1])
     directory = Path(tempfile.mkdtemp(prefix="clothsim-study-") if output is None else output)
     built = build(scene, affordable=True)
     scene.refuse_without_cloth("a study of the error")
@@ -198,9 +197,9 @@ def study_accuracy(
     fingerprint = _fingerprint(base, built.world)
 
     def left() -> float:
-        return 0.0 if stopped() else deadline - monotonic()
+        return 0.0 if stopped() else most - spent.seconds()
 
-    with runners(count) as runner:
+    with runners(count, spent) as runner:
         gatherer = Gatherer(
             bench,
             material,
@@ -208,24 +207,23 @@ def study_accuracy(
             directory,
             fingerprint,
             runner,
-            started,
+            spent,
             seconds,
             left,
-            count,
             progress,
             stored_points(directory, fingerprint),
         )
         seen = gathered(gatherer)
     _refuse_failed_base(gatherer)
-    spent: dict[str, Any] = {
+    effort: dict[str, Any] = {
         "budget": seconds,
-        "seconds": monotonic() - started,
+        "seconds": spent.seconds(),
         "workers": count,
         "stopped": stopped(),
     }
     if goal is not None:
-        spent["goal"] = goal_report(gatherer, goal)
-    return _written(StudyData(name, bench, gatherer, seen, missing), {**spent, "searched": found})
+        effort["goal"] = goal_report(gatherer, goal)
+    return _written(StudyData(name, bench, gatherer, seen, missing), {**effort, "searched": found})
 
 
 def _coarsest(bench: Bench) -> Point:

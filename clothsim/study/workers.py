@@ -4,7 +4,8 @@ A job goes to a worker, and its answer comes back, as a line of JSON. A job is {
 text, that of one to run before a first job (it compiles and loads what both need), where the arrays go (.npz), the seed
 of the jitter (0: none). The answer is {seconds, wall_seconds, warmup_seconds, counts, energy, estimate, failed};
 estimate: {temporal, newton} of the certificate [m]. Seconds are the processor's, of this process alone, so that what
-runs beside it stays out of them (but for shared caches and clock rates).
+runs beside it stays out of them (but for shared caches and clock rates). Beside the answers a worker says a few times a
+second what its process has taken so far, {processor}: that is what a budget counts.
 """
 
 import json
@@ -17,16 +18,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from queue import Empty, Queue
 from tempfile import TemporaryDirectory
-from threading import Thread
-from time import perf_counter, process_time
-from typing import Any
+from threading import Lock, Thread
+from time import perf_counter, process_time, sleep
+from typing import Any, TextIO
 
 import numpy as np
 
 from clothsim import Scene, simulate
 from clothsim.base.record import to_json
 from clothsim.engine import cloths_at_start
-from clothsim.files import write_obj
 
 ONE_THREAD = ("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 TEMPORARY = ("TMPDIR", "TEMP", "TMP")
@@ -41,6 +41,22 @@ class Job:
     warm: str
     target: Path
     seed: int = 0
+
+
+class ProcessorTime:
+    """CPU seconds of this process since now, and of the workers that it has started."""
+
+    def __init__(self) -> None:
+        self.started, self.of_workers, self.lock = process_time(), 0.0, Lock()
+
+    def add(self, seconds: float) -> None:
+        """Count more seconds of a worker."""
+        with self.lock:
+            self.of_workers += seconds
+
+    def seconds(self) -> float:
+        """All CPU seconds so far [s]."""
+        return process_time() - self.started + self.of_workers
 
 
 Answer = dict[str, Any]
@@ -58,6 +74,7 @@ class _Process:
 
     answers: "Queue[tuple[_Process, Answer]]"
     scratch: str
+    spent: ProcessorTime
     process: "subprocess.Popen[str] | None" = None
     job: Job | None = None
 
@@ -82,14 +99,14 @@ class _Process:
 
 
 @contextmanager
-def worker_processes(count: int) -> "Iterator[Runner]":
-    """A runner with `count` processes, which start with their first job and end with the context.
+def worker_processes(count: int, spent: ProcessorTime) -> "Iterator[Runner]":
+    """A runner with `count` processes, which start with their first job and end with the context; `spent` counts them.
 
     Their temporary files lie in one directory, which goes with them: a process that is killed leaves none.
     """
     with TemporaryDirectory(prefix="clothsim-study-", ignore_cleanup_errors=True) as scratch:
         answers: Queue[tuple[_Process, Answer]] = Queue()
-        processes = [_Process(answers, scratch) for _ in range(count)]
+        processes = [_Process(answers, scratch, spent) for _ in range(count)]
 
         def run(
             jobs: Sequence[Job], fits: Callable[[Job], bool], left: Callable[[], float]
@@ -154,8 +171,14 @@ def _started(scratch: str) -> "subprocess.Popen[str]":
 def _listen(worker: _Process, process: "subprocess.Popen[str]") -> None:
     """Queue each answer; at the end of the output the exit code, unless the process was stopped."""
     assert process.stdout is not None
+    before = 0.0
     for line in process.stdout:
-        worker.answers.put((worker, json.loads(line)))
+        said = json.loads(line)
+        if "processor" in said:
+            worker.spent.add(said["processor"] - before)
+            before = said["processor"]
+        else:
+            worker.answers.put((worker, said))
     code = process.wait()
     if worker.process is process:
         worker.process = None
@@ -174,6 +197,8 @@ def main() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     jobs: Queue[str] = Queue()
     Thread(target=_read, args=(jobs,), daemon=True).start()
+    said = Lock()
+    Thread(target=_count, args=(answers, said), daemon=True).start()
     warm = 0.0
     while True:
         job = json.loads(jobs.get())
@@ -181,7 +206,21 @@ def main() -> None:
             started = process_time()
             answer({**job, "scene": job["warm"], "seed": 0})
             warm = process_time() - started
-        print(json.dumps({"warmup_seconds": warm, **answer(job)}), file=answers, flush=True)
+        _say(answers, said, {"warmup_seconds": warm, **answer(job)})
+
+
+def _say(answers: TextIO, said: Lock, line: dict[str, Any]) -> None:
+    """Write a line of JSON, after what the process has taken so far, where it is an answer."""
+    lines = [{"processor": process_time()}, line] if "processor" not in line else [line]
+    with said:
+        print("\n".join(map(json.dumps, lines)), file=answers, flush=True)
+
+
+def _count(answers: TextIO, said: Lock) -> None:
+    """Say what the process has taken, as long as it lives."""
+    while True:
+        sleep(TICK)
+        _say(answers, said, {"processor": process_time()})
 
 
 def _read(jobs: "Queue[str]") -> None:
@@ -256,8 +295,12 @@ def jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     start, triangles = cloths_at_start(scene)
     amplitude = JITTER * float(np.linalg.norm(np.ptp(start, axis=0)))
     moved = start + np.random.default_rng(seed).uniform(-amplitude, amplitude, start.shape)
+    file = folder / "start.obj"
+    with file.open("w", encoding="utf-8") as lines:
+        np.savetxt(lines, moved, "v %.17g %.17g %.17g")
+        np.savetxt(lines, triangles + 1, "f %d %d %d")
     untangling = {key: value for key, value in scene.seed.items() if key == "untangle"}
-    return {**untangling, "from": "file", "file": str(write_obj(folder / "start.obj", moved, triangles))}
+    return {**untangling, "from": "file", "file": str(file)}
 
 
 if __name__ == "__main__":

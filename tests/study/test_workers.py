@@ -1,25 +1,25 @@
-"""Worker processes: killed at the deadline, and an answer for one that fails."""
+"""Worker processes: killed when the budget is spent, and an answer for one that fails."""
 
 from dataclasses import replace
-from time import monotonic
 
 import numpy as np
 from small_scenes import small_scene, without
 
 from clothsim.study import workers
-from clothsim.study.workers import JITTER, Job, _started, answer, worker_processes
+from clothsim.study.workers import JITTER, Job, ProcessorTime, _started, answer, worker_processes
 
 SCENE = small_scene(effects=without("body_contact"), body=(), run={"duration": 0.04, "frames_per_second": 25})
 
 
-def test_a_run_that_is_too_long_is_stopped_at_the_deadline(tmp_path, monkeypatch):
+def test_a_run_that_is_too_long_is_stopped_when_the_budget_is_spent(tmp_path, monkeypatch):
     endless = replace(SCENE, run={"duration": 1000.0, "frames_per_second": 25}).to_text()
     jobs = [Job(endless, endless, tmp_path / f"{k}.npz") for k in range(3)]
     begun = []
     monkeypatch.setattr(workers, "_started", lambda scratch: begun.append(_started(scratch)) or begun[-1])
-    end = monotonic() + 1.0
-    with worker_processes(2) as run:
-        got = list(run(jobs, lambda job: True, lambda: end - monotonic()))
+    spent = ProcessorTime()
+    with worker_processes(2, spent) as run:
+        got = list(run(jobs, lambda job: True, lambda: 6.0 - spent.seconds()))
+    assert 6.0 < spent.seconds() < 12.0
     assert [output for _, output in got] == [None] * 3
     assert len(begun) == 2
     assert all(process.poll() is not None for process in begun)
@@ -28,7 +28,7 @@ def test_a_run_that_is_too_long_is_stopped_at_the_deadline(tmp_path, monkeypatch
 
 def test_jobs_that_do_not_fit_start_no_process(tmp_path):
     job = Job("", "", tmp_path / "a.npz")
-    with worker_processes(1) as run:
+    with worker_processes(1, ProcessorTime()) as run:
         assert list(run([job], lambda job: False, lambda: 10.0)) == [(job, None)]
 
 

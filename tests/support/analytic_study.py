@@ -41,7 +41,7 @@ class Runners:
     def __init__(self, reply=answer):
         self.jobs, self.reply = [], reply
 
-    def __call__(self, count):
+    def __call__(self, count, spent):
         return self
 
     def __enter__(self):
