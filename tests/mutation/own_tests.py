@@ -82,7 +82,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "gradients/pattern_numbers": ("gradients/test_design",),
     "gradients/run": ("gradients/test_parameters",),
     "gradients/scene_of_pattern": ("gradients/test_design",),
-    "gradients/state_at_rest": ("gradients/test_backward_pass", "gradients/test_run"),
+    "gradients/state_at_rest": ("study/test_goal_error",),
     "gradients/targets": ("gradients/test_recover",),
 }
 

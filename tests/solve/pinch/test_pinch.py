@@ -1,5 +1,8 @@
 """Cloth carried through a pinch (contact.pinch): two plates of one body that close on a sheet and open again."""
 
+from itertools import pairwise
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
@@ -14,7 +17,7 @@ from clothsim.cli.run_command import verdict
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
 from clothsim.physics.contact.candidate_subsets import Suspension
-from clothsim.solve.pinch.carried import Carried, attached, carried_in
+from clothsim.solve.pinch.carried import Carried, PinchRecord, attached, carried_in
 from clothsim.solve.pinch.pinch import _contacts
 from clothsim.solve.pinch.pinch_gaps import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, nearest, pinched, sides
 
@@ -288,3 +291,19 @@ def test_a_contact_has_the_vertices_that_bear_it():
         assert ((partners >= 0).sum(axis=1) == 1).all()
         assert places == pytest.approx(x[rows.max(axis=1)])
         assert np.abs(directions) == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(rows), 1)))
+
+
+def test_the_record_has_the_first_place_and_the_most_of_the_carried_vertices(monkeypatch):
+    monkeypatch.setattr(
+        "clothsim.solve.pinch.carried.carried_in", lambda rows: SimpleNamespace(vertices=np.array(rows))
+    )
+    x, world = np.arange(12.0).reshape(4, 3), SimpleNamespace(origin=np.array([10.0, 20.0, 30.0]))
+    memories = [[], [1, 3], [1], [0, 1, 2]]
+    states = [SimpleNamespace(memory=rows, positions=x + k, time=0.5 * k) for k, rows in enumerate(memories)]
+    record = PinchRecord()
+    for before, state in pairwise(states):
+        record = record.after(world, before, state, [])
+    assert record.vertices == (0, 1, 2, 3)
+    assert (record.most, record.now, record.steps, record.released) == (3, 3, 3, 1)
+    assert (record.first_time, record.last_time) == (0.5, 1.5)
+    assert record.first_position == tuple((x[[1, 3]].mean(axis=0) + 1.0 + world.origin).tolist())
