@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from clothsim.mesh.checks import Finding
     from clothsim.patterns.pattern import Pattern
     from clothsim.run.check import check
+    from clothsim.run.mesh_objects import to_pyvista, to_trimesh
     from clothsim.run.results import Run, open_run
     from clothsim.run.resume import resume
     from clothsim.run.simulate import simulate
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
     from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
     from clothsim.scene.effects import register_effect
     from clothsim.scene.scene import Scene
-    from clothsim.scene.toml_file import load_scene
+    from clothsim.scene.toml_file import examples, load_scene
     from clothsim.study.study import Study, study_accuracy
     from clothsim.viewer.page import view
 

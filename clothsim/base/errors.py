@@ -1,5 +1,7 @@
 """Errors for the user: one sentence with the fault and its location, and a remedy."""
 
+import re
+
 from clothsim.base.text import printable
 
 LONGEST = 400
@@ -14,13 +16,19 @@ class ClothsimError(Exception):
     sentence : str
         The fault, with names, indices and numbers.
     remedy : str
-        A change that avoids it; may be empty.
+        A change that avoids it, with the options of the command line; may be empty. The text of the error, which
+        Python shows, has keyword arguments in their place.
+
+    Examples
+    --------
+    >>> str(ClothsimError("drape holds an earlier run.", "Choose another with -o, or replace it: --overwrite."))
+    'drape holds an earlier run. Choose another with output=..., or replace it: overwrite=True.'
     """
 
     def __init__(self, sentence: str, remedy: str = "") -> None:
         self.sentence = _readable(sentence)
         self.remedy = _readable(remedy)
-        super().__init__(f"{self.sentence} {self.remedy}".strip())
+        super().__init__(f"{self.sentence} {_OPTION.sub(_keyword, self.remedy)}".strip())
 
     def __reduce__(self) -> tuple[type, tuple[str, str]]:
         """Pickled as what it was made of."""
@@ -41,6 +49,20 @@ class MissingPackageError(ClothsimError):
 
 class IntersectionWarning(UserWarning):
     """Cloth that intersects a body or cloth in a simulation without the contact that would prevent it."""
+
+
+_OPTION = re.compile(r"`[^`]*`|(?<![\w-])(?:--([a-z][a-z-]*)|-o\b)( (?=\d))?")
+"""An option, and the blank before its number; commands in backticks are left as they are."""
+SWITCHES = ("overwrite", "force", "estimate", "symmetric")
+"""Options without a value, which are True in Python."""
+
+
+def _keyword(option: re.Match[str]) -> str:
+    """The keyword argument of an option."""
+    if option[0].startswith("`"):
+        return option[0]
+    name = (option[1] or "output").replace("-", "_")
+    return f"{name}=True{option[2] or ''}" if name in SWITCHES else f"{name}={'' if option[2] else '...'}"
 
 
 def _readable(text: str) -> str:

@@ -11,6 +11,7 @@ import clothsim
 from clothsim import engine, gradients, patterns
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
+from clothsim.base.inputs import nearest
 
 if TYPE_CHECKING:
     from clothsim import Loss, Scene
@@ -31,8 +32,20 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**settings)  # type: ignore[arg-type]
 
     def error(self, message: str) -> NoReturn:
-        """Raise InputError with argparse's message as a sentence."""
-        raise InputError(f"{message[:1].upper()}{message[1:]}.", f"See `{self.prog} --help`.")
+        """Raise InputError with argparse's message as a sentence, and the nearest option to one that is not known."""
+        unknown = re.search(r"^unrecognized arguments: .*?(--[\w-]+)", message)
+        question = nearest(unknown[1], self._all_options(), 0.7) if unknown else ""
+        raise InputError(f"{message[:1].upper()}{message[1:]}.", question or f"See `{self.prog} --help`.")
+
+    def _all_options(self) -> list[str]:
+        """The long options of this parser and of its commands, but for earlier words."""
+        found: list[str] = []
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                found += [option for each in action.choices.values() for option in each._all_options()]
+            elif not isinstance(action, Renamed):
+                found += [option for option in action.option_strings if option.startswith("--")]
+        return found
 
 
 class Renamed(argparse.Action):

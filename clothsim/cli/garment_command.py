@@ -115,10 +115,6 @@ leaves, fitted.obj, and before and after in fit.png.
 
 
 def _fit(arguments: argparse.Namespace) -> Report:
-    def named(file: Path | None) -> Path | None:
-        """The file, or the installed scene of that name."""
-        return None if file is None else engine.example_file(file)
-
     directory = arguments.output or Path(arguments.garment.stem)
     if not arguments.no_picture:
         refuse_replacing([directory / PICTURE_NAME], arguments.overwrite)
@@ -126,9 +122,9 @@ def _fit(arguments: argparse.Namespace) -> Report:
     message = messages(arguments, arguments.garment)
     with progress.shown(arguments.quiet) as listener:
         done = clothsim.fit(
-            named(arguments.garment),
-            named(arguments.to),
-            named(arguments.made_for),
+            _existing(arguments.garment, "the mesh file of the garment, or a scene with it"),
+            _body(arguments.to),
+            _body(arguments.made_for),
             directory,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
             scale_to=None if arguments.scale_to is None else as_positive_number("--scale-to", arguments.scale_to),
@@ -225,7 +221,15 @@ def as_factors(given: list[str]) -> dict[str, float]:
 
 def _body(path: Path | None) -> Path | None:
     """A body file, or the installed scene of that name."""
-    return None if path is None else engine.example_file(path)
+    return None if path is None else _existing(path, "a mesh file, or a scene with a body, as shirt (a mannequin)")
+
+
+def _existing(path: Path, what: str) -> Path:
+    """A file, or the installed scene of that name. InputError where there is neither."""
+    file = engine.example_file(path)
+    if not file.exists():
+        raise InputError(f"There is no file {path}.", f"Name {what}.")
+    return file
 
 
 def _dress(arguments: argparse.Namespace) -> Report:

@@ -1,7 +1,9 @@
 """`clothsim scenes`, `keys`, `fabrics` and `completion`: what comes with the package."""
 
 import argparse
-from collections.abc import Sequence
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -34,7 +36,7 @@ List the named fabrics, show all values of one, or draw a drape of each.
   clothsim fabrics --swatches fabrics.png
 """
 _COMPLETION = """\
-Print a script that completes commands, options, their choices and files.
+Print a script that completes commands, options, their choices, names of scenes and fields, and files.
 
   clothsim completion bash > ~/.local/share/bash-completion/completions/clothsim
   clothsim completion zsh > ~/.zsh/_clothsim      # a folder of $fpath
@@ -90,10 +92,17 @@ def _keys(arguments: argparse.Namespace) -> Report | int:
     return Report(engine.reference(arguments.section), text)
 
 
+WIDTH = 100
+"""Columns of the keys of a scene."""
+
+
 def overview() -> str:
-    """The sections, a line each."""
-    rows = [(name, str(len(section["keys"])), section["summary"]) for name, section in engine.reference().items()]
-    return text_table(("section", "keys", "summary"), rows)
+    """The sections with the number of their keys and their summary."""
+    parts = [
+        _wrapped(f"{name}  ({len(section['keys'])})", section["summary"])
+        for name, section in engine.reference().items()
+    ]
+    return "\n".join(parts)
 
 
 def keys_of_section(name: str) -> str:
@@ -101,10 +110,24 @@ def keys_of_section(name: str) -> str:
     parts = []
     for section, content in engine.reference(name).items():
         head = f"[{section}]" if "=" not in section else section
-        rows = [(key, *columns.values()) for key, columns in content["keys"].items()]
-        columns = ["key", *next(iter(content["keys"].values()), {})]
-        parts.append(f"{head}: {content['summary']}\n" + (text_table(columns, rows) if rows else "It takes no keys."))
+        rows = [_key(key, columns) for key, columns in content["keys"].items()]
+        summary = textwrap.fill(f"{head}: {content['summary']}", WIDTH)
+        parts.append("\n".join([summary, "", *rows]) if rows else f"{summary}\nIt takes no keys.")
     return "\n\n".join(parts)
+
+
+def _key(name: str, columns: dict[str, str]) -> str:
+    """A key in lines: name, default, unit, type and range; its meaning below."""
+    unit = "" if columns["unit"] in ("", "-") else f" [{columns['unit']}]"
+    facts = ", ".join(filter(None, [columns["type"], columns["range"]]))
+    default = f" = {columns['default']}" if columns["default"] not in ("", "-") else ""
+    return _wrapped(f"{name}{default}{unit}", f"{facts}. {columns['meaning']}")
+
+
+def _wrapped(head: str, text: str) -> str:
+    """A head, and a text indented below it, in WIDTH columns."""
+    lines = textwrap.wrap(head, WIDTH, subsequent_indent="      ", break_long_words=False)
+    return "\n".join([*lines, textwrap.fill(text, WIDTH, initial_indent="    ", subsequent_indent="    ")])
 
 
 _VALUES = {
@@ -219,18 +242,49 @@ def _completion(arguments: argparse.Namespace) -> int:
 
 
 def script(shell: str) -> str:
-    """The script for a shell; where a parser takes a path, the files there complete it."""
+    """The script for a shell: commands, options, choices, names of scenes, fabrics, fields and sections, files."""
+    words = {
+        "scene": [each.name for each in engine.example_scenes()],
+        "fabric": list(engine.FABRICS),
+        "field": [
+            "plain",
+            "stretch",
+            *re.findall(r'"(\w+)"', engine.reference("run.fields")["run"]["keys"]["fields"]["type"]),
+        ],
+        "section": list(engine.reference()),
+    }
     parser = parser_of_all()
-    _complete_files(parser)
-    return str(shtab.complete(parser, shell))
+    _complete_names(parser, {name: [each for each in known if " " not in each] for name, known in words.items()})
+    functions = {"bash": _BASH, "zsh": _ZSH}.get(shell, "")
+    preamble = "\n".join(functions.format(name=name, words=" ".join(words[name])) for name in words if functions)
+    return str(shtab.complete(parser, shell, preamble=preamble))
 
 
-def _complete_files(parser: argparse.ArgumentParser) -> None:
+_BASH = "_clothsim_{name}() {{ compgen -W '{words}' -- $1; _shtab_compgen_files $1; }}"
+_ZSH = "_clothsim_{name}() {{ _alternative 'names:{name}:({words})' 'files:file:_files' }}"
+NAMES = {
+    "scene": "scene",
+    "target": "scene",
+    "fabric": "fabric",
+    "name": "fabric",
+    "field": "field",
+    "section": "section",
+}
+"""What completes an argument, by its name in the parser."""
+
+
+def _complete_names(parser: argparse.ArgumentParser, words: Mapping[str, Sequence[str]]) -> None:
+    """Let names complete the arguments that take them, files those that take a path."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for name, each in action.choices.items():
-                _complete_files(each)
+                _complete_names(each, words)
                 if name in COMMANDS:  # shtab leaves out commands without a help
                     action._choices_actions.append(action._ChoicesPseudoAction(name, (), COMMANDS[name].summary))
+        elif action.nargs != 0 and action.dest in NAMES and action.option_strings != ["--target"]:
+            kind = NAMES[action.dest]
+            fish = f"{' '.join(words[kind])} {shtab.FILE['fish']}"
+            own = {"bash": f"_clothsim_{kind}", "zsh": f"_clothsim_{kind}", "fish": fish}
+            action.complete = {**shtab.FILE, **own}  # type: ignore[attr-defined]
         elif action.type is Path:
             action.complete = shtab.FILE  # type: ignore[attr-defined]

@@ -245,7 +245,7 @@ def _target(body: Any, scale: float | None, group: str | None) -> BodyMesh:
     if scale is not None and (not in_file or Path(body).suffix.lower() == ".toml"):
         raise InputError(
             "scale_to is for the mesh file of a body: a scene and a mesh in memory are in metres.",
-            "Leave --scale-to (scale_to) out.",
+            "Leave --scale-to out.",
         )
     return read_body_mesh(body, scale=scale, group=group, option="--scale-to") if in_file else as_body_mesh(body)
 

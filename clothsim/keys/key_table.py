@@ -1,12 +1,13 @@
 """A section of a scene as a frozen dataclass: checked when it is made, read from and written as the table of a file."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from typing import Any, ClassVar, NoReturn, Self
 
 import numpy as np
 
+from clothsim.base.errors import InputError
 from clothsim.base.inputs import table
 from clothsim.keys.schema import keys_of
 from clothsim.keys.value_checks import check_value, refuse_missing, refuse_unknown
@@ -100,9 +101,13 @@ class KeyTable(Locked, Mapping[str, Any]):
             if name not in cls.__dict__:
                 setattr(cls, name, getattr(KeyTable, name))
 
-    def __new__(cls, *_: Any, **keys: Any) -> Self:
-        """Remember which keys were given; of all, as by `dataclasses.replace`, those that are not at their defaults."""
+    def __new__(cls, *others: Any, **keys: Any) -> Self:
+        """Remember which keys were given; of all, as by `dataclasses.replace`, those that are not at their defaults.
+
+        InputError for what `__init__` does not take, in place of Python's TypeError.
+        """
         made = super().__new__(cls)
+        _refuse_arguments(cls, others, keys)
         given = [name for name, value in keys.items() if value is not None]
         known = {key.field: key.default for key in keys_of(cls).values()}
         if len(known) > 1 and known.keys() - _fixed(cls) <= keys.keys():
@@ -243,6 +248,28 @@ def as_tables(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return type(value)(as_tables(entry) for entry in value)
     return {key: as_tables(entry) for key, entry in value.items()} if isinstance(value, Mapping) else value
+
+
+def _refuse_arguments(cls: type[KeyTable], others: Sequence[Any], keys: Mapping[str, Any]) -> None:
+    """InputError for a keyword that is no field, too many values without one, and for a field that is missing."""
+    taken = [field for field in fields(cls) if field.init]
+    first = [field for field in taken if not field.kw_only]
+    where = f"clothsim.{cls.__name__}"
+    names = [field.name for field in taken]
+    refuse_unknown(where, keys, names)
+    if len(others) > len(first):
+        example = next((f"{each.name}={_value(each.default)}" for each in taken if each.kw_only), "")
+        raise InputError(
+            f"{where} takes its keys by name: {others[len(first)]!r} has none.", f"Write {where}({example})."
+        )
+    given = {field.name for field in first[: len(others)]} | keys.keys()
+    for each in taken:
+        if each.default is MISSING and each.default_factory is MISSING and each.name not in given:
+            raise InputError(f"{where} needs {each.name}.", f"Write {where}({each.name}=...).")
+
+
+def _value(default: Any) -> str:
+    return "..." if default is MISSING or default is None else repr(default)
 
 
 def _is(value: Any, default: Any) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from clothsim.base.inputs import nearest
 from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.key_table import KeyTable
 from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, RigidTable
 from clothsim.keys.schema import keys_of
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
@@ -33,6 +34,17 @@ def home_of(name: str) -> str:
         return ""
     listed = ", ".join(homes[:MOST]).replace("'", '"')
     return f"{name} is a key of {listed}{' and others' if len(homes) > MOST else ''}."
+
+
+def paths_of(name: str) -> list[str]:
+    """Paths, such as "cloth.fabric", of the keys of this name."""
+    kinds: tuple[type[KeyTable], ...] = (Solver, RunSettings, Seed, Contact, ClothTable, BodyTable, RigidTable)
+    found = [f"{kind.section}.{name}" for kind in kinds if name in keys_of(kind)]
+    found += [
+        f"{mesh}.{name}" for mesh in ("cloth", "body") for kind in GENERATOR_KEYS.values() if name in keys_of(kind)
+    ]
+    found += [f"effects.{effect}.{name}" for effect, kind in TYPED_EFFECTS.items() if name in keys_of(kind)]
+    return list(dict.fromkeys(found))
 
 
 def effect_remedy(name: str) -> str:

@@ -232,7 +232,7 @@ def _examine_scene(scene: Scene, subject: str) -> Examination:
     One that is too large to be run is not built.
     """
     cost = expected_cost(scene)
-    remedy = "Take fewer cells, a larger solver.dt, or fewer frames; --force (force=True) runs it all the same."
+    remedy = "Take fewer cells, a larger solver.dt, or fewer frames; --force runs it all the same."
     severity: Severity = "error" if cost.too_much else "warning"
     costly = [Finding(severity, "cost", f"Expected: {cost}.", remedy, NO_INDICES) for _ in range(cost.notable)]
     if cost.too_much:

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import nearest
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients, thread_axes
 from clothsim.geometry.kinematics.kabsch_frames import vertex_frames as kabsch_frames
 from clothsim.geometry.kinematics.stretch import PolarDecomposition, polar_decomposition, principal_stretches
 from clothsim.geometry.kinematics.thickness import deformed_thickness
-from clothsim.keys.value_checks import refuse_unknown
 from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy
@@ -225,8 +225,10 @@ def field(name: str, configuration: Configuration) -> NDArray[np.floating]:
 
 
 def known_field(name: str) -> Field:
-    """The entry `name` of the table; InputError names the nearest known one."""
-    refuse_unknown("The table of fields", [name], FIELDS)
+    """The entry `name` of the table; InputError lists those that there are."""
+    if name not in FIELDS:
+        question = nearest(name, FIELDS, 0.7)
+        raise InputError(f"There is no field {name!r}.", f"{question} Known: {', '.join(FIELDS)}.".strip())
     return FIELDS[name]
 
 

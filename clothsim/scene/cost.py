@@ -104,7 +104,7 @@ def refuse_costly(scene: Scene) -> None:
     if cost.too_much:
         raise InputError(
             f"The run would take {cost}.",
-            "Take fewer cells, a larger solver.dt, or fewer frames; --force (force=True) runs it all the same.",
+            "Take fewer cells, a larger solver.dt, or fewer frames; --force runs it all the same.",
         )
 
 

@@ -20,6 +20,7 @@ from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
 from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth, check_rigid
 from clothsim.keys.schema import keys_of
+from clothsim.keys.section_hints import paths_of
 from clothsim.keys.value_checks import refuse_unknown
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import SECTIONS, Scene
@@ -268,6 +269,8 @@ def _fits(section: str, table: Mapping[str, Any], key: str) -> bool:
     return True
 
 
+MOST_PATHS = 3
+"""Paths that a remedy lists."""
 FILES = ("mesh", "frames", "model", "clip", "file")
 """Keys that name files."""
 
@@ -310,7 +313,9 @@ def _assigned(scene: Scene, assignment: str) -> tuple[str, Any]:
     """Path and value of an assignment."""
     path, equals, text = assignment.partition("=")
     if not equals or len(parts := parts_of(path)) < 2:
-        raise InputError(f"--set {assignment!r} is no assignment.", "Write it as --set solver.dt=0.01.")
+        paths = paths_of(path.strip())[:MOST_PATHS] if equals else []
+        written = " or ".join(f"--set {each}={text}" for each in paths) or "--set solver.dt=0.01"
+        raise InputError(f"--set {assignment!r} is no assignment.", f"Write it as {written}.")
     value = _toml_value(text.strip())
     if isinstance(value, str) and _is_here(value):
         value = str(Path(value).resolve())

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -91,6 +91,11 @@ class Scene:
     seed: Any
     directory: Path
     rigid: Any
+
+    def __new__(cls, *_: Any, **sections: Any) -> Self:
+        """InputError for a keyword that is no section, in place of Python's TypeError."""
+        refuse_unknown("clothsim.Scene", sections, (*SECTIONS, "directory"))
+        return super().__new__(cls)
 
     def __init__(
         self,

@@ -32,6 +32,7 @@ def scene_file(path: Path) -> Path:
     selected = installed(path)
     if selected is not None:
         return selected
+    _refuse_directory(path)
     raise InputError(f"There is no scene file {path} and no installed scene of that name.", _near(path))
 
 
@@ -94,6 +95,19 @@ def example_scenes() -> list[ExampleScene]:
     return [_described(file) for file in sorted(scenes_folder().glob("*.toml"))]
 
 
+def examples() -> dict[str, str]:
+    """Names of the example scenes, which `load_scene` takes, and what each shows.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.examples()["sphere"]
+    'A square metre of cotton falls on a ball'
+    """
+    files = sorted(scenes_folder().glob("*.toml"))
+    return {file.stem: headline(file.read_text(encoding="utf-8")) for file in files}
+
+
 def _described(file: Path) -> ExampleScene:
     scene = load_scene(file)
     missing = [name for name in named_files(scene) if not any(scene.directory.glob(name))]
@@ -133,6 +147,7 @@ def load_scene(path: str | Path) -> Scene:
     file = scene_file(Path(path))
     if not file.exists():
         raise InputError(f"There is no scene file {file}.", _near(file))
+    _refuse_directory(file)
     try:
         text = read_regular_file(file, MOST_BYTES).decode("utf-8-sig")  # editors of Windows begin with a mark
         data = tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))
@@ -141,9 +156,29 @@ def load_scene(path: str | Path) -> Scene:
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, and a number of too many digits
         raise InputError(
             f"{file} is not a TOML file: {error}.",
-            "Write key = value; texts in quotes, lists in brackets, as in toml.io.",
+            _toml_remedy(str(error), text) if file.suffix.lower() == ".toml" else NO_SCENE,
         ) from error
     return make_scene(data, file.parent)
+
+
+def _refuse_directory(path: Path) -> None:
+    if path.is_dir():
+        how = "`clothsim resume DIR` continues a run, `clothsim view DIR` shows it."
+        raise InputError(f"{path} is a directory, and no scene file.", how)
+
+
+NO_SCENE = "Name a scene (.toml); `clothsim check FILE` examines a mesh or a pattern."
+
+
+def _toml_remedy(message: str, text: str) -> str:
+    """What to write in place of what the parser of TOML does not take."""
+    number = re.search(r"line (\d+)", message)
+    line = text.splitlines()[int(number[1]) - 1 : int(number[1])] if number else []
+    if any("\\" in each for each in line):
+        return "A \\ in double quotes begins a special character: write paths with / or in single quotes."
+    if "twice" in message or "overwrite" in message:
+        return "Write each section once; of several cloths or bodies each as [[cloth]], [[body]]."
+    return "Write key = value; texts in quotes, lists in brackets with commas, as in toml.io."
 
 
 def _near(file: Path) -> str:

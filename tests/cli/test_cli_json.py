@@ -105,6 +105,19 @@ def test_bash_completes_commands_options_choices_and_files(place):
     assert completed(text, "clothsim", "completion", "f") == ["fish"]
     assert completed(text, "clothsim", "farm", "wo") == ["work"]
     assert completed(text, "clothsim", "run", "fr") == ["free.toml"]
+    assert completed(text, "clothsim", "run", "shou") == ["shoulders"]
+    assert completed(text, "clothsim", "render", "--field", "energy") == ["energy_density"]
+    assert completed(text, "clothsim", "view", "--field", "str") == ["stretch", "stress"]
+    assert completed(text, "clothsim", "fabrics", "den") == ["denim"]
+    assert completed(text, "clothsim", "keys", "effects.gra") == ["effects.gravity"]
+
+
+@pytest.mark.parametrize("section", ["", "solver", "cloth", "effects.friction"])
+def test_keys_stay_within_a_hundred_columns(capsys, section):
+    assert main(["keys", *filter(None, [section])]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 10
+    assert max(map(len, lines)) <= 100
 
 
 def test_scripts_of_other_shells_name_every_command(capsys):

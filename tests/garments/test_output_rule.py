@@ -23,7 +23,7 @@ def test_an_input_is_never_replaced(tmp_path, overwrite):
 @pytest.mark.parametrize("name", ["garment.obj", "pattern.json", "body.obj", "pattern.svg"])
 def test_dress_replaces_no_file_of_others(tmp_path, name):
     (tmp_path / name).write_text("mine")
-    with pytest.raises(InputError, match="--overwrite"):
+    with pytest.raises(InputError, match="overwrite=True"):
         clothsim.dress("other.json", "shirt", tmp_path)
     assert (tmp_path / name).read_text() == "mine"
 
@@ -31,6 +31,6 @@ def test_dress_replaces_no_file_of_others(tmp_path, name):
 @pytest.mark.parametrize("name", ["fitted.obj", "body.obj", "garment_rest.obj"])
 def test_fit_replaces_no_file_of_others(tmp_path, name):
     (tmp_path / name).write_text("mine")
-    with pytest.raises(InputError, match="--overwrite"):
+    with pytest.raises(InputError, match="overwrite=True"):
         clothsim.fit("other.obj", "shirt", output=tmp_path)
     assert (tmp_path / name).read_text() == "mine"

@@ -79,7 +79,8 @@ class Case:
     of all; fails: where the case is infeasible, words that its one sentence must hold (then nothing else is asked);
     refused: words of the InputError where it must not even start; jitters: whether seeds move the start, and
     jitter_axes how much along x, y and z; crosses: True where the cloth may intersect itself; files: {name: text} of
-    files that the scene names, written for each run.
+    files that the scene names, written for each run; slow: True where the small form takes seconds: it is run by the
+    command alone, not by the tests.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Case:
     jitter_axes: Sequence[float] = (1.0, 1.0, 1.0)
     crosses: bool = False
     files: Callable[[bool], Mapping[str, str]] = none
+    slow: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,15 @@
 
 from tests.hard_cases import (
     bad_meshes,
+    between,
     columns,
+    degenerate,
     distorted,
     edges,
     funnel,
     impact,
     infeasible,
+    knots,
     long_steps,
     pinch,
     ratios,
@@ -16,7 +19,9 @@ from tests.hard_cases import (
     rubbing,
     slivers,
     stack,
+    sticking,
     touching,
+    tubes,
     twist,
     units,
 )
@@ -24,12 +29,15 @@ from tests.hard_cases.case import Case
 
 FAMILIES = (
     bad_meshes,
+    between,
     columns,
+    degenerate,
     distorted,
     edges,
     funnel,
     impact,
     infeasible,
+    knots,
     long_steps,
     pinch,
     ratios,
@@ -38,7 +46,9 @@ FAMILIES = (
     rubbing,
     slivers,
     stack,
+    sticking,
     touching,
+    tubes,
     twist,
     units,
 )

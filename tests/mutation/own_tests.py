@@ -69,7 +69,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "solve/pinch/carried": ("solve/pinch/test_pinch",),
     "solve/pinch/pinch_gaps": ("solve/pinch/test_pinch",),
     "solve/problem": STEPS,
-    "solve/stepping/integrators": ("physics/test_bdf2", "physics/test_time"),
+    "solve/stepping/integrators": ("physics/energies/test_rigid_bodies", "physics/test_bdf2", "physics/test_time"),
     "solve/stepping/local_error": ("physics/test_asked_error",),
     "solve/stepping/stepping": ("solve/stepping/test_rest", "physics/test_time", "physics/test_bdf2"),
     "solve/stepping/time_loop": (*STEPS, "solve/stepping/test_local_error"),
@@ -82,7 +82,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "gradients/pattern_numbers": ("gradients/test_design",),
     "gradients/run": ("gradients/test_parameters",),
     "gradients/scene_of_pattern": ("gradients/test_design",),
-    "gradients/state_at_rest": ("gradients/test_backward_pass", "gradients/test_run"),
+    "gradients/state_at_rest": ("study/test_goal_error",),
     "gradients/targets": ("gradients/test_recover",),
 }
 

@@ -251,6 +251,21 @@ def test_stepping_by_hand_has_the_same_counts(crossed, tmp_path):
     assert Simulation.restore(crossed.directory).intersection_free is False
 
 
+def test_a_restored_simulation_finds_the_crossing_that_comes_after_it(crossed, tmp_path):
+    """It has no proofs: its first state is searched in full, and the later ones from there."""
+    found, simulation = crossed.intersections["cloth_cloth"], Simulation(flaps())
+    for _ in range(found["first_step"] - 2):
+        simulation.step()
+    simulation.save(tmp_path / "saved.npz")
+    again = Simulation.restore(tmp_path / "saved.npz")
+    assert again.intersection_free is True
+    again.step()
+    assert again.intersection_free is True
+    with pytest.warns(IntersectionWarning, match="self_contact"):
+        again.step()
+    assert again.intersections["cloth_cloth"]["pairs"] == found["pairs"]
+
+
 ACROSS = np.array([[0.1, 0.3, -1], [0.9, 0.3, -1], [0.5, 0.3, 1]])
 
 

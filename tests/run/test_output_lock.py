@@ -81,7 +81,7 @@ def test_a_lock_of_another_host_is_left_alone_and_one_that_says_nothing_is_taken
 
 def test_an_earlier_run_is_replaced_on_request_only(tmp_path):
     first = simulate(small_scene(**FALL), tmp_path)
-    with pytest.raises(InputError, match="--overwrite"):
+    with pytest.raises(InputError, match="overwrite=True"):
         simulate(small_scene(**FALL), tmp_path)
     assert open_run(tmp_path).summary == first.summary
     again = simulate(small_scene(**{**FALL, "run": {**RUN, "duration": 0.08}}), tmp_path, overwrite=True)

@@ -30,13 +30,14 @@ INSIDE = 0.9
 """Gap at the start, as fraction of d_hat, below which a warning is given."""
 
 
-def scene_warnings(world: World, energies: dict[str, Energy], dt: float) -> tuple[str, ...]:
+def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: float) -> tuple[str, ...]:
     """The warnings of a world.
 
-    world: cloths and bodies at the start; energies: the effects that are on; dt: longest time step [s].
+    world: cloths and bodies at the start; scene: its keys; energies: the effects that are on; dt: longest step [s].
     """
     return (
         *_ignored_keys(world, energies),
+        *_frictionless(scene, energies),
         *_skipped_frames(world, dt),
         *_fast_spins(world, dt),
         *_starts_inside(world, energies),
@@ -128,6 +129,13 @@ def _fast_spins(world: World, dt: float) -> list[str]:
     return sentences
 
 
+def _frictionless(scene: Scene, energies: Mapping[str, Energy]) -> list[str]:
+    """Friction in a scene without contact."""
+    if "friction" not in scene.effects or any(isinstance(energy, ContactGap) for energy in energies.values()):
+        return []
+    return ["friction does nothing without contact: add [effects.body_contact] or [effects.self_contact]."]
+
+
 def _skipped_frames(world: World, dt: float) -> list[str]:
     """Animated bodies whose frames are shorter than a step of `dt` [s]."""
     sentences = []
@@ -157,8 +165,18 @@ def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
             raise InputError(
                 f"{each.cloth} starts inside {each.body}, {each.where}: contact would keep it in.",
                 f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
-                "meant to hold it, give run.allow_inside = true (--force).",
+                "meant to hold it, give run.allow_inside = true, or --force.",
             )
+
+
+def refuse_large_error(world: World, scene: Scene) -> None:
+    """Raise an InputError where the error that is asked for is that of the whole scene: it has another unit."""
+    size, error = float(np.ptp(world.start(), axis=0).max()), scene.solver_settings.error
+    if error >= size:
+        raise InputError(
+            f"solver.error is {error:g} m, and the whole scene is {size:.3g} m long.",
+            f"Give it in metres, solver.error = {1e-3 * error:g}, or with its unit: `--error {error:g}mm`.",
+        )
 
 
 def held_sentences(found: Sequence[HeldInside], verb: str) -> list[str]:

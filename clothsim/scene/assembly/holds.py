@@ -111,6 +111,21 @@ def refuse_unsupported(found: Sequence[Hold], world: World, energies: Mapping[st
             )
 
 
+def missed_bodies(found: Sequence[Hold], world: World, energies: Mapping[str, Energy]) -> list[str]:
+    """A warning on each cloth that starts at rest and whose load takes it past all bodies that it could touch."""
+    if "body_contact" not in energies or not world.bodies:
+        return []
+    still = {cloth.name for cloth in world.cloths if not np.any(cloth.velocity)}
+    falling = {
+        each.cloth: each.load / np.linalg.norm(each.load) for each in found if each.falls and each.cloth in still
+    }
+    ways = {name: ", ".join(f"{c:.2g}" for c in way + 0.0) for name, way in falling.items()}
+    return [
+        f"There is no body in the way of {name}, which falls along ({way}): look at the position and the up of both."
+        for name, way in ways.items()
+    ]
+
+
 def hold_notes(found: Sequence[Hold]) -> list[str]:
     """A line on each piece that has a load, those of a cloth with the same holders together."""
     groups: dict[tuple[str, tuple[str, ...]], list[Hold]] = defaultdict(list)

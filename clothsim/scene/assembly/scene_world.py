@@ -12,8 +12,8 @@ from clothsim.mesh.world import World, make_world, with_local_origin
 from clothsim.physics.energies.base import Constraint, Energy, Off, PinsConstraint
 from clothsim.physics.energies.key_values import selected_vertices
 from clothsim.physics.energies.protocols import report_of
-from clothsim.scene.assembly.checks import refuse_start_inside, scene_warnings, size_warnings
-from clothsim.scene.assembly.holds import hold_notes, holds, refuse_unsupported
+from clothsim.scene.assembly.checks import refuse_large_error, refuse_start_inside, scene_warnings, size_warnings
+from clothsim.scene.assembly.holds import hold_notes, holds, missed_bodies, refuse_unsupported
 from clothsim.scene.assembly.initial_positions import initial_positions, untangled
 from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, rigid_body_of
 from clothsim.scene.cost import refuse_costly
@@ -133,13 +133,15 @@ def build_effects(
             "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
         )
     settings = scene.run_settings
+    refuse_large_error(world, scene)
     held = holds(world, energies, constraints.values(), settings.duration)
     refuse_unsupported(held, world, energies)
     dt = min(scene.solver_settings.longest_step, 1 / settings.frames_per_second)
     endless = [each.name for each in held if each.falls] if settings.until == "rest" else []
     warnings = [
         *size_warnings(world, scene, energies),
-        *scene_warnings(world, energies, dt),
+        *scene_warnings(world, scene, energies, dt),
+        *missed_bodies(held, world, energies),
         *(f"Nothing holds {name}: it falls, and a run until rest goes to its limit." for name in endless),
     ]
     return Built(world, energies, constraints, off, (*notes, *hold_notes(held)), tuple(warnings))

@@ -120,7 +120,7 @@ def refinable_scene(given: Scene) -> RefinableScene:
     if given.solver_settings.error and "tolerance" not in solver:
         solver["converge"] = True
     scene = replace(given, solver={"integrator": "bdf2", **solver})
-    scene = engine.replace(with_explicit_lengths(scene, build(scene).energies), "solver.threads", threads)
+    scene = engine.replace(with_explicit_lengths(scene, build(given).energies), "solver.threads", threads)
     run, missing = scene.run_settings, {}
     frame = min(1 / run.frames_per_second, run.duration)
     steps = max(1, -int(-frame // COARSEST_STEP))

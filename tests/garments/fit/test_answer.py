@@ -92,7 +92,7 @@ def test_a_completed_fit_is_its_last_stage(files, tmp_path):
 @pytest.mark.parametrize("height", [3.5, 0.3])
 def test_a_giant_or_a_doll_wears_it_where_its_unit_is_given(files, tmp_path, height):
     other = scaled(tmp_path, "other.obj", height)  # no person in any unit
-    with pytest.raises(InputError, match="--scale-to"):
+    with pytest.raises(InputError, match="scale_to="):
         clothsim.fit(files["garment"], other, files["body"], tmp_path / "out")
     done = clothsim.fit(files["garment"], other, files["body"], tmp_path / "out", scale_to=1.0)
     assert (done.status, done.source.scale, done.target.scale) == ("completed", 1.0, 1.0)

@@ -181,12 +181,12 @@ def test_nothing_of_an_earlier_fit_is_left_and_no_input_is_overwritten(files, tm
     clothsim.fit(files["garment"], files["body"], output=out)
     assert (out / "checkpoint.npz").is_file()
     kept = {file.name: file.read_bytes() for file in out.iterdir() if file.is_file()}
-    with pytest.raises(InputError, match="--overwrite"):
+    with pytest.raises(InputError, match="overwrite=True"):
         clothsim.fit(files["sheet"], files["body"], output=out)
     assert {file.name: file.read_bytes() for file in out.iterdir() if file.is_file()} == kept
     assert clothsim.fit(files["sheet"], files["body"], output=out, overwrite=True).status == "failed"
     assert {file.name for file in out.iterdir()} == {"summary.json", "fitted.obj"}
-    with pytest.raises(InputError, match="--overwrite"):  # a failed fit is one too
+    with pytest.raises(InputError, match="overwrite=True"):  # a failed fit is one too
         clothsim.fit(files["sheet"], files["body"], output=out)
     before = (tmp_path / "body.obj").read_bytes()
     with pytest.raises(InputError, match=r"body\.obj"):

@@ -1,11 +1,14 @@
 """Names, triangle numbers and positions of intersections, and the pairs of surfaces that are checked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from meshes import cloth, grid
 
 from clothsim.geometry.intersection.crossings import crossings
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world, world_surfaces
 
@@ -82,3 +85,19 @@ def test_a_limit_holds_for_cloth_and_for_bodies(scene):
     found = crossings(x, surfaces, limit=1)
     assert [len(crossing.pairs) for crossing in found] == [1, 1]
     assert {crossing.role for crossing in found} == {"cloth", "body"}
+
+
+def test_proofs_change_nothing_where_a_rigid_body_flies_through_another_and_leaves(scene):
+    surfaces, start = scene
+    surfaces = [replace(part, rigid=part.name == "peg") for part in surfaces]
+    peg = next(part for part in surfaces if part.rigid)
+    proofs, roles = ProvedSeparations(), []
+    for k in range(41):
+        x = start.copy()
+        x[peg.rows] += [0.0, 0.06 * (k - 20) * (1.0 + 0.01 * k), 0.0]
+        plain, proved = crossings(x, surfaces), crossings(x, surfaces, proofs=proofs)
+        assert names_of(plain) == names_of(proved)
+        assert all(np.array_equal(a.pairs, b.pairs) for a, b in zip(plain, proved, strict=True))
+        roles.append({each.role for each in plain})
+    assert "rigid" in roles[20]
+    assert "rigid" not in roles[0] | roles[-1]

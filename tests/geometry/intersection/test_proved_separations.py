@@ -211,3 +211,72 @@ def test_two_states_may_alternate():
         checked(proofs, other - 1e-4 * k, triangles)
     checked(proofs, np.concatenate([other, x]), np.concatenate([triangles, triangles + len(x)]))
     checked(proofs, x, triangles)
+
+
+def ends_of(proofs):
+    """Bounds of all pairs whose separation was proved, and the travelled distances at which they are looked at."""
+    search = proofs._searches[0]
+    return [array[: search._count] for array in search._front[1:]]
+
+
+@pytest.mark.parametrize("excess", [0.0, 1e-6, 1e-3])
+def test_a_bound_that_is_too_large_lets_a_frame_pass_that_the_proved_one_finds(excess):
+    """Broken on purpose: the bound of a peg above a triangle, by the excess. It is sharp: a millionth is too much."""
+    x = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0], [1, 1, 1], [1, 1.5, 3], [1.5, 1, 3]])
+    proofs, first, second = ProvedSeparations(), np.array([S]), np.array([T])
+    assert len(checked(proofs, x, first, second)) == 0
+    for bounds in ends_of(proofs):
+        bounds[:] = (1.0 + excess) * bounds
+    assert len(intersecting_pairs(_raised(x, -1.0), first, second)) == 1
+    assert len(proofs.intersecting_pairs(_raised(x, -1.0), first, second)) == (excess == 0.0)
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_bounds_of_a_crumpling_sheet_that_are_doubled_are_caught(broken):
+    """The comparison with the full search, on which the tests here rest, sees bounds that are too large."""
+    rng = np.random.default_rng(8)
+    sheet, triangles = grid(7, 7)
+    waves, proofs, missed = rng.normal(0, 9, (3, 2)), ProvedSeparations(), 0
+    for k in range(60):
+        x = sheet + np.sin(0.05 * k) * np.array([0.5, 0.5, 0.9]) * np.sin(sheet[:, :2] @ waves.T)
+        found = proofs.intersecting_pairs(x, triangles, None)
+        missed += not np.array_equal(found, intersecting_pairs(x, triangles))
+        for bounds in ends_of(proofs) if broken else ():
+            bounds[np.isfinite(bounds)] *= 2.0
+    assert (missed > 0) == broken
+
+
+def test_a_body_that_turns_and_runs_away_with_the_cloth():
+    """Its motion is taken from that of the cloth: what both do alike uses up no bound, the rest does."""
+    sheet, triangles = grid(6, 6)
+    ground, others = grid(2, 2)
+    ground = ground * 1.4 - [0.2, 0.2, 0.15]
+    proofs, found = ProvedSeparations(), []
+    for k in range(50):
+        angle = 0.02 * k
+        turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+        x = np.concatenate([sheet, (ground - 0.5) @ turn.T + 0.5]) + k * np.array([0.3, 0.0, -7.0])
+        found.append(len(checked(proofs, x, triangles, others + len(sheet))))
+    assert found[0] == 0
+    assert max(found) > 0
+
+
+def test_a_mesh_whose_seams_are_welded_starts_without_proofs():
+    """The same number of vertices: two strips become one, whose neighbours share vertices that did not before."""
+    sheet, triangles = grid(4, 4)
+    x = np.concatenate([sheet, sheet * [0.9, 0.9, 1.0] + [0.95, 0.05, 0.0]])
+    apart = np.concatenate([triangles, triangles + len(sheet)])
+    border = np.flatnonzero(sheet[:, 0] == sheet[:, 0].max())
+    welded = np.arange(len(x))
+    welded[len(sheet) + np.flatnonzero(sheet[:, 0] == 0.0)] = border
+    proofs = ProvedSeparations()
+    for mesh in (apart, welded[apart], apart):
+        proofs.take_effort()
+        for k in range(3):
+            lifted = x.copy()
+            lifted[len(sheet) :, 2] += 0.05 * k
+            checked(proofs, lifted, mesh)
+            effort = proofs.take_effort()
+            if k == 0 and mesh is not apart:
+                assert effort.pairs_proved == effort.boxes_proved == 0
+                assert effort.pairs_tested > 0

@@ -255,6 +255,19 @@ def test_nothing_tunnels_at_any_speed(speed):
     assert 0.15 < limit * speed < 0.2
 
 
+def test_a_collision_in_the_last_hundredth_of_a_long_path_is_found():
+    """With and without a list from before: the ball's top is 0.2 below, the path ends just above it or just within."""
+    surface, x = surface_and_start("body", height=40.3)
+    candidates = Candidates(surface, D_HAT, 0.01)
+    for end, collides in ((0.06, False), (-0.06, True), (-0.06, True)):
+        dx = np.zeros_like(x)
+        dx[surface.first.points, 2] = -40.0 + end
+        limit = candidates.step_limit(x, dx)
+        assert (limit < 1.0) == collides
+        assert limit > 0.99
+        assert not crosses(surface, x + limit * dx)
+
+
 def test_the_offset_is_kept_free():
     surface, x = surface_and_start("body", height=0.5)
     dx = np.zeros_like(x)

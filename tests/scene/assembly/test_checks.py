@@ -1,6 +1,7 @@
 """Checks of a scene at its start: warnings, sizes."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -217,8 +218,10 @@ def test_a_number_in_another_unit_is_asked_about(key, value):
 
 
 def test_an_error_of_metres_is_asked_about():
-    scene = Scene(cloth=CLOTH, effects={"membrane": {}, "inertia": {}}, solver={"error": 5.0})
-    assert [each for each in build(scene).warnings if each.startswith("solver.error is 5 m")]
+    scene = Scene(cloth=CLOTH, effects={"membrane": {}, "inertia": {}}, solver={"error": 0.3})
+    assert [each for each in build(scene).warnings if each.startswith("solver.error is 0.3 m")]
+    with pytest.raises(InputError, match=r"solver\.error is 5 m"):
+        build(replace(scene, solver={"error": 5.0}))
 
 
 def test_a_body_in_centimetres_is_scaled_by_a_hundredth():

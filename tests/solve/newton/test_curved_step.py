@@ -1,6 +1,6 @@
 """Curved steps: the bend of a circle in closed form, order of its deviation, what a valley gains, what refuses one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
@@ -44,6 +44,16 @@ class Rod(Energy):
         return min(most, self.limit) if np.abs(dx).max() > 0.3 else most
 
 
+@dataclass(frozen=True)
+class Hollow(Rod):
+    """|x - bottom|^2 / 2."""
+
+    bottom: np.ndarray = field(default_factory=lambda: np.zeros((1, 3)))
+
+    def value(self, x):
+        return 0.5 * float(((x - self.bottom) ** 2).sum())
+
+
 X = np.array([[1.0, 0.0, 0.0]])
 TANGENT = np.array([[0.0, 1.0, 0.0]])
 
@@ -79,6 +89,14 @@ def test_a_step_along_the_curve_goes_further_and_lower_than_the_straight_one():
     along = fraction_along(ours, X, path, slope, 1.0)
     assert 4.0 <= along <= LONGEST
     assert ours.value(X + path.at(along)) < ours.value(X + path.at(0.5 * along)) < ours.value(X + dx)
+
+
+@pytest.mark.parametrize(("bottom", "wanted"), [(0.985, 0.0), (1.6, 2.0), (2.9, 2.0), (3.1, 4.0), (100.0, LONGEST)])
+def test_the_fraction_is_doubled_while_the_energy_falls(bottom, wanted):
+    """On a straight path, whose first step is no gain over itself: from 1 by powers of two towards the bottom."""
+    dx, path = 0.02 * TANGENT, CurvedStep(0.02 * TANGENT, np.zeros((1, 3)))
+    ours = Potential({"hollow": Hollow(bottom=X + bottom * dx)}, Timers())
+    assert fraction_along(ours, X, path, -bottom * float(np.vdot(dx, dx)), 1.0 if wanted == 0.0 else 0.5) == wanted
 
 
 def model():

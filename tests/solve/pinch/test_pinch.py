@@ -1,5 +1,8 @@
 """Cloth carried through a pinch (contact.pinch): two plates of one body that close on a sheet and open again."""
 
+from itertools import pairwise
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
@@ -14,7 +17,7 @@ from clothsim.cli.run_command import verdict
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
 from clothsim.physics.contact.candidate_subsets import Suspension
-from clothsim.solve.pinch.carried import Carried, attached, carried_in
+from clothsim.solve.pinch.carried import Carried, PinchRecord, attached, carried_in
 from clothsim.solve.pinch.pinch import _contacts
 from clothsim.solve.pinch.pinch_gaps import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, nearest, pinched, sides
 
@@ -166,6 +169,10 @@ def test_carried_vertices_follow_a_rigid_motion():
     turned = x @ rotation_matrix(np.array([0.3, -1.0, 0.5])).T + [1.0, 2.0, 3.0]
     assert np.abs(carried.positions(x) - x[[0, 2]]).max() < 1e-14
     assert np.abs(carried.positions(turned) - turned[[0, 2]]).max() < 1e-13
+    by, start = np.array([0.1, -0.2]), x[triangles]
+    normal = np.cross(start[:, 1] - start[:, 0], start[:, 2] - start[:, 0])
+    along = normal / np.linalg.norm(normal, axis=1)[:, None]
+    assert carried.raised(by).positions(x) == pytest.approx(carried.positions(x) + by[:, None] * along, rel=1e-12)
     again = carried_in({"contact.pinch": carried.as_array()})
     assert all(np.array_equal(getattr(again, name), getattr(carried, name)) for name in Carried.__dataclass_fields__)
 
@@ -277,10 +284,11 @@ def test_pairs_are_suspended_by_their_definition():
     assert np.array_equal(suspension.mask(self_pairs, 100, is_self=True), (self_pairs < 3).all(axis=1))
 
 
-def test_a_contact_has_the_vertices_that_bear_it():
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_a_contact_has_the_vertices_that_bear_it(offset):
     """Sheets vertex over vertex: of each pair of a point and a triangle one vertex on either side."""
-    world = two_sheets(gap=0.001)
-    contact, x = self_contact(world, d_hat=0.01, stiffness=1.0), world.start()
+    world = two_sheets(gap=offset + 0.001)
+    contact, x = self_contact(world, d_hat=0.01, offset=offset, stiffness=1.0), world.start()
     for rows, places, directions, partners in _contacts(contact, x, world.n_cloth):
         assert len(rows) > 10
         assert ((rows >= 0) & (partners >= 0)).sum() == 0
@@ -288,3 +296,19 @@ def test_a_contact_has_the_vertices_that_bear_it():
         assert ((partners >= 0).sum(axis=1) == 1).all()
         assert places == pytest.approx(x[rows.max(axis=1)])
         assert np.abs(directions) == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(rows), 1)))
+
+
+def test_the_record_has_the_first_place_and_the_most_of_the_carried_vertices(monkeypatch):
+    monkeypatch.setattr(
+        "clothsim.solve.pinch.carried.carried_in", lambda rows: SimpleNamespace(vertices=np.array(rows))
+    )
+    x, world = np.arange(12.0).reshape(4, 3), SimpleNamespace(origin=np.array([10.0, 20.0, 30.0]))
+    memories = [[], [1, 3], [1], [0, 1, 2]]
+    states = [SimpleNamespace(memory=rows, positions=x + k, time=0.5 * k) for k, rows in enumerate(memories)]
+    record = PinchRecord()
+    for before, state in pairwise(states):
+        record = record.after(world, before, state, [])
+    assert record.vertices == (0, 1, 2, 3)
+    assert (record.most, record.now, record.steps, record.released) == (3, 3, 3, 1)
+    assert (record.first_time, record.last_time) == (0.5, 1.5)
+    assert record.first_position == tuple((x[[1, 3]].mean(axis=0) + 1.0 + world.origin).tolist())

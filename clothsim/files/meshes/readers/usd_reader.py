@@ -18,7 +18,7 @@ try:
 except ImportError as error:
     raise MissingPackageError("USD files need the package usd-core.", "Run: pip install 'clothsim[usd]'") from error
 
-_FLATTEN = "Flatten it with usdcat --flatten."
+_FLATTEN = "Flatten it with `usdcat --flatten`."
 
 
 def read_usd(path: Path) -> Polygons:
