@@ -25,7 +25,7 @@ PALETTE = np.array(
 BACKDROP = np.array([0.78, 0.78, 0.79])
 RIBS, TEXELS, RIB_PIXELS = 48, 768, 2.4
 """Ribs and texels of a tile of the weave, and the least width of a rib in a picture [pixels]."""
-RIB, MELANGE = 1.6e-3, 0.08
+RIB, MELANGE = 1.6e-3, 0.05
 """Width of a rib [m], and the variation of the brightness of its threads."""
 DEPTH = 5
 """Bounces of light."""
