@@ -44,10 +44,19 @@ class Drapes:
 
     Examples
     --------
-    >>> data = Drapes("data.h5")                              # doctest: +SKIP
-    >>> data[0]["positions"].shape, data[0]["inputs"]         # doctest: +SKIP
-    ((505, 3), array([1.71, 1.02, 0.1], dtype=float32))
-    >>> torch.utils.data.DataLoader(data, batch_size=32)      # doctest: +SKIP
+    A data set of three drapes of a tetrahedron's four vertices:
+
+    >>> from tempfile import TemporaryDirectory
+    >>> folder = TemporaryDirectory()
+    >>> with h5py.File(f"{folder.name}/data.h5", "w") as file:
+    ...     rows = [{"id": f"{k}", "parameters": {"cloth.density": 0.1 * k}, "meshes": {}} for k in range(3)]
+    ...     file["manifest"], file["card"] = [json.dumps(row) for row in rows], "# Drapes"
+    ...     file["garments/0/ids"], file["garments/0/positions"] = ["0", "1", "2"], np.zeros((3, 4, 3), "f4")
+    ...     file.attrs["licence"] = "CC0-1.0"
+    >>> data = Drapes(f"{folder.name}/data.h5")
+    >>> len(data), data.inputs, data[2]["inputs"], data[2]["positions"].shape
+    (3, ('cloth.density',), array([0.2], dtype=float32), (4, 3))
+    >>> folder.cleanup()
     """
 
     def __init__(self, path: str | Path) -> None:

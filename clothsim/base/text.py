@@ -49,7 +49,7 @@ def printable(text: str) -> str:
     r"""`text` with its control characters spelled out: names from a file would steer a terminal.
 
     >>> printable("front\x1b[2J\nback")
-    'front\\x1b[2J\\nback'
+    'front\\x1b[2J\nback'
     """
     return (
         text

@@ -62,7 +62,7 @@ def table(receipt: "engine.Receipt") -> str:
     for name in sorted(receipt.phases, key=lambda name: -receipt.phases[name]):
         rows.append([f"({name})", *_time(receipt.phases[name], receipt.seconds), *("" for _ in columns)])
     rows.append(["all", *_time(receipt.seconds, receipt.seconds), *("" for _ in columns)])
-    header = ["effect (phase)", "seconds", "fraction", *(_COLUMNS[key] for key in columns)]
+    header = ["effect (phase)", "CPU s", "fraction", *(_COLUMNS[key] for key in columns)]
     lines = [f"Measured: {receipt.source}", "", text_table(header, rows)]
     left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
     if left:
@@ -87,7 +87,7 @@ def _added(receipt: "engine.Receipt") -> list[str]:
         rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])
         times = f"the first {absent.steps} step{'s' * (absent.steps > 1)}, median of {absent.rounds}"
         lines += ["", f"Not named; the cost of adding one ({times}):", ""]
-        lines.append(text_table(["effect", "seconds a step", "times as long", "meaning"], rows))
+        lines.append(text_table(["effect", "CPU s a step", "times as much", "meaning"], rows))
     if others:
         width = max(len(name) for name in others)
         lines += ["", "Not named, nor measured:", *(f"  {name:<{width}}  {each.why}" for name, each in others.items())]

@@ -205,7 +205,9 @@ def _verify(arguments: argparse.Namespace) -> Report:
     lines += [*done.torn.values(), *(f"Drape {name} comes out differently." for name in done.different)]
     if done.plan:
         lines.append(f"{done.plan} {on_demand.REPLAN}")
-    lines.append("Signed off." if done.good else "Not signed off: `clothsim farm repair DIR`, then `work`, and again.")
+    lines.append("Signed off." if done.good else "Not signed off.")
+    if done.torn:
+        lines.append("`clothsim farm repair DIR`, then `clothsim farm work DIR` makes these drapes again.")
     return Report(asdict(done), "\n".join(lines), 0 if done.good else FAULT)
 
 
@@ -287,6 +289,8 @@ def _text(state: "Status") -> str:
     ]
     lines += [f"  {count} {cause}" for cause, count in sorted(state.causes.items())]
     lines += [f"  {rate:.0f} usable ones in an hour of one core ({name})" for name, rate in state.per_core_hour.items()]
+    if {"torn", "killed"} & state.causes.keys():
+        lines.append("  `clothsim farm repair DIR` takes torn and killed ones back into the plan.")
     return "\n".join(lines)
 
 

@@ -152,7 +152,9 @@ def _recover(arguments: argparse.Namespace) -> Report:
         starts,
         None
         if arguments.quiet
-        else lambda start, each: _shown(start, each.values, each.failure or f"loss {each.loss:.4g}"),
+        else lambda start, each: _shown(
+            f"start {start} of {starts}", each.values, each.failure or f"loss {each.loss:.4g}"
+        ),
         pattern=pattern,
     )
     content = summary(found, type(loss).__name__)
@@ -164,9 +166,9 @@ def _recover(arguments: argparse.Namespace) -> Report:
     return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
 
 
-def _shown(start: int, values: Mapping[str, float], state: str) -> None:
+def _shown(start: str, values: Mapping[str, float], state: str) -> None:
     numbers = ", ".join(f"{path} {value:.4g}" for path, value in values.items())
-    print(f"start {start}: {numbers}: {state}", file=sys.stderr, flush=True)
+    print(f"{start}: {numbers}: {state}", file=sys.stderr, flush=True)
 
 
 def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:

@@ -4,6 +4,7 @@ The estimate of what is left excludes the time that kernels take to compile: the
 """
 
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict
@@ -63,6 +64,34 @@ def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
             yield first_ends_notice
 
 
+WINDOW = 8
+"""Steps, the last ones, by which what is left is estimated: the first ones of a stage take longer."""
+
+
+class Pace:
+    """Estimate of what is left of a run, by its last steps."""
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, float]] = deque(maxlen=WINDOW + 1)
+
+    def left(self, now: float, progress: "Progress") -> float | None:
+        """Seconds to the end of the duration; None before the second step. now: a clock at this step [s].
+
+        Examples
+        --------
+        >>> from clothsim import Progress
+        >>> pace = Pace()
+        >>> for step, now in ((1, 90.0), (2, 91.0), (3, 92.0)):
+        ...     left = pace.left(now, Progress(0.1 * step, 1.0, step, 1, 0.0, 0.0, "moving", now))
+        >>> round(left, 6)
+        7.0
+        """
+        self._seen.append((now, progress.time))
+        begun, first = self._seen[0]
+        done = progress.time - first
+        return (progress.duration - progress.time) * (now - begun) / done if done > 0 else None
+
+
 class Lines:
     """A callback that prints the first step, the last, and one every few seconds between them.
 
@@ -75,23 +104,21 @@ class Lines:
     def __init__(self, now: Callable[[], float] = perf_counter) -> None:
         self._now = now
         self._last = -SECONDS_BETWEEN_LINES
-        self._start: tuple[float, float] | None = None
+        self._pace = Pace()
         self._before: tuple[str, int] = ("", 0)
 
     def __call__(self, progress: "Progress") -> None:
         """Print the step where it is the first, the last, or some seconds after the one before."""
         now = self._now()
         if another_run(self._before, progress):
-            self._last, self._start = -SECONDS_BETWEEN_LINES, None
+            self._last, self._pace = -SECONDS_BETWEEN_LINES, Pace()
         self._before = progress.stage, progress.step
-        self._start = self._start or (now, progress.time)
+        remaining = self._pace.left(now, progress)
         if progress.time < progress.duration and now - self._last < SECONDS_BETWEEN_LINES:
             return
         self._last = now
-        begun, first = self._start
-        done = progress.time - first
-        remaining = (progress.duration - progress.time) * (now - begun) / done if done > 0 else None
-        estimate = "" if remaining is None else f", {clock(remaining)} left"
+        most = "at most " * (progress.until_rest and progress.time < progress.duration)
+        estimate = "" if remaining is None else f", {most}{clock(remaining)} left"
         print(
             f"{where(progress)} ({clock(progress.seconds)}{estimate}): {state(progress)}", file=sys.stderr, flush=True
         )

@@ -247,6 +247,11 @@ def dress_drape(up: Floats, seams: Sequence[Mapping[str, Any]], friction: float)
     return replace(DRESS_DRAPE, effects={**DRESS_DRAPE.effects, **own, **({"seams": {"seam": seams}} if seams else {})})
 
 
+def named_stage(name: str, listener: Listener | None) -> Listener | None:
+    """The listener, with the name of the stage in what it gets; None where there is none."""
+    return None if listener is None else lambda progress: listener(replace(progress, stage=name))
+
+
 def simulate_stage(scene: Scene, folder: Path, listener: Listener | None, announce: Announcement | None = None) -> Run:
     """Simulate without Python warnings of intersections: the stages count them."""
     with warnings.catch_warnings():

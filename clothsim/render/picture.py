@@ -199,7 +199,9 @@ def picture_setup(
             raise InputError(f"view must be a direction, auto or one of {', '.join(VIEWS)}, not {view!r}.")
         last = [s for s in frames[-1] if s.role == "cloth"] or list(frames[-1])
         corners = np.concatenate([s.positions[s.triangles] for s in last])
-        usual = three_quarter_view(corners, upright, LOW if traced else HIGH)
+        heights = everything @ upright
+        stands = traced and np.ptp(heights) > 0.6 * np.ptp(everything, axis=0).max()
+        usual = three_quarter_view(corners, upright, LOW if stands else HIGH)
         backward = usual if view == "auto" else named_view(view, upright)
     else:
         backward = _direction("view", view)

@@ -1,11 +1,11 @@
-"""Receipt: counters and seconds of each effect, of a run or of the first steps of a scene, and of those not named."""
+"""Receipt: counters and CPU seconds of each effect, of a run or of a scene's first steps, and of those not named."""
 
 import inspect
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 from clothsim.base.errors import ClothsimError, InputError
@@ -27,7 +27,7 @@ LATE = "not measured: the time was spent"
 
 @dataclass(frozen=True)
 class Added:
-    """Median seconds of a step with the effect, and their ratio to a step without; nan where `why` has the reason."""
+    """Median CPU seconds of a step with the effect, and their ratio to one without; nan where `why` has the reason."""
 
     seconds: float = float("nan")
     ratio: float = float("nan")
@@ -56,7 +56,7 @@ class Receipt:
     is not named (`Added`).
     phases: seconds that belong to no effect; "step control" is the remainder. seconds: of all of them together, which
     is all of the measured time; source: the run or the steps that were measured; absent: where it was measured, the
-    cost of the effects that a scene does not name.
+    cost of the effects that a scene does not name. All are CPU seconds: a loaded machine has the same.
     """
 
     effects: dict[str, dict[str, Any]]
@@ -197,12 +197,12 @@ def _session_with(scene: Scene, name: str) -> Session | str:
 
 
 def _seconds_a_step(session: Session, steps: int) -> float:
-    """Seconds per step of the first `steps`, or of as many as the scene has."""
-    run, taken, started = session.scene.run_settings, 0, perf_counter()
+    """CPU seconds per step of the first `steps`, or of as many as the scene has."""
+    run, taken, started = session.scene.run_settings, 0, process_time()
     state = first_state(session.built.world, session.integrator.dt)
     for taken, report in enumerate(run_steps(session.integrator, state, run.duration, run.frames_per_second), start=1):
         if report.failure is not None:
             raise ClothsimError(report.failure.reason)
         if taken == steps:
             break
-    return (perf_counter() - started) / max(taken, 1)
+    return (process_time() - started) / max(taken, 1)

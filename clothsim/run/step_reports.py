@@ -138,7 +138,9 @@ class Progress:
     seconds : float
         Wall time since the start [s].
     stage : str
-        Of a fit the stage that the run is.
+        Of a command of several runs the stage and round that the run is: "close, round 2 of at most 7".
+    until_rest : bool
+        True where the run may end before its duration.
     """
 
     time: float
@@ -150,6 +152,7 @@ class Progress:
     verdict: str
     seconds: float
     stage: str = ""
+    until_rest: bool = False
 
 
 def progress_of(report: StepReport, session: Session, seconds: float) -> Progress:
@@ -171,6 +174,7 @@ def progress_of(report: StepReport, session: Session, seconds: float) -> Progres
         report.fastest,
         verdict,
         seconds,
+        until_rest=run.until == "rest",
     )
 
 

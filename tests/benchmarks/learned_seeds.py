@@ -36,6 +36,7 @@ from clothsim.study.farm.plan import Farm, Job, open_farm
 from clothsim.study.farm.publication import processor
 from clothsim.study.farm.reading import CLOTH
 from clothsim.study.farm.status import manifest
+from clothsim.study.farm.verification import verify
 from clothsim.study.learned_drapes import Learned, learn
 from transfer.garment import transfer_garment
 
@@ -66,6 +67,7 @@ class Row:
 
 def compare(farm: Farm, held_out: float, drapes: int, show: Callable[[Row], None]) -> tuple[Learned, list[Row]]:
     """Learn a farm; rows of some of its held-out drapes from every start."""
+    verify(farm, fraction=0)  # which `learn` asks for
     learned = learn(farm, held_out)
     usable = [row for row in manifest(farm) if row["usable"]]
     known = {row["id"]: row["parameters"] for row in usable[: learned.training]}

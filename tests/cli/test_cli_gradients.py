@@ -70,7 +70,7 @@ def test_a_recovery_leaves_a_run_and_its_numbers(capsys, tmp_path):
     assert content["values"]["cloth.youngs_modulus"] == pytest.approx(3e4, rel=1e-3)
     assert content["loss"]["name"] == "Distance"
     assert json.loads((tmp_path / "found" / "summary.json").read_text())["status"] == "completed"
-    assert err.count("start 1: cloth.youngs_modulus") > 3
+    assert err.count("start 1 of 1: cloth.youngs_modulus") > 3
     refused(capsys, *words)  # there is a run in "found"
 
 

@@ -81,6 +81,18 @@ def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
     assert len(err) < 10
 
 
+def test_what_is_left_follows_the_last_steps_and_each_round_begins_anew(capsys, monkeypatch):
+    now = iter([0.0, 90.0, 100.0, 110.0, 111.0, 120.0])
+    lines = Lines(lambda: next(now))
+    for step in (1, 2, 3):
+        lines(Progress(0.1 * step, 1.0, step, 4, 2e-3, 0.5, "moving", 0.1, "close, round 1 of at most 2", True))
+    for step in (1, 2):
+        lines(Progress(0.1 * step, 1.0, step, 4, 2e-3, 0.5, "moving", 0.1, "close, round 2 of at most 2"))
+    err = capsys.readouterr().err.splitlines()
+    assert err[1].startswith("close, round 1 of at most 2: 0.200 of 1 s (0.1 s, at most 12:00 min left)")
+    assert err[3].startswith("close, round 2 of at most 2: 0.100 of 1 s (0.1 s):")
+
+
 @pytest.mark.parametrize(
     ("estimate", "line"),
     [

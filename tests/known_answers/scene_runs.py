@@ -42,15 +42,15 @@ class Ended:
         Times of the frames [s].
     positions : (k, n, 3) float64
         Positions of the cloth at the frames [m].
-    bodies : (k, b, 3) float64
-        Vertices of the first body at the frames [m]; empty without one.
+    moving : (k, b, 3) float64
+        Vertices of the rigid body at the frames [m]; empty without one.
     pins : mapping of str to (3,)
         Force of each group of pins on the cloth at the end [N]; empty without `run.forces`.
     """
 
     times: Floats
     positions: Floats
-    bodies: Floats
+    moving: Floats
     pins: Mapping[str, Floats]
 
     @property
@@ -66,12 +66,12 @@ def ended(scene: Scene) -> Ended:
         if run.status != "completed":
             raise ClothsimError(run.reason)
         frames = range(len(run.times))
-        first = [run.bodies(k)[:1] for k in frames]
-        bodies = np.array([[one[1] for one in each] for each in first])
+        names = [rigid.name for rigid in scene.rigid_bodies]
+        moving = np.array([[x for name, x, _ in run.bodies(k) if name in names] for k in frames])
         positions = np.array([run.positions(k) for k in frames])
         forces = run.forces().pins if scene.run_settings.forces else {}
         pins = {name: values[-1] for name, values in forces.items()}
-        return Ended(np.asarray(run.times), positions, bodies[:, 0] if bodies.size else bodies, pins)
+        return Ended(np.asarray(run.times), positions, moving[:, 0] if moving.size else moving, pins)
 
 
 def on_meshes(

@@ -18,6 +18,7 @@ from tests.known_answers import (
     a10_rigid,
     a11_strips,
     a12_sheets,
+    a13_rigid_scenes,
 )
 from tests.known_answers.row import Outcome, Row, Seen
 
@@ -34,6 +35,7 @@ ROWS: tuple[Row, ...] = (
     *a10_rigid.ROWS,
     *a11_strips.ROWS,
     *a12_sheets.ROWS,
+    *a13_rigid_scenes.ROWS,
 )
 
 HEADER = ("row", "what", "ours", "exact", "off", "coarser", "bar", "order", "hinges off", "CPU s", "passed")

@@ -6,6 +6,7 @@ import sys
 import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -101,6 +102,7 @@ def identity(mutant: Mutant) -> str:
     return hashlib.blake2b(repr(mutant.key).encode(), digest_size=4).hexdigest()
 
 
+@cache
 def reasons() -> dict[tuple[str, str, str], str]:
     """{(file, before, after): why no test can see it}."""
     listed = tomllib.loads(EQUIVALENT.read_text())["equivalent"]

@@ -69,7 +69,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "solve/pinch/carried": ("solve/pinch/test_pinch",),
     "solve/pinch/pinch_gaps": ("solve/pinch/test_pinch",),
     "solve/problem": STEPS,
-    "solve/stepping/integrators": ("physics/test_bdf2", "physics/test_time"),
+    "solve/stepping/integrators": ("physics/energies/test_rigid_bodies", "physics/test_bdf2", "physics/test_time"),
     "solve/stepping/local_error": ("physics/test_asked_error",),
     "solve/stepping/stepping": ("solve/stepping/test_rest", "physics/test_time", "physics/test_bdf2"),
     "solve/stepping/time_loop": (*STEPS, "solve/stepping/test_local_error"),

@@ -40,6 +40,16 @@ def test_the_model_is_nearer_to_held_out_drapes_than_their_mean(learned):
     assert learned.error < learned.nearest_error
 
 
+def test_one_flipped_bit_of_a_drape_makes_no_model(farm):
+    name = farm.jobs[3].id
+    file = farm.folder(name) / "cloth.npy"
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-2] + bytes([whole[-2] ^ 64]) + whole[-1:])
+    with pytest.raises(InputError, match=name):
+        learn(farm, 0.25, 4)
+    file.write_bytes(whole)
+
+
 def test_a_model_reads_as_it_was_written(learned, tmp_path):
     again = read_model(learned.model.write(tmp_path / "model.npz"))
     asked = 0.5 * (learned.model.low + learned.model.high)

@@ -21,7 +21,7 @@ from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
-from clothsim.garments.stages import Listener, dress_closing, simulate_stage
+from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
 from clothsim.patterns import Panel, Seam
 from transfer.signed_distance import BodySurface
 
@@ -280,7 +280,9 @@ def close(
             continue
         scene = _closing_scene(state, body, fabrics, springs)
         limit = CLOSED * contact_gap(scene) if waiting else NEAR * mean_edge(state)
-        run = simulate_stage(scene, folder / f"close{len(runs)}", listener)
+        most = len(runs) + 1 + len(waiting) + len(further)
+        label = f"close, round {len(runs) + 1} of at most {most}"
+        run = simulate_stage(scene, folder / f"close{len(runs)}", named_stage(label, listener))
         runs.append(run)
         state = state.moved_to(run.positions(-1))
         if run.status != "completed":

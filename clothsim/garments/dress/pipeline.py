@@ -34,6 +34,7 @@ from clothsim.garments.stages import (
     Stage,
     StageCallback,
     dress_drape,
+    named_stage,
     simulate_stage,
     staged,
 )
@@ -237,13 +238,15 @@ def drape_sewn(
         A start that cannot be simulated.
     """
     if hangs_on_shoulders(state.positions, body):
-        shaken = _drape_with_friction(state, body, fabrics, folder / "shaken", SLIPPERY, listener, announce)
+        first = named_stage("shake down, before the drape", listener)
+        shaken = _drape_with_friction(state, body, fabrics, folder / "shaken", SLIPPERY, first, announce)
         if shaken.status != "completed":
             return shaken
         sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
         if sank < SANK * np.ptp(body.positions @ body.up):
             state = state.moved_to(shaken.positions(-1))
-    return _drape_with_friction(state, body, fabrics, folder, FRICTION, listener, announce)
+    last = named_stage("drape, the last stage", listener)
+    return _drape_with_friction(state, body, fabrics, folder, FRICTION, last, announce)
 
 
 def hangs_on_shoulders(positions: Floats, body: BodyMesh) -> bool:

@@ -1,7 +1,7 @@
 """Scenes of a fit: prescribed motion of the body under the garment, and the drape under gravity."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -115,11 +115,6 @@ def draped(
     stiffness, seams = carrying_stiffness(worn.fabric, body), _stitching_seams(worn)
     sections = fit_drape(stiffness, seams, worn.self_contact, up, duration, closes=len(opened) > 0)
     return simulate_stage(_worn_scene(worn, start, table, sections, folder), folder, listener, announce)
-
-
-def named_stage(name: str, listener: Listener | None) -> Listener | None:
-    """The listener, with the name of the stage in what it gets; None where there is none."""
-    return None if listener is None else lambda progress: listener(replace(progress, stage=name))
 
 
 def _worn_scene(worn: StageSettings, start: Floats, body: dict[str, Any], sections: StageScene, folder: Path) -> Scene:

@@ -20,12 +20,21 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import facing_away, untangle
 from clothsim.garments.fit.guaranteed_path import NO_OVERLAP, Clearing, Overlap, carried_rows, clearings, overlaps_at
-from clothsim.garments.fit.moving_body import StageSettings, draped, moved_with_body, named_stage, near_body
+from clothsim.garments.fit.moving_body import StageSettings, draped, moved_with_body, near_body
 from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, Transferred, sized, transferred, worn_positions
 from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.garments.penetration import NO_ROWS, counted
-from clothsim.garments.stages import Announcement, Listener, PlannedStage, Stage, StageCallback, run_stages, staged
+from clothsim.garments.stages import (
+    Announcement,
+    Listener,
+    PlannedStage,
+    Stage,
+    StageCallback,
+    named_stage,
+    run_stages,
+    staged,
+)
 from transfer.errors import TransferError
 from transfer.refine import refined_on
 from transfer.signed_distance import BodySurface, body_surface

@@ -344,8 +344,8 @@ def limit_of_extension(extension: float, own: float, stiffness: float, begins: f
         width = (1 - begins) * extension / (begins + (1 - begins) * y)
         return float(stiffness * width * (y * y / (1 - y) - 2 * y * np.log1p(-y)) - missing)
 
-    nearest = 1 - 1e-12
-    y = brentq(surplus, 0.0, nearest) if surplus(nearest) > 0 else nearest
+    least, nearest = 0.0 if begins else 1e-12, 1 - 1e-12  # a barrier from rest has no width at y = 0
+    y = brentq(surplus, least, nearest) if surplus(nearest) > 0 else nearest
     return 1 + extension / (begins + (1 - begins) * y)
 
 

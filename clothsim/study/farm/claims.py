@@ -10,7 +10,7 @@ import os
 import platform
 import threading
 import uuid
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -66,6 +66,13 @@ def claimed(folder: Path, name: str, worker: Worker) -> Iterator[bool]:
 def holds(folder: Path, name: str, worker: Worker) -> bool:
     """True where the claim of a drape is the worker's own: no other has taken it over while it was suspended."""
     return bool(_content(folder / name).get("token") == worker.token)
+
+
+def claims_of(folder: Path, processes: Collection[int]) -> list[Path]:
+    """The claims of processes of this machine, given by their numbers."""
+    claims = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    contents = [(path, _content(path)) for path in claims]
+    return [path for path, own in contents if own.get("host") == platform.node() and own.get("pid") in processes]
 
 
 def is_stale(path: Path, worker: Worker) -> bool:

@@ -19,8 +19,9 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import ClothsimError, InputError, MissingPackageError
-from clothsim.study.farm.claims import Worker, worker_of
+from clothsim.study.farm.claims import Worker, claims_of, worker_of
 from clothsim.study.farm.plan import Farm, Job, open_farm
+from clothsim.study.farm.publication import note_attempt
 from clothsim.study.farm.work import ATTEMPTS, PAUSE, make
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ TICK = 0.2
 PATIENCE = 60.0
 """A scheduler that does not answer for this time is lost [s]."""
 DASK_WORKER = "distributed.cli.dask_worker"
+GRACE = 5.0
+"""Time that a worker has to end by itself [s]."""
 FRUITLESS = 20
 """Rounds in a row, or deaths of own workers, without a new drape, before the work ends."""
 
@@ -248,15 +251,18 @@ class OwnWorkers:
         )
 
     def end(self) -> None:
-        """End all."""
+        """End all; an attempt that is stopped so is no attempt."""
         for each in self.processes:
             each.terminate()
+        limit = monotonic() + GRACE
         for each in self.processes:
-            try:
-                each.wait(timeout=10)
-            except subprocess.TimeoutExpired:
-                each.kill()
-                each.wait()
+            with suppress(subprocess.TimeoutExpired):
+                each.wait(timeout=max(0.0, limit - monotonic()))
+            each.kill()
+            each.wait()
+        for claim in claims_of(self.farm.directory / "claims", [each.pid for each in self.processes]):
+            note_attempt(self.farm.directory, claim.name, "withdrawn")
+            claim.unlink(missing_ok=True)
 
 
 @contextmanager

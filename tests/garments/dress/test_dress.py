@@ -56,6 +56,10 @@ def shirt() -> dict:
     return specification(panels, sewn)
 
 
+STEPS = []
+"""Progress of the dress of the fixture `dressed`."""
+
+
 @pytest.fixture(scope="module")
 def body() -> BodyMesh:
     """A person of capsules, 1.7 m tall, arms half raised."""
@@ -67,7 +71,18 @@ def body() -> BodyMesh:
 def dressed(body, tmp_path_factory):
     """The skirt on the person."""
     worn = clothsim.Body(body.positions, body.triangles, name="person")
-    return clothsim.dress(pattern_of(skirt()), worn, tmp_path_factory.mktemp("worn"), size=SPACING)
+    folder = tmp_path_factory.mktemp("worn")
+    return clothsim.dress(pattern_of(skirt()), worn, folder, size=SPACING, progress=STEPS.append)
+
+
+def test_each_run_of_a_dress_is_named_with_its_round(dressed):
+    labels = list(dict.fromkeys(step.stage for step in STEPS))
+    assert all(labels)
+    assert labels[-1].startswith("drape")
+    rounds = [label for label in labels if label.startswith("close, round")]
+    assert rounds[0].startswith("close, round 1 of at most ")
+    assert len(rounds) == len(set(rounds)) == len(dressed.closing)
+    assert STEPS[-1].until_rest
 
 
 def test_a_skirt_is_sewn_and_rests_on_the_body(dressed, body):

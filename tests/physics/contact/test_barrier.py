@@ -59,6 +59,19 @@ def test_value_force_and_stiffness_of_a_pair_with_an_offset(pair, gap):
     assert g[0] == pytest.approx(records[0, :4])
 
 
+@pytest.mark.parametrize("gap", [1e-3, 0.08, 0.19])
+def test_the_factors_of_crossed_edges_are_the_positive_part_of_their_hessian(gap):
+    """Perpendicular edges over their middles: the parts of the sum are perpendicular, and project one by one."""
+    x, elements, _, thresholds, n_points = crossed_edges(gap)
+    _, records = evaluated(crossed_edges(gap))
+    blocks, factors, first, count = np.empty((1, 12, 12)), np.empty((3, 12)), np.empty(1, int), np.empty(1, int)
+    kernels.exact_blocks(blocks, records, x, elements, thresholds, n_points, 2.0)
+    n = kernels.rank_one_factors(factors, first, count, records, x, elements, n_points, 2.0)
+    values, vectors = np.linalg.eigh(blocks[0])
+    positive = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    assert factors[:n].T @ factors[:n] == pytest.approx(positive, abs=1e-9 * values[-1])
+
+
 def test_a_gap_below_the_least_has_the_force_of_the_least():
     arguments = (*over_a_face(0.01), OFFSET, D_HAT)
     assert kernels.normal_forces(*arguments, 0.05)[2] == pytest.approx(WEIGHT * formula(0.05)[1], rel=1e-12)

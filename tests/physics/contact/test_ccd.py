@@ -298,3 +298,17 @@ def test_the_separated_fraction_keeps_the_floor_along_a_turning_direction(is_edg
         assert still == pytest.approx(min(1.0, ((w[:count] @ m[0] - floor) / -rates).min()), rel=1e-9)
         stopped += fraction < 1
     assert stopped > 200
+
+
+@pytest.mark.parametrize("span", [1.0, 0.5])
+@pytest.mark.parametrize("order", [(1, 2), (2, 2), (2, 3)], ids=["m1 dw", "m2 w", "m2 dw"])
+def test_the_separated_fraction_of_one_term_is_its_root(order, span):
+    """1 - c tau^2, exact, and 1 - c tau^3, for which tau^3 <= span tau^2 is taken; c puts the root just in reach."""
+    turning, power = order
+    c = 1.004 / span**power
+    m = np.zeros((3, 3))
+    m[0, 2], m[turning, 0] = 1.0, 2.0
+    w, dw = np.tile([0.0, 0.0, 1.0], (4, 1)), np.zeros((4, 3))
+    (w if turning == power == 2 else dw)[:, 0] = -c / 2.0
+    found = _separated_fraction(tuples(m), tuples(w), tuples(dw), True, 0.0, span)
+    assert found == pytest.approx(span / np.sqrt(1.004), rel=1e-12)

@@ -9,6 +9,7 @@ from clothsim.mesh.generators.shapes import slab
 from clothsim.mesh.rigid_body import Joint, rigid_body
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.rigid_bodies import Tied, functions_at, rigid_ties, rigidity
+from clothsim.solve.stepping.integrators import angular_velocity
 from tests.known_answers.unit_meshes import cloth, grid
 
 TURN = rotation_matrix(np.array([0.4, -1.9, 2.5]))
@@ -84,3 +85,10 @@ def test_ties_follow_the_body():
     assert energy.value(x) == pytest.approx(0.5 * 2.0 * 0.01, rel=1e-10)
     functions, constant = functions_at(body, body.positions)
     assert constant + functions @ body.coordinates == pytest.approx(body.positions, abs=1e-12)
+
+
+def test_the_angular_velocity_of_coordinates_that_turn_and_fly():
+    world, spin = unit_world(), np.array([0.3, -1.2, 0.7])
+    body, now = world.rigid[0], world.start()[world.coordinate_slices[0]] @ TURN.T
+    rates = np.cross(spin, now - now.mean(axis=0)) + np.array([5.0, 6.0, 7.0])
+    assert angular_velocity(body, now, rates) == pytest.approx(spin, rel=1e-9)

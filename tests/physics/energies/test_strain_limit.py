@@ -291,3 +291,13 @@ def test_limits_are_beyond_the_extensions_and_absent_where_these_are_not_known()
         assert 1 + named.warp_extension < limit < 1 + 2 * named.warp_extension
     assert limit_of_extension(0.0, 100.0, 100.0, 0.5) == np.inf
     assert limit_of_extension(0.2, 1e4, 1e4, 0.5) == np.inf
+
+
+@pytest.mark.parametrize(("extension", "own", "stiffness", "begins"), [(0.05, 20.0, 300.0, 0.5), (0.2, 5.0, 40.0, 0.0)])
+def test_at_its_extension_a_thread_and_the_barrier_bear_the_force_of_the_test(extension, own, stiffness, begins):
+    """By the slope of the barrier (S - s_hat) -y^2 ln(1 - y), whose y is that of the stretch 1 + e."""
+    limit = limit_of_extension(extension, own, stiffness, begins)
+    begin = 1 + begins * (limit - 1)
+    sides = [barrier(1 + extension + step, limit, begin) for step in (1e-7, -1e-7)]
+    slope = stiffness * (sides[0] - sides[1]) / 2e-7
+    assert own * extension + slope == pytest.approx(EXTENDED, rel=1e-6)

@@ -142,3 +142,11 @@ def test_a_quasi_static_solve_ends_at_a_fraction_of_what_it_moved_or_of_a_cell()
     assert not ends(1.0, 1.1e-5)
     assert not ends(1e-6, 1e-6)  # beside a saddle a step is all that moved
     assert ends(0.9e-8, 0.9e-8)  # nothing to move
+
+
+def test_the_time_error_is_that_at_the_end_of_the_step():
+    seen = []
+    stop = MotionStop(0.3, (slice(0, 4),), lambda x: seen.append(x) or np.ones(1), 1.0, 1e-9)
+    x, dx = np.arange(12.0).reshape(4, 3), np.full((4, 3), 0.25)
+    assert stop.reached(x, dx, LastStep(9, False, np.array([1e-3]), np.array([1.0])), 1.0)
+    assert np.array_equal(seen[0], x + dx)

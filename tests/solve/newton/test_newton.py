@@ -372,7 +372,7 @@ def test_a_stiffness_of_round_off_is_no_stiffness(linear):
     assert model.potential.timers.linear_solves == 3
 
 
-def test_a_vertex_thrown_far_by_prescribed_ones_follows_to_a_bound_where_its_energy_is_lower():
+def test_a_vertex_thrown_far_by_prescribed_ones_follows_to_a_bound_where_its_energy_is_lower(monkeypatch):
     world = small_world()
     newton = newton_of(world, {"membrane": membrane(world)})
     x, displacement = world.start(), np.zeros_like(world.start())
@@ -386,3 +386,8 @@ def test_a_vertex_thrown_far_by_prescribed_ones_follows_to_a_bound_where_its_ene
     assert dx[5] == pytest.approx([0.75 * bound, 0.0, bound])
     thrown[5] = [0.0, 0.0, 0.9 * bound]
     assert newton._following(x, thrown, displacement)[0] is thrown
+    thrown[5] = [300.0, 0.0, 400.0]
+    monkeypatch.setattr(type(newton), "_limit", lambda *_: 0.99)  # what contact clips is left alone
+    clipped, fraction = newton._following(x, thrown, displacement)
+    assert clipped is thrown
+    assert fraction == 0.99

@@ -169,6 +169,10 @@ def test_carried_vertices_follow_a_rigid_motion():
     turned = x @ rotation_matrix(np.array([0.3, -1.0, 0.5])).T + [1.0, 2.0, 3.0]
     assert np.abs(carried.positions(x) - x[[0, 2]]).max() < 1e-14
     assert np.abs(carried.positions(turned) - turned[[0, 2]]).max() < 1e-13
+    by, start = np.array([0.1, -0.2]), x[triangles]
+    normal = np.cross(start[:, 1] - start[:, 0], start[:, 2] - start[:, 0])
+    along = normal / np.linalg.norm(normal, axis=1)[:, None]
+    assert carried.raised(by).positions(x) == pytest.approx(carried.positions(x) + by[:, None] * along, rel=1e-12)
     again = carried_in({"contact.pinch": carried.as_array()})
     assert all(np.array_equal(getattr(again, name), getattr(carried, name)) for name in Carried.__dataclass_fields__)
 
@@ -280,10 +284,11 @@ def test_pairs_are_suspended_by_their_definition():
     assert np.array_equal(suspension.mask(self_pairs, 100, is_self=True), (self_pairs < 3).all(axis=1))
 
 
-def test_a_contact_has_the_vertices_that_bear_it():
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_a_contact_has_the_vertices_that_bear_it(offset):
     """Sheets vertex over vertex: of each pair of a point and a triangle one vertex on either side."""
-    world = two_sheets(gap=0.001)
-    contact, x = self_contact(world, d_hat=0.01, stiffness=1.0), world.start()
+    world = two_sheets(gap=offset + 0.001)
+    contact, x = self_contact(world, d_hat=0.01, offset=offset, stiffness=1.0), world.start()
     for rows, places, directions, partners in _contacts(contact, x, world.n_cloth):
         assert len(rows) > 10
         assert ((rows >= 0) & (partners >= 0)).sum() == 0

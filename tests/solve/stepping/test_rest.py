@@ -163,5 +163,7 @@ def test_a_steady_wind_counts_as_a_load():
     model = static_model(integrator, report)
     force = -model.gradient()[: world.n_cloth, 2]
     assert force.sum() > 0.1
+    at_rest = energies["air"].begin(model.rest).gradient(model.rest.positions)[: world.n_cloth, 2]
+    assert force == pytest.approx(-at_rest, rel=1e-9)
     moved = model.displacement()[:, 2]
     assert moved == pytest.approx(force / (STIFFNESS + world.masses / HORIZON**2), rel=1e-9)

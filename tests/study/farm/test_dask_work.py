@@ -1,6 +1,10 @@
 """Work by real workers of Dask: killed ones are started again, a lost scheduler is one sentence."""
 
+import json
 import logging
+import platform
+import subprocess
+import sys
 
 import pytest
 from small_scenes import small_scene
@@ -9,6 +13,7 @@ from clothsim.cli import main
 from clothsim.study.farm import dask_work
 from clothsim.study.farm.dask_work import LostWorkersError, OwnWorkers, work_with_dask
 from clothsim.study.farm.plan import plan
+from clothsim.study.farm.publication import attempts, note_attempt
 from clothsim.study.farm.recipe import make_recipe
 from clothsim.study.farm.status import status
 
@@ -67,3 +72,22 @@ def test_a_scheduler_that_is_lost_is_exit_code_1_and_one_sentence(farm, monkeypa
     said = capsys.readouterr().err.strip().splitlines()
     assert len(said) == 1
     assert "3 of 3 drapes are left" in said[0]
+
+
+def test_an_attempt_that_is_stopped_with_its_worker_is_no_attempt(farm, tmp_path):
+    job = farm.jobs[0]
+
+    def claimed_by(pid):
+        claim = {"token": "t", "host": platform.node(), "pid": pid}
+        (farm.directory / "claims" / job.id).write_text(json.dumps(claim))
+        note_attempt(farm.directory, job.id, "started")
+
+    for foreign in (False, True):
+        own = OwnWorkers("", str(tmp_path), 1, farm)
+        process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+        own.processes.append(process)
+        claimed_by(1 if foreign else process.pid)
+        own.end()
+        assert process.poll() is not None
+        assert attempts(farm.directory, job.id) == foreign
+        assert (farm.directory / "claims" / job.id).exists() is foreign
