@@ -84,6 +84,8 @@ def plausible_range(section: str, key: SceneKey) -> tuple[float, float, str] | N
     own = OF_KEY.get(f"{section}.{key.name}")
     if own is not None or key.name in ANY or key.key.unit in UNITS_OF_ANY:
         return own
+    if key.key.unit not in OF_UNIT:  # of an effect of a user's own
+        return None
     low, high = OF_UNIT[key.key.unit]
     return low, high, f"{low:g} to {high:g} is usual"
 

@@ -241,12 +241,11 @@ _KERNEL = (1.0, 4.0, 6.0, 4.0, 1.0)
 
 
 def _denoised(light: Any, colour: Any, normal: Any, depth: Any, extent: float) -> Any:
-    """Light (h, w, 3) smoothed where the surface does not change; a pixel on an outline stays as it was traced."""
+    """Light (h, w, 3) smoothed where the surface does not change, and along outlines."""
     height, width = depth.shape
     base = np.maximum(colour, 0.02)
     seen = light / base
-    whole = np.linalg.norm(normal, axis=2)
-    slopes = np.gradient(depth)
+    slopes = [_lesser_slope(depth, axis) for axis in (0, 1)]
     for level in range(ROUNDS):
         step = 2**level
         total, weight = np.zeros_like(seen), np.zeros((height, width, 1), np.float32)
@@ -267,8 +266,35 @@ def _denoised(light: Any, colour: Any, normal: Any, depth: Any, extent: float) -
                 total += w * other
                 weight += w
         seen = np.where(weight > 1e-6, total / np.maximum(weight, 1e-6), seen)
-    smooth = (whole > 0.985)[..., None]
-    return np.where(smooth, seen * base, light)
+    mixed = np.linalg.norm(normal, axis=2) < WHOLE
+    seen[mixed] = _along_outlines(light / base, np.concatenate([normal, 3.0 * colour], axis=2))[mixed]
+    return seen * base
+
+
+def _lesser_slope(depth: Any, axis: int) -> Any:
+    """Difference of the depth (h, w) to the next or from the last pixel, the smaller one: none across an outline."""
+    ahead = np.diff(depth, axis=axis, append=np.take(depth, [-1], axis=axis))
+    behind = np.roll(ahead, 1, axis=axis)
+    return np.where(np.abs(ahead) < np.abs(behind), ahead, behind)
+
+
+WHOLE, CLOSE = 0.985, 0.03
+"""Length of the mean normal below which a pixel shows two surfaces, and the variance of what looks the same there."""
+
+
+def _along_outlines(seen: Any, features: Any) -> Any:
+    """Light (h, w, 3) smoothed over the neighbours whose mean normal and colour, features (h, w, 6), are the same."""
+    height, width, _ = features.shape
+    total, weight = np.zeros_like(seen), np.zeros((height, width, 1), np.float32)
+    padded, other = (np.pad(each, ((2, 2), (2, 2), (0, 0)), mode="edge") for each in (features, seen))
+    for i in range(5):
+        for j in range(5):
+            rows, columns = slice(i, i + height), slice(j, j + width)
+            apart = ((padded[rows, columns] - features) ** 2).sum(axis=2, keepdims=True)
+            w = np.exp(-apart / CLOSE)
+            total += w * other[rows, columns]
+            weight += w
+    return total / weight
 
 
 def _developed(light: Any) -> Floats:

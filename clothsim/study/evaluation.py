@@ -1,10 +1,12 @@
 """Evaluation of study points within a budget, with stored results reused."""
 
 import json
+import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -124,21 +126,25 @@ class Gatherer:
         write_points(self.directory, self.fingerprint, list(self.stored.values()))
 
     def _reuse(self, where: Point, key: str) -> bool:
-        """Read a stored point; False where its arrays are missing."""
-        entry, file = self.stored[key], self._file(key)
-        failed = entry.get("failed", "")
-        if not failed and not file.is_file():
+        """Read a stored point; False where its arrays are missing or broken: it is then computed again."""
+        try:
+            self.outcomes[where] = self._outcome(where, key)
+        except (OSError, EOFError, LookupError, TypeError, ValueError, AttributeError, BadZipFile, zlib.error):
             return False
-        none = np.zeros((0, 3))
-        positions = none if failed else self._positions(file)
+        self.left_out.pop(where, None)
+        self.reused += 1
+        return True
+
+    def _outcome(self, where: Point, key: str) -> Outcome:
+        """The outcome of a stored point."""
+        entry = self.stored[key]
+        failed = str(entry.get("failed", ""))
+        positions = np.zeros((0, 3)) if failed else self._positions(self._file(key))
         counts = {"warmup_seconds": entry.get("warmup_seconds", 0.0), **entry.get("counts", {})}
         times = entry.get("seconds") or 0.0, entry.get("wall_seconds") or 0.0
         energy = np.nan if entry.get("energy") is None else entry["energy"]
         estimate = sum(each or 0.0 for each in entry.get("estimate", {}).values())
-        self.outcomes[where] = Outcome(where, positions, *times, counts, energy, estimate, failed)
-        self.left_out.pop(where, None)
-        self.reused += 1
-        return True
+        return Outcome(where, positions, *times, counts, energy, estimate, failed)
 
     def _positions(self, file: Path) -> Floats:
         with np.load(file) as arrays:

@@ -1,6 +1,5 @@
 """Accuracy study of a scene: sweeps, reference, Pareto front, error contributions and reports."""
 
-import json
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -16,9 +15,10 @@ import clothsim
 from clothsim import Scene, engine, simulate
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
-from clothsim.base.file_writing import make_directory
+from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import renamed
 from clothsim.base.parallel import available_cores
+from clothsim.base.record import read_summary, to_json
 from clothsim.engine import World, build
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
@@ -52,10 +52,13 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
         return scene, None
     key = sha256(scene.to_text().encode()).hexdigest()[:16]
     file = directory / FOLDER / SEARCHED_NAME
-    stored = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
-    if stored.get("scene") != key:
+    try:
+        stored = read_summary(file) if file.is_file() else {}
+    except InputError:  # cut off by a kill: it is searched again
+        stored = {}
+    if stored.get("scene") != key or "resolution" not in stored:
         stored = {"scene": key, **_search(scene, budget)}
-        file.write_text(json.dumps(stored), encoding="utf-8")
+        write_atomically(file, to_json(stored).encode())
     steps, cells, d_hat = stored["resolution"]
     solver = {name: value for name, value in scene.solver.items() if name != "budget"}
     refinable = refinable_scene(replace(scene, solver=solver))

@@ -74,7 +74,9 @@ def draw_scene(scene: Path, target: Path) -> None:
         command = [sys.executable, "-m", "clothsim"]
         subprocess.run([*command, "run", str(scene), "-o", folder, "--quiet"], check=True)
         target.parent.mkdir(parents=True, exist_ok=True)
-        subprocess.run([*command, "render", folder, "-o", str(target), "--size", SIZE, "--quiet"], check=True)
+        subprocess.run(
+            [*command, "render", folder, "-o", str(target), "--size", SIZE, "--overwrite", "--quiet"], check=True
+        )
 
 
 def draw_example(example: Example, runs: Path, target: Path) -> None:
@@ -85,7 +87,7 @@ def draw_example(example: Example, runs: Path, target: Path) -> None:
     drawn = next(part for part in (folder / "drape", folder) if (part / "trajectory.vtkhdf").is_file())
     target.parent.mkdir(parents=True, exist_ok=True)
     look = ["--style", "studio", "--size", EXAMPLE_SIZE, *shlex.split(example.look)]
-    subprocess.run([*command, "render", str(drawn), "-o", str(target), *look, "--quiet"], check=True)
+    subprocess.run([*command, "render", str(drawn), "-o", str(target), *look, "--overwrite", "--quiet"], check=True)
 
 
 def examples_text(examples: Sequence[Example]) -> str:

@@ -31,6 +31,9 @@ def main(argv: Sequence[str]) -> int:
                     parsed(block)
                     counts["run" if running.run(block, arguments.all) else block.reason or block.language] += 1
                 except (Exception, SystemExit) as error:
+                    if isinstance(error, ModuleNotFoundError) and block.reason == "extra":
+                        counts["extra"] += 1
+                        continue
                     failed += 1
                     print(f"{block} FAILED: {''.join(format_exception_only(error)).strip()}")
         total += counts

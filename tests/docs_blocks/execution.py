@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import clothsim
@@ -19,6 +20,7 @@ from clothsim.base.errors import InputError
 from clothsim.cli import COMMANDS, GROUPS, main, parser_of_all, without_group
 from clothsim.cli.arguments import join_vectors
 from clothsim.scene.scene import make_scene
+from clothsim.study.farm.recipe import load_recipe
 from tests.docs_blocks import LATER, Block
 
 OPERATORS = {"&&", "|", "||", ";", "&"}
@@ -27,8 +29,6 @@ REST: dict[str, dict[str, Any]] = {
     "effects": {"inertia": {}, "membrane": {}},
 }
 """What a scene has where a block shows a part of one."""
-OTHER_FILES = ("farm", "panels")
-"""Tables of TOML files that are no scenes: recipes of farms, seams of drawings."""
 
 
 def commands_of(text: str) -> Iterator[list[str]]:
@@ -118,9 +118,18 @@ def checked_calls(text: str) -> int:
 
 
 def read_toml(text: str) -> int:
-    """Read a scene, or a part of one completed by REST, by the reader of scenes: the number of its tables."""
+    """Read a scene, or a part of one completed by REST, by the reader of scenes: the number of its tables.
+
+    Recipes of farms have a reader of their own; seams of a drawing are read with it alone.
+    """
     data = tomllib.loads(text)
-    if any(table in data for table in OTHER_FILES):
+    if "farm" in data:
+        with TemporaryDirectory() as folder:
+            file = Path(folder, "recipe.toml")
+            file.write_text(text, encoding="utf-8")
+            load_recipe(file)
+        return len(data)
+    if "panels" in data:
         return len(data)
     whole: dict[str, Any] = {**REST, **data, "effects": {**REST["effects"], **data.get("effects", {})}}
     if isinstance(whole["cloth"], dict) and "mesh" not in whole["cloth"]:

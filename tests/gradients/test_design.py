@@ -62,6 +62,7 @@ def test_the_slope_of_a_run_is_that_of_differences_of_its_loss(mesh):
     middle, more, less = (search._run(search.values(step * direction), None, {}) for step in (0.0, 1e-5, -1e-5))
     assert min(middle.aims) > 0
     assert middle.slope @ direction == pytest.approx((more.loss - less.loss) / 2e-5, rel=1e-3)
+    assert search.by_area(np.zeros(2))[0] == pytest.approx(0.24 + 0.30, rel=1e-3)  # mean widths of two panels
 
 
 @pytest.mark.parametrize("aim", [HemAt([0, 2], 0.1, 0.2), Measured(Girth(0.2), 0.5, 0.1), StretchBelow(1.01)])

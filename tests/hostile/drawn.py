@@ -41,6 +41,16 @@ EFFECTS = (
     "plastic_bending",
     "pressure",
 )
+NESTED = {
+    "body.motion": ("body", "motion", False),
+    "effects.pins.group": ("effects.pins", "group", True),
+    "effects.springs.spring": ("effects.springs", "spring", True),
+    "effects.seams.seam": ("effects.seams", "seam", True),
+    "effects.rest_angle.crease": ("effects.rest_angle", "crease", True),
+    'effects.air.wind, kind = "gust"': ("effects.air", "wind", False),
+    'effects.air.wind, kind = "vortex"': ("effects.air", "wind", False),
+}
+"""Nested tables: their owner, its key, and whether that takes a list of them."""
 SHAPES = {"rectangle": {"cells": [4, 3]}, "disk": {"cells": 3}, "tube": {"cells": [6, 3]}, "pillow": {"cells": 2}}
 BODIES = {"sphere": {"subdivisions": 1}, "slab": {"cells": [1, 1, 1]}, "capsule": {}, "cone": {}}
 
@@ -80,7 +90,24 @@ def drawn(stream: np.random.Generator) -> dict[str, Any]:
     for _ in range(int(stream.integers(0, 5))):
         where, table = places[int(stream.integers(len(places)))]
         _draw_key(stream, where, table)
+    for where, (owner, key, several) in NESTED.items():
+        if stream.random() < 0.06:
+            name = owner.removeprefix("effects.")
+            inner = _nested(stream, where)
+            tables = scene.get(owner, []) if owner == "body" else [effects.setdefault(name, {})]
+            for table in tables[:1]:
+                table[key] = [inner] if several else inner
+    if stream.random() < 0.15:
+        scene["rigid"] = [_body(stream, 3) | {"density": 500.0, "name": "block"}]
+        _draw_key(stream, "rigid", scene["rigid"][0])
     return {name: table for name, table in scene.items() if table}
+
+
+def _nested(stream: np.random.Generator, where: str) -> dict[str, Any]:
+    """A nested table: its required keys and perhaps another one."""
+    keys = sections()[where].keys
+    chosen = [name for name, known in keys.items() if known.required or stream.random() < 0.25]
+    return {name: _value(stream, keys[name]) for name in chosen}
 
 
 def _cloth(stream: np.random.Generator, k: int) -> dict[str, Any]:
@@ -117,7 +144,7 @@ def _value(stream: np.random.Generator, known: SceneKey) -> Any:
     if float in parts or int in parts:
         number = _number(stream, known)
         return number if float in parts else int(min(abs(number), 1e6)) if math.isfinite(number) else 1
-    return "x"
+    return str(stream.choice(["x", "cloth0", "body0", "left", "all"]))
 
 
 def _number(stream: np.random.Generator, known: SceneKey) -> float:
@@ -149,7 +176,7 @@ def as_toml(scene: Mapping[str, Any]) -> str:
 
 def _text(value: Any) -> str:
     if isinstance(value, dict):
-        return "{}"
+        return f"{{ {', '.join(f'{key} = {_text(inner)}' for key, inner in value.items())} }}"
     if isinstance(value, list):
         return f"[{', '.join(_text(each) for each in value)}]"
     return repr(value) if isinstance(value, float) else json.dumps(value)

@@ -8,6 +8,7 @@ from tests.hostile.stock import FREE, SHEET, changed, with_body
 
 RUN = "run a.toml -o out --no-picture"
 ANY = "refused|found|completed"
+BALL = '[[body]]\nname = "ball"\nmesh = "sphere"\nradius = 0.3\nsubdivisions = 1\n'
 
 
 def cases() -> Iterator[Case]:
@@ -152,13 +153,15 @@ def _starts() -> Iterator[Case]:
         ("a body of no volume", with_body('name = "ball"\nmesh = "slab"\nsize = [1, 1, 1e-9]'), ANY),
         (
             "no body at all",
-            changed('[[body]]\nname = "ball"\nmesh = "sphere"\nradius = 0.3\nsubdivisions = 1\n', ""),
+            changed(BALL, ""),
             ANY,
         ),
         ("quasi-static and held by nothing", changed("[effects.inertia]\n", ""), ANY),
         ("a model of the mannequin", with_body('name = "ball"\nmodel = "mannequin"'), ANY),
     ):
         yield Case(f"start: {what}", RUN, wanted, {"a.toml": text}, check=run_is_right())
+    alone = changed(BALL, "").replace("[effects.body_contact]", "[effects.body_contact]\nexclude = [5.9, 0.2]")
+    yield Case("value: exclusions of numbers, no body", RUN, "refused", {"a.toml": alone}, small=True)
     yield Case("start: a pressed sheet", RUN, "found|completed", {"a.toml": PRESS}, check=run_is_right())
     yield Case("start: through the ball, checked", "check a.toml", "found", {"a.toml": inside})
     crossing = changed("[effects.body_contact]\n", "", changed("[0.0, 0.0, 0.31]", "[0.0, 0.0, 0.1]"))

@@ -18,7 +18,9 @@ SHEET = {"mesh": "rectangle", "cells": [2, 2]}
 @pytest.mark.parametrize(("section", "key"), KEYS, ids=lambda part: getattr(part, "name", part))
 def test_every_key_with_a_unit_has_a_range_or_is_named_as_one_without(section, key):
     if key.key.unit not in UNITS_OF_ANY and key.name not in ANY:
-        low, high, usual = plausible_range(section.rpartition(".")[2], key)
+        found = plausible_range(section.rpartition(".")[2], key)
+        assert found is not None
+        low, high, usual = found
         assert 0 <= low < high
         assert usual
 

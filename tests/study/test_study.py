@@ -1,7 +1,9 @@
 """Accuracy study on an analytic scene with known errors, and once on real processes."""
 
 import json
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -92,6 +94,18 @@ def test_called_again_it_runs_nothing_and_reports_the_same(made):
     assert second.result["reused"] >= len(runners.jobs)
     errors = [{each["key"]: each["error"] for each in some.result["points"]} for some in (study, second)]
     assert errors[0] == errors[1]
+
+
+def test_points_that_are_broken_are_computed_again(made, tmp_path):
+    """A cut archive ended in a BadZipFile."""
+    shutil.copytree(made[2], tmp_path / "study")
+    whole = sorted((tmp_path / "study/points").glob("*.npz"))[:3]
+    for file, content in zip(whole, (b"", b"PK\x03\x04", whole[2].read_bytes()[:200]), strict=True):
+        file.write_bytes(content)
+    runners = Runners()
+    study_accuracy(SHEET, tmp_path / "study", PARAMETERS, budget=1e9, workers=1, runners=runners)
+    assert {Path(job.target) for job in runners.jobs} >= {*whole}
+    assert all(len(file.read_bytes()) > 200 for file in whole)
 
 
 def test_points_of_another_scene_are_not_reused(made, tmp_path):

@@ -27,9 +27,10 @@ def body_contact(world: World, keys: BodyContact) -> Energy | Off:
     >>> contact.d_hat, contact.offset
     (0.01, 0.002)
     """
+    excluded = excluded_pairs(world, keys)  # first: the intersection check reads them too
     if not world.bodies:
         return Off("the scene has no body")
-    surface = cloth_body_surface(world, excluded_pairs(world, keys))
+    surface = cloth_body_surface(world, excluded)
     if not surface.allowed.any():
         return Off("every pair is excluded")
     from clothsim.physics.contact.setup import (

@@ -17,7 +17,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Energy, Step
-from clothsim.physics.energies.protocols import Anchored, Driven, Joining
+from clothsim.physics.energies.protocols import Anchored, Driven, Joining, is_idle
 
 ROUND_OFF = 1e-9
 """Fraction of the forces on a piece below which their sum counts as zero: internal forces cancel to the last digits."""
@@ -252,8 +252,11 @@ def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
     step = Step(0.0, 1.0, start, none, 1.0, none)
     forces = none.copy()
     for energy in energies.values():
-        if not energy.begins_last:
-            forces -= energy.begin(step).gradient(start)
+        if energy.begins_last:
+            continue
+        bound = energy.begin(step)
+        if not is_idle(bound):
+            forces -= bound.gradient(start)
     return forces[: world.n_cloth]
 
 

@@ -53,17 +53,19 @@ class MechanicalEnergy:
 
 
 def mechanical_energy(world: World, potential: Potential, state: State) -> MechanicalEnergy:
-    """Return the energies of `state` with the data of a bound potential."""
-    energies = potential.acting
-    values = {name: energy.value(state.positions) for name, energy in energies.items()}
-    stored = [value for name, value in values.items() if not energies[name].incremental]
+    """Return the energies of `state` with the data of a bound potential, which has evaluated most ends of steps before.
+
+    An energy that is not defined there makes `incremental` inf, and those after it in the sum do not count.
+    """
+    energies, values = potential.acting.values(), potential.values(state.positions)
+    stored = [value for energy, value in zip(energies, values, strict=False) if not energy.incremental]
     dynamic = len(stored) < len(values)
-    stored += [energy.stored(state.positions) for energy in energies.values() if isinstance(energy, Storing)]
+    stored += [energy.stored(state.positions) for energy in energies if isinstance(energy, Storing)]
     speeds = (state.velocities[: world.n_unknowns] ** 2).sum(axis=1)
     kinetic = 0.5 * float(world.inertial_masses @ speeds) if dynamic else 0.0
     least = 0.5 * float(world.inertial_masses.sum()) * LEAST_SPEED**2
     scale = max(least, *(abs(part) for part in (kinetic, *stored)))
-    return MechanicalEnergy(kinetic + sum(stored), sum(values.values()), kinetic, scale)
+    return MechanicalEnergy(kinetic + sum(stored), sum(values), kinetic, scale)
 
 
 def gains_energy(world: World, potential: Potential, before: State, after: State, target: Prescribed) -> bool:

@@ -18,6 +18,8 @@ from clothsim.study.farm.recipe import Recipe, changed
 
 FARM_NAME, JOBS_NAME = "farm.json", "jobs.jsonl"
 FOLDERS = ("drapes", "claims", "attempts", "tmp", "meshes")
+REWRITE = "Remove this file and plan the same recipe with -o here, or plan the recipe again in another folder."
+"""What to do about a farm.json that was changed: the same recipe has the same one, and the drapes stay."""
 TRIED = 3
 """Drapes of a recipe that are built before it is planned, until one can be."""
 
@@ -187,9 +189,9 @@ def open_farm(directory: str | Path) -> Farm:
         settings = json.loads(read_file(folder, FARM_NAME))
         whole = settings["sha256"] == _settings_hash(settings)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(f"{folder / FARM_NAME} is no plan.", "Plan the recipe again in another folder.") from error
+        raise InputError(f"{folder / FARM_NAME} is no plan.", REWRITE) from error
     if not whole:
-        raise InputError(f"{folder / FARM_NAME} is not what was planned.", "Plan the recipe again in another folder.")
+        raise InputError(f"{folder / FARM_NAME} is not what was planned.", REWRITE)
     return Farm(folder, settings)
 
 

@@ -153,8 +153,10 @@ def test_changed_settings_of_a_plan_are_refused(farm):
         rewrite(file, change)
         with pytest.raises(InputError):
             open_farm(farm.directory)
-        file.write_bytes(whole)
-    open_farm(farm.directory)
+        file.unlink()
+        plan(recipe(), farm.directory)
+        assert file.read_bytes() == whole
+    demand_verified(open_farm(farm.directory))
 
 
 def test_a_farm_is_signed_off_as_it_is(farm, tmp_path):
