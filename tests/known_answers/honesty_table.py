@@ -1,8 +1,8 @@
 """Claims of solver.error beside finer runs of what it chose: python -m tests.known_answers.honesty_table [SCENE ...].
 
 Scenes of `unseen_scenes`. The truth is a run with a quarter of the dt, four times the cells and a quarter of the d_hat
-of the settings that were chosen (--levels 2), and a tolerance of 1e-4 m/s; distances are RMS over the last frame. One level is
-no truth: errors of dt and cells may have opposite signs. Of the arch it moved .30 mm, four times as fine .86 mm.
+of the settings that were chosen (--levels 2), and a tolerance of 1e-4 m/s; distances are RMS over the last frame. One
+level is no truth: errors of dt and cells may have opposite signs. Of the arch it moved .30 mm, two .86 mm.
 """
 
 import argparse
