@@ -46,7 +46,8 @@ def folder(tmp_path_factory):
     (made / "out").mkdir()
     (made / "free.toml").write_text(FREE)
     (made / "meshed.toml").write_text(FREE.replace('"rectangle"\ncells = [4, 4]', '"out/record.jsonl"'))
-    (made / "recipe.toml").write_text('[farm]\nscene = "free.toml"\ncount = 1\nuntil = "time"\n[vary]\n"solver.dt" = [0.01]\n')
+    recipe = '[farm]\nscene = "free.toml"\ncount = 1\nuntil = "time"\n[vary]\n"solver.dt" = [0.01]\n'
+    (made / "recipe.toml").write_text(recipe)
     (made / "tri.obj").write_text(TRIANGLE)
     assert main(["run", str(made / "free.toml"), "-o", str(made / "run"), "--no-picture", "--quiet"]) == 0
     return made
