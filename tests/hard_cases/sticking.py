@@ -51,11 +51,11 @@ def pressed_down(small: bool) -> Scene:
     )
 
 
-def foot_force(angle: float, guess: Floats) -> tuple[Floats, float]:
+def foot_force(angle: float, aside: float, guess: Floats) -> tuple[Floats, float]:
     """Force (across, along) on the foot over D/L^2, and the height of the clamp over L, for an angle at the foot.
 
     D theta'' = Fx cos theta - Fz sin theta along the strip, theta from the upright: free to turn at the foot, upright
-    at the clamp, which is above the foot.
+    at the clamp, which is `aside` of the foot, over L, towards the side to which the strip bulges.
     """
 
     def top(force: Floats) -> Floats:
@@ -65,32 +65,34 @@ def foot_force(angle: float, guess: Floats) -> tuple[Floats, float]:
         )  # fmt: skip
         return np.asarray(along.y[:, -1], np.float64)
 
-    force = fsolve(lambda f: top(f)[[0, 2]], guess)
+    force = fsolve(lambda f: top(f)[[0, 2]] - (0, aside), guess)
     return force, float(top(force)[3])
 
 
-def slips_at() -> float:
-    """By how much of its length the strip is pressed down when its foot slips, |Fx| = mu Fz."""
+def slips_at(aside: float) -> float:
+    """By how much of its length the strip is pressed down when its foot slips, |Fx| = mu Fz; aside: as above."""
     guess = np.array([0.1, 20.19])  # of the Euler load of a column that is clamped above
 
     def excess(angle: float) -> float:
-        force, _ = foot_force(angle, guess)
+        force, _ = foot_force(angle, aside, guess)
         return float(force[0] / force[1] - STRIP_MU)
 
-    _, height = foot_force(brentq(excess, 0.4, 1.1, xtol=1e-4), guess)
+    _, height = foot_force(brentq(excess, 0.4, 1.1, xtol=1e-4), aside, guess)
     return 1 - height
 
 
 def slips_as_elastica(run: Run) -> str:
-    """The foot holds until the elastica's force leaves the cone of friction, and slips there."""
+    """The foot holds where it has landed until the elastica's force leaves the cone of friction, and slips there."""
     foot = run.positions(0)[:, 2] < NEAR
     landed = int(np.searchsorted(run.times, LANDED * LENGTH / DOWN))
-    there = run.positions(landed)[foot, 0].mean()
+    x = run.positions(landed)[:, 0]
+    there = float(x[foot].mean())
+    side = np.sign(x[np.abs(x).argmax()])
     moved = [abs(float(x[foot, 0].mean() - there)) * (k > landed) for k, x in enumerate(frames(run))]
     if max(moved) < SLID:
         return f"the foot does not slip: {max(moved):.2g} m"
     pressed = DOWN * run.times[int(np.argmax(np.array(moved) > SLID))] / LENGTH
-    expected = slips_at()
+    expected = slips_at(-side * there / LENGTH)
     wrong = abs(pressed / expected - 1) > CLOSE
     return f"the foot slips when pressed down by {pressed:.4g}, the elastica by {expected:.4g}" if wrong else ""
 
