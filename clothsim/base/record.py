@@ -13,6 +13,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import write_atomically, writing
 from clothsim.base.inputs import shown
+from clothsim.base.process_memory import peak_memory
 
 RECORD_NAME = "record.jsonl"
 MOVIE_NAME, GIF_NAME = "movie.mp4", "movie.gif"
@@ -94,6 +95,20 @@ def read_summary(path: str | Path) -> dict[str, Any]:
         if name in summary and not isinstance(summary[name], kinds):
             raise InputError(f"{path} has a {name} that is {shown(summary[name])}.", "Repeat the run from its scene.")
     return summary
+
+
+def record_peak_memory(path: str | Path) -> int:
+    """Write the largest resident memory of this process so far into a summary, which work after it has raised [bytes].
+
+    Returns
+    -------
+    int
+        What the summary says now.
+    """
+    summary = read_summary(path)
+    summary["peak_memory_bytes"] = max(peak_memory(), summary.get("peak_memory_bytes", 0))
+    write_summary(path, summary)
+    return int(summary["peak_memory_bytes"])
 
 
 def to_json(value: Any, indent: int | None = None) -> str:

@@ -188,6 +188,7 @@ def _answer(done: "Fit") -> str:
 def _picture(done: "Fit") -> list[str]:
     try:
         on_demand.draw_fit(done, done.directory / PICTURE_NAME)
+        on_demand.record_peak_memory(done.directory / on_demand.SUMMARY_NAME)
     except (ClothsimError, OSError, ImportError) as error:
         return [f"No {PICTURE_NAME}: {error}"]
     return []
@@ -290,6 +291,7 @@ def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
         try:
             if wanted:
                 draw()
+                on_demand.record_peak_memory(done.directory / on_demand.SUMMARY_NAME)
         except (ClothsimError, OSError, ImportError) as error:
             trouble.append(f"No {name}: {error}")
     return trouble

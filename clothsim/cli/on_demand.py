@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
     from clothsim.base.kernel_cache import cached_kernels
-    from clothsim.base.record import RECORD_NAME, RUN_PICTURES, SUMMARY_NAME, read_summary, to_json
+    from clothsim.base.record import RECORD_NAME, RUN_PICTURES, SUMMARY_NAME, read_summary, record_peak_memory, to_json
     from clothsim.garments.penetration import draw_penetrations, entries, read_penetration_report
     from clothsim.garments.pictures import DRESS_PICTURES, draw_dress, draw_fit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical

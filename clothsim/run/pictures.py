@@ -13,13 +13,12 @@ from clothsim import (
 )
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.base.process_memory import peak_memory
 from clothsim.base.record import (
     FAILURE_NAME,
     PICTURE_NAME,
     RUN_PICTURES,
     SUMMARY_NAME,
-    write_summary,
+    record_peak_memory,
 )
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
@@ -220,8 +219,7 @@ def draw_pictures(
         except (ClothsimError, OSError, ImportError) as error:
             trouble.append(f"No {name}: {error}")
     if jobs and run.summary:  # a picture takes more than the run of a small scene
-        run.summary["peak_memory_bytes"] = max(peak_memory(), run.summary.get("peak_memory_bytes", 0))
-        write_summary(directory / SUMMARY_NAME, run.summary)
+        run.summary["peak_memory_bytes"] = record_peak_memory(directory / SUMMARY_NAME)
     return trouble
 
 

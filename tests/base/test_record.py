@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from clothsim.base.errors import InputError
-from clothsim.base.record import RecordWriter, read_record, read_summary, to_json, write_summary
+from clothsim.base.process_memory import peak_memory
+from clothsim.base.record import (
+    SUMMARY_NAME,
+    RecordWriter,
+    read_record,
+    read_summary,
+    record_peak_memory,
+    to_json,
+    write_summary,
+)
 
 ENTRIES = [{"step": 0, "residual": 0.1 + 0.2}, {"step": 1, "note": "Überschuss\n"}, {"step": 2, "pairs": [1, 2]}]
 
@@ -164,3 +173,13 @@ def test_a_broken_summary_is_refused(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"summary\.json"):
         read_summary(path)
+
+
+@pytest.mark.parametrize("before", [{}, {"peak_memory_bytes": 1}, {"peak_memory_bytes": 1 << 60}])
+def test_the_peak_memory_of_a_summary_follows_what_comes_after_it_and_never_falls(tmp_path, before):
+    path = tmp_path / SUMMARY_NAME
+    write_summary(path, {"status": "completed", **before})
+    told = record_peak_memory(path)
+    assert read_summary(path) == {"status": "completed", "peak_memory_bytes": told}
+    known = before.get("peak_memory_bytes", 0)
+    assert told == known if known > 1 else 1 < told <= peak_memory()

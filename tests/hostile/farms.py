@@ -1,7 +1,7 @@
 """Hostile recipes and folders of farms, and what is learned of them."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +66,8 @@ def _recipes() -> Iterator[Case]:
     yield Case("sweep: two values", "sweep sheet.toml --vary cloth.density=.1,.2 -o s", "completed|found", good)
 
 
-def _spoilt(changes: dict[str, bytes | str | None]) -> dict[str, bytes | str | None]:
+def farm_with(changes: Mapping[str, bytes | str | None]) -> dict[str, bytes | str | None]:
+    """The farm with files changed, or left out where a change is None, and its folders."""
     files: dict[str, bytes | str | None] = {**farm(), **changes}
     folders = {f"farm/{name}": None for name in ("claims", "attempts", "tmp", "meshes", "drapes")}
     return {**folders, **{name: content for name, content in files.items() if content is not None}}
@@ -78,9 +79,9 @@ def _folders() -> Iterator[Case]:
     climbing = json.dumps({**json.loads(lines[0]), "id": "../../outside"})
     drape = next(name.split("/")[2] for name in made if name.startswith("farm/drapes/"))
     undone = {name: None for name in made if name.startswith("farm/drapes/")}
-    yield Case("farm: as it is, verified", "farm verify farm --fraction 0", "completed", _spoilt({}))
+    yield Case("farm: as it is, verified", "farm verify farm --fraction 0", "completed", farm_with({}))
     verified = ["farm verify farm --fraction 0"]
-    yield Case("farm: as it is, packed", "farm pack farm -o data.h5", "completed", _spoilt({}), before=verified)
+    yield Case("farm: as it is, packed", "farm pack farm -o data.h5", "completed", farm_with({}), before=verified)
     for what, changes in {
         "jobs.jsonl climbs out": {"farm/jobs.jsonl": climbing + "\n", **undone},
         "jobs.jsonl cut": {"farm/jobs.jsonl": lines[0][:40], **undone},
@@ -95,7 +96,7 @@ def _folders() -> Iterator[Case]:
     }.items():
         for command in ("farm work farm", "farm status farm", "farm pack farm -o data.h5"):
             wanted = "refused" if what.startswith("farm.json") else ANY
-            yield Case(f"farm: {what}, {command.split()[1]}", command, wanted, _spoilt(changes), check=_thesis)
+            yield Case(f"farm: {what}, {command.split()[1]}", command, wanted, farm_with(changes), check=_thesis)
     cloth = next(name for name in made if name.startswith(f"farm/drapes/{drape}/cloth"))
     for what, changes in {
         "cloth.npy flipped": {cloth: made[cloth][:-1] + bytes([made[cloth][-1] ^ 1])},
@@ -105,9 +106,9 @@ def _folders() -> Iterator[Case]:
         "params.json missing": {f"farm/drapes/{drape}/params.json": None},
         "a mesh empty": {name: b"" for name in made if name.startswith("farm/meshes/")},
     }.items():
-        yield Case(f"farm: {what}, verify", "farm verify farm --fraction 0", "found|refused", _spoilt(changes))
-        yield Case(f"farm: {what}, pack", "farm pack farm -o data.h5", ANY, _spoilt(changes), before=verified)
-        yield Case(f"farm: {what}, learn", "learn farm -o m.npz", "refused|found", _spoilt(changes), before=verified)
+        yield Case(f"farm: {what}, verify", "farm verify farm --fraction 0", "found|refused", farm_with(changes))
+        yield Case(f"farm: {what}, pack", "farm pack farm -o data.h5", ANY, farm_with(changes), before=verified)
+        yield Case(f"farm: {what}, learn", "learn farm -o m.npz", "refused|found", farm_with(changes), before=verified)
     for command in (
         "farm work nothing",
         "farm status sheet.toml",
@@ -117,7 +118,7 @@ def _folders() -> Iterator[Case]:
         "farm work farm --attempts 0",
         "farm work farm --stale -1s",
     ):
-        yield Case(f"farm: {command}", command, "refused", _spoilt({}))
+        yield Case(f"farm: {command}", command, "refused", farm_with({}))
 
 
 def _thesis(folder: Path, text: str) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.hostile.case import Case
+from tests.hostile.farms import farm_with
 from tests.hostile.oracle import fault_of_run, run_is_right
 from tests.hostile.stock import LONG, RECIPE, SHEET, farm, run
 
@@ -41,17 +42,12 @@ def _signals() -> Iterator[Case]:
         "signal: Ctrl-C in a farm",
         "farm work farm",
         "stopped",
-        _farm_of_long(),
-        before=["farm plan recipe.toml -o farm"],
+        farm_with(dict.fromkeys(name for name in farm() if name.startswith("farm/drapes/"))),
         interrupt=[(signal.SIGINT, "farm/farm.json")],
     )
     yield Case(
         "kill: of a run, then resumed", ["resume", "out", "--no-picture"], "completed", _killed, check=run_is_right()
     )
-
-
-def _farm_of_long() -> dict[str, str]:
-    return {"sheet.toml": LONG, "recipe.toml": RECIPE}
 
 
 def _killed(folder: Path) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Scene, simulate
+from clothsim import Cloth, Scene, simulate
 from clothsim.base.arrays import Floats
-from clothsim.mesh.generators.shapes import disk
+from clothsim.mesh.generators.shapes import disk, rectangle
 from tests.known_answers.elastica import deep_beam
 from tests.known_answers.row import ANY_ORDER, Outcome, Row
 from tests.known_answers.scene_runs import AT_ONCE, ELASTIC, PAPER, WEIGHT, ended, on_meshes
@@ -174,6 +174,45 @@ def _deep_beam() -> Outcome:
     return on_meshes(gamma, (4, 8, 16), deep_beam(0.0) / np.sqrt(2), 5e-3, ANY_ORDER, printed="12.853763")
 
 
+# --- wrinkles of a stretched sheet ----------------------------------------------------------------------------------
+
+SPAN, WAVE, WAVES, TENSION, NARROWED = 0.2, 0.05, 8, 60.0, 6e-4
+"""Length of the sheet, wavelength by theory [m]; waves across; tension [N/m]; part by which the ends are narrowed.
+
+It is twice the critical one: far beyond that shorter waves grow first, and stay.
+"""
+
+
+def wavelength(cells: int) -> float:
+    """Wavelength at half of its length, over WAVE, of a stretched sheet whose ends are narrowed; cells: of a wave.
+
+    lambda = 2 pi^(1/2) (B/T)^(1/4) L^(1/2) (Cerda & Mahadevan 2003, Phys. Rev. Lett. 90, 074302): with sin(pi x/L) the
+    compression B k^2 + T (pi/L)^2/k^2 that a wave k takes is least for k^4 = T (pi/L)^2/B.
+    """
+    stiffness = TENSION * (WAVE / (2 * np.sqrt(np.pi))) ** 4 / SPAN**2
+    flat, triangles = rectangle((SPAN, WAVES * WAVE), (2 * cells, WAVES * cells), "alternating")
+    stretched = 1 + TENSION / (PAPER["youngs_modulus"] * PAPER["thickness"])
+    start = flat * [stretched, 1 - NARROWED, 1.0]
+    ends = np.flatnonzero(np.abs(flat[:, 0]) > SPAN / 2 - 1e-9)
+    start[:, 2] = 1e-5 * np.random.default_rng(0).standard_normal(len(flat))
+    start[ends, 2] = 0.0
+    cloth = Cloth(start, triangles, rest=flat[:, :2], **{**PAPER, "bending_stiffness": stiffness})
+    effects = {**ELASTIC, "pins": {"select": ends.tolist()}}
+    run = ended(Scene(cloth=cloth, effects=effects, run=AT_ONCE, solver={"dt": 1.0}))
+    middle = np.flatnonzero(np.abs(flat[:, 0]) < 1e-9)
+    middle = middle[np.argsort(flat[middle, 1])]
+    y, z = flat[middle, 1], run.last[middle, 2]
+    before = np.flatnonzero(z[:-1] * z[1:] < 0)
+    zeros = y[before] - z[before] * (y[before + 1] - y[before]) / (z[before + 1] - z[before])
+    inner = zeros[np.abs(zeros) < 0.375 * WAVES * WAVE]
+    return float(2 * np.diff(inner).mean() / WAVE)
+
+
+def _wrinkles() -> Outcome:
+    """The bar is half a wave more or less on the sheet, whose number of waves is a whole one."""
+    return on_meshes(wavelength, (8, 12, 16), 1.0, 0.5 / WAVES, ANY_ORDER)
+
+
 ROWS = (
     Row("A12a", "clamped plate, point load, nu = .3: w D/(P a^2)", _plate),
     Row("A12b", "clamped membrane, load on a hub of a/8, nu = 1/3: P / Schwerin's", _membrane),
@@ -181,4 +220,5 @@ ROWS = (
     Row("A12d", "the same, width / length = .5", partial(_bias, 0.5)),
     Row("A12e", "the same, width / length = 1", partial(_bias, 1.0)),
     Row("A12f", "a deep beam tips over: Gamma / sqrt(2/(1 + nu))", _deep_beam),
+    Row("A12g", "wrinkles of a stretched sheet: wavelength / Cerda and Mahadevan's", _wrinkles),
 )

@@ -143,7 +143,7 @@ def test_the_cheapest_sufficient_resolution_is_chosen():
 
 def test_a_pair_that_ends_in_two_shapes_starts_again_with_half_the_step(tmp_path, monkeypatch):
     monkeypatch.setattr(resolution, "ANOTHER_SHAPE", 1e-9)
-    run = simulate(strip(error=1.0), tmp_path)
+    run = simulate(strip(error=0.29), tmp_path)
     estimate = run.summary["certificate"]["error_estimate"]
     assert [each["dt"] for each in estimate["runs"]] == pytest.approx([0.01, 0.005, 0.005, 0.0025, 0.0025, 0.00125])
     assert not estimate["known"]
