@@ -22,8 +22,12 @@ from clothsim.render.surface_look import Surface, looks, smoothed
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _SMALLEST = 64
-_RENDERERS = {"vtk": "clothsim.render.vtk_scene", "ray": "clothsim.render.ray_caster"}
-"""Modules of the renderers, as text: VTK is imported only where it draws."""
+_RENDERERS = {
+    "vtk": "clothsim.render.vtk_scene",
+    "ray": "clothsim.render.ray_caster",
+    "mitsuba": "clothsim.render.studio",
+}
+"""Modules of the renderers, as text: VTK and Mitsuba are imported only where they draw."""
 FIGURE = 4.0
 """Largest size of a body that is shown whole, relative to the cloths'."""
 _LONGEST_SIDE, _MOST_SAMPLES = 16_384, 80_000_000
@@ -269,9 +273,8 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
         camera = replace(camera, position=camera.position + centre_of(surfaces))
     drawn = [smoothed(each) for each in surfaces] if setup.smooth else list(surfaces)
     if style.traced:
-        from clothsim.render import studio  # with Mitsuba, an extra
-
-        return studio.render(drawn, setup.scale, camera, setup.size, setup.up, setup.samples)
+        trace = import_module(_RENDERERS["mitsuba"]).render
+        return np.asarray(trace(drawn, setup.scale, camera, setup.size, setup.up, setup.samples))
     image = _shaded(setup, camera, drawn, surfaces)
     cloths = [each for each in drawn if each.role == "cloth"]
     if style.body_opacity < 1.0 and 0 < len(cloths) < len(drawn):

@@ -14,9 +14,8 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
 from clothsim.render.camera import Camera
-from clothsim.render.cloth_shell import cloth_shell
 from clothsim.render.colour_scale import Scale
-from clothsim.render.surface_look import Surface, creased_normals, vertex_values
+from clothsim.render.surface_look import Surface, cloth_shell, creased_normals, vertex_values
 
 PALETTE = np.array(
     [[0.055, 0.125, 0.245], [0.55, 0.24, 0.075], [0.115, 0.20, 0.125], [0.40, 0.055, 0.075], [0.62, 0.55, 0.43]]

@@ -6,8 +6,8 @@ import trimesh
 from render_scenes import ball, sheet
 
 from clothsim.base.errors import InputError
-from clothsim.render import cloth_shell as shells
 from clothsim.render import studio
+from clothsim.render import surface_look as shells
 from clothsim.render.picture import draw, picture_setup, rendered_without_legend
 from clothsim.render.surface_look import Surface
 

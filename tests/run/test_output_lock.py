@@ -98,7 +98,6 @@ def test_a_stopped_run_points_at_resume(tmp_path):
 
 def test_a_directory_that_holds_no_run_is_written_to(tmp_path):
     (tmp_path / "thesis.txt").write_text("all my work")
-    (tmp_path / RECORD_NAME).write_text("")  # of a run that did not come to its first frame
     assert simulate(small_scene(**FALL), tmp_path).status == "completed"
     assert (tmp_path / "thesis.txt").read_text() == "all my work"
 

@@ -65,7 +65,8 @@ def test_the_command_draws_a_field(run, tmp_path, monkeypatch, capsys):
     target = tmp_path / "thickness.png"
     assert main(["render", str(run.directory), "-o", str(target), "--field", "thickness", "--size", "200x150"]) == 0
     assert np.array_equal(np.asarray(Image.open(target)), run.plot(field="thickness", **SMALL))
-    assert main(["render", str(run.directory), "-o", str(target), "--field", "thikness"]) != 0
+    other = str(tmp_path / "other.png")
+    assert main(["render", str(run.directory), "-o", other, "--field", "thikness"]) != 0
     assert "'thickness'" in capsys.readouterr().err
 
 

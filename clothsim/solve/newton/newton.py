@@ -11,10 +11,18 @@ from clothsim.base.arrays import Floats
 from clothsim.base.linalg import dot
 from clothsim.physics.energies.base import Prescribed
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.newton.convergence import ErrorBalance, LastStep, MotionStop
+from clothsim.solve.newton.convergence import (
+    BALANCED,
+    MOST_UNBALANCED,
+    NO_FORCE_LEFT,
+    ErrorBalance,
+    ForceBalance,
+    LastStep,
+    MotionStop,
+    force_balance,
+)
 from clothsim.solve.newton.curved_step import longer_step
 from clothsim.solve.newton.direction import NO_FACTOR, Direction, QuadraticModel
-from clothsim.solve.newton.force_balance import BALANCED, MOST_UNBALANCED, NO_FORCE_LEFT, ForceBalance, force_balance
 from clothsim.solve.newton.line_search import RESOLVED, armijo, round_off
 from clothsim.solve.newton.nonlinear_elimination import Patch, unconverged
 from clothsim.solve.newton.observer import Iterate, Observer, unobserved

@@ -7,7 +7,7 @@ from meshes import deformed, small_world
 from small_scenes import small_scene
 
 from clothsim import simulate
-from clothsim.solve.newton.force_balance import BALANCED, force_balance
+from clothsim.solve.newton.convergence import BALANCED, force_balance
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers
 
