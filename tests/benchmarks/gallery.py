@@ -48,13 +48,9 @@ class Example:
 
 EXAMPLES = (
     Example("table", "A table cloth", "run table --set cloth.cells=[120,120] --set cloth.fabric=cotton"),
-    Example("flag", "A flag in gusts", "run flag --set cloth.cells=[75,50]"),
-    Example("shirt", "A shirt at rest", "run shirt --set cloth.edge=0.009 --set run.duration=1.2"),
     Example("pleats", "A pleated skirt that turns", "run pleats --set cloth.size=0.018"),
     Example("knit_denim", "A knit and a denim", "run knit_denim --set cloth.knit.cells=28 --set cloth.denim.cells=28"),
     Example("tunic", "Six panels, sewn and worn", "dress tunic --on shirt --size 15mm"),
-    Example("cape", "A cape of wool", "run cape --set cloth.cells=[56,72] --set cloth.fabric=wool"),
-    Example("balloon", "A foil balloon", "run balloon --set cloth.cells=44"),
 )
 
 
@@ -105,7 +101,7 @@ def example_commands(examples: Sequence[Example]) -> str:
     lines = []
     for each in examples:
         lines.append(f"clothsim {each.command} -o {each.name}")
-        lines.append(f"clothsim render {each.name} --style studio --size {EXAMPLE_SIZE} {each.look}".rstrip())
+        lines.append(f"clothsim render {each.name} -o {each.name}.png --style studio --size {EXAMPLE_SIZE} {each.look}".rstrip())
     return "\n".join(["```sh", *lines, "```"])
 
 
