@@ -101,7 +101,8 @@ def example_commands(examples: Sequence[Example]) -> str:
     lines = []
     for each in examples:
         lines.append(f"clothsim {each.command} -o {each.name}")
-        lines.append(f"clothsim render {each.name} -o {each.name}.png --style studio --size {EXAMPLE_SIZE} {each.look}".rstrip())
+        look = f"--style studio --size {EXAMPLE_SIZE} {each.look}".rstrip()
+        lines.append(f"clothsim render {each.name} -o {each.name}.png {look}")
     return "\n".join(["```sh", *lines, "```"])
 
 
