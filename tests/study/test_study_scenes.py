@@ -49,7 +49,7 @@ class InProcess:
     def __init__(self, most=10**9):
         self.most = most
 
-    def __call__(self, count):
+    def __call__(self, count, spent):
         return self
 
     def __enter__(self):

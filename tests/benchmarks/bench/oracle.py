@@ -3,13 +3,10 @@
 They are those about which the Newton solve of one time step asks contact, in their order: body and self contact.
 """
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
-from time import perf_counter, process_time
 from typing import cast
 
 import numpy as np
@@ -72,10 +69,9 @@ def compared(case: Case, states: Path, repeats: int, announce: Callable[[str], N
     n_cloth = session.built.world.n_cloth
     pattern = extended(session.integrator.system.base, [rows for _, rows in active])
     sides: dict[str, Side] = {"ours": Ours(barriers, pattern), "ipctk": Ipctk(barriers, n_cloth)}
-    with _processor_time():
-        for side in sides.values():
-            taken(side, newton_steps[:1])  # compiles
-        rounds = [{name: taken(side, newton_steps) for name, side in sides.items()} for _ in range(repeats)]
+    for side in sides.values():
+        taken(side, newton_steps[:1])  # compiles
+    rounds = [{name: taken(side, newton_steps) for name, side in sides.items()} for _ in range(repeats)]
     theirs = rounds[0]["ipctk"][0]
     ours = sum(energy_of_all_pairs(barrier, x) for x, _ in newton_steps for barrier in barriers)
     if abs(ours - theirs) > AGREE * abs(theirs):
@@ -139,18 +135,3 @@ def recorded(session: Session, state: State) -> list[NewtonStep]:
     finally:
         del candidates.step_limit
     return newton_steps
-
-
-@contextmanager
-def _processor_time() -> Iterator[None]:
-    """The package's own receipts take wall time: meanwhile let their clock be the processor's."""
-    modules = [module for name, module in sys.modules.items() if name.startswith("clothsim.")]
-    clocks = [module for module in modules if getattr(module, "perf_counter", None) is perf_counter]
-    clocks = [module for module in clocks if module.__name__ != __name__]
-    for module in clocks:
-        module.perf_counter = process_time  # type: ignore[attr-defined]
-    try:
-        yield
-    finally:
-        for module in clocks:
-            module.perf_counter = perf_counter  # type: ignore[attr-defined]
