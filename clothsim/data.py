@@ -72,12 +72,12 @@ class Drapes:
                 for group, content in file["garments"].items()
                 for row, name in enumerate(content["ids"].asstr())
             }
+            self.rows: tuple[dict[str, Any], ...] = tuple(row for row in rows if row["id"] in places)
+            self._places = [places[row["id"]] for row in self.rows]
         except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
             raise InputError(
                 f"{self.path} is no data set of drapes ({error}).", "Write one: `clothsim farm pack DIR -o data.h5`."
             ) from error
-        self.rows: tuple[dict[str, Any], ...] = tuple(row for row in rows if row["id"] in places)
-        self._places = [places[row["id"]] for row in self.rows]
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import pickle
 
+import h5py
 import numpy as np
 import pytest
 from small_scenes import small_scene
@@ -62,3 +63,12 @@ def test_another_file_is_refused(tmp_path):
     for name in ("data.h5", "none.h5"):
         with pytest.raises(InputError):
             Drapes(tmp_path / name)
+
+
+@pytest.mark.parametrize("row", ["{}", "[]", "3"])
+def test_a_manifest_of_something_else_is_refused(tmp_path, row):
+    with h5py.File(tmp_path / "data.h5", "w") as file:
+        file["manifest"], file["card"], file["garments/0/ids"] = [row], "", ["0"]
+        file.attrs["licence"] = ""
+    with pytest.raises(InputError):
+        Drapes(tmp_path / "data.h5")

@@ -221,9 +221,12 @@ def picture_setup(
 
 
 def _figure(frames: Sequence[Sequence[Surface]], cloth: Floats) -> Floats:
-    """Extreme points (k, 3) [m] of the cloths and of bodies up to FIGURE times as large: what is larger is ground."""
+    """Extreme points (k, 3) [m] of the cloths and of bodies up to FIGURE times as large: what is larger is ground.
+
+    All bodies where there is no cloth.
+    """
     bodies = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "body"]
-    largest = FIGURE * float(np.ptp(cloth, axis=0).max(initial=0.0))
+    largest = FIGURE * float(np.ptp(cloth, axis=0).max()) if len(cloth) else np.inf
     return np.concatenate([cloth, *(points for points in bodies if np.ptp(points, axis=0).max() <= largest)])
 
 

@@ -233,7 +233,7 @@ STITCH, GAP, THREAD = 0.0034, 0.0014, 0.0003
 """Length of a stitch, the gap behind it, and the radius of its thread [m]."""
 WIDEST_HEM = 0.06
 """Largest hem relative to the size of the cloth: a card has none."""
-_BORDER_STEP = 5e-4
+_BORDER_STEP, _MOST_STEPS = 5e-4, 1_000_000
 
 
 @dataclass(frozen=True)
@@ -304,7 +304,8 @@ def _border_distance(surface: Surface) -> tuple[Floats, Floats]:
     graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(material), len(material)))
     _, seeds = np.unique(connected_components(graph, directed=False)[1], return_index=True)
     from_seed = dijkstra(graph, directed=False, indices=seeds, min_only=True)
-    counts = np.maximum(np.ceil(lengths / _BORDER_STEP).astype(np.int64), 1)
+    step = max(_BORDER_STEP, float(lengths.sum()) / _MOST_STEPS)  # a cloth in other units has kilometres of border
+    counts = np.maximum(np.ceil(lengths / step).astype(np.int64), 1)
     edge = np.repeat(np.arange(len(edges)), counts)
     part = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[edge]
     points = start[edge] + part[:, None] * (end - start)[edge]

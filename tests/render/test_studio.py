@@ -6,7 +6,7 @@ import trimesh
 from render_scenes import ball, sheet
 
 from clothsim.base.errors import InputError
-from clothsim.render import studio
+from clothsim.render import studio, surface_look
 from clothsim.render import surface_look as shells
 from clothsim.render.picture import draw, picture_setup, rendered_without_legend
 from clothsim.render.surface_look import Surface
@@ -78,6 +78,21 @@ def test_whole_figures_are_in_the_picture_and_ground_is_not():
     assert np.abs(setup.camera.project(ground.positions)).max() > 1
     assert setup.title == ""
     assert setup.renderer == "mitsuba"
+
+
+def test_bodies_alone_are_in_the_picture():
+    settings = {"size": (80, 80), "colour": "plain", "up": "z", "view": "auto", "title": "", "renderer": "auto"}
+    setup = picture_setup([[ball()]], style="studio", **settings)
+    assert np.abs(setup.camera.project(ball().positions)).max() <= 1
+
+
+def test_a_cloth_of_kilometres_costs_no_more_points_of_its_border(monkeypatch):
+    counted = []
+    tree = surface_look.cKDTree
+    monkeypatch.setattr(surface_look, "cKDTree", lambda points: counted.append(len(points)) or tree(points))
+    monkeypatch.setattr(surface_look, "_MOST_STEPS", 1000)
+    shells.cloth_shell(square(side=1e4))
+    assert 1000 <= counted[0] <= 1000 + 4 * 40
 
 
 def test_traced_cloth_has_its_colour_and_a_shadow():
