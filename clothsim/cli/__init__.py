@@ -206,6 +206,8 @@ def _without_command(words: Sequence[str]) -> int:
         names = GROUPS[group] if group else (*COMMANDS, *GROUPS)
         close = get_close_matches(arguments.command, [name for name in names if name], n=1)
         hint = f"Did you mean {close[0]!r}?" if close else f"`clothsim {group}{' ' * bool(group)}--help` lists them."
+        if arguments.command in names:
+            raise InputError("An option stands before the command.", f"Write `clothsim {arguments.command} ...` first.")
         raise InputError(f"There is no command {arguments.command!r}.", hint)
     if others:
         parser.error(f"unrecognized arguments: {' '.join(others)}")

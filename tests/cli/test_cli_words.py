@@ -243,3 +243,8 @@ def test_a_renamed_option_does_the_same_and_names_the_new_one(capsys):
     assert capsys.readouterr().err == ""
     assert "--hold" not in commands["dress"].format_help()
     assert "--hold" not in script("bash")
+
+
+def test_an_option_before_the_command_is_not_an_unknown_command(capsys):
+    assert main(["--quiet", "explain"]) == 2
+    assert "no command" not in capsys.readouterr().err
