@@ -227,6 +227,8 @@ def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
 
 THICKNESS, HEM_LAYERS = 1.0e-3, 2.2
 """Thickness that is drawn [m], and the factor on it in a hem. Contact keeps layers about as far apart."""
+THICKEST = 0.004
+"""Largest thickness that is drawn, relative to the size of the cloth: one of a millimetre is no block."""
 HEM_WIDTH, HEM_SLOPE = 0.018, 0.0015
 """Width of a hem, and of the step at its end [m]."""
 STITCH, GAP, THREAD = 0.0034, 0.0014, 0.0003
@@ -254,9 +256,10 @@ def cloth_shell(surface: Surface) -> tuple[Shell, Floats]:
     x, triangles = surface.positions, surface.triangles
     normals = vertex_normals(x, triangles)
     distance, along = _border_distance(surface)
-    hemmed = WIDEST_HEM * float(np.ptp(x, axis=0).max()) > HEM_WIDTH
+    size = float(np.ptp(x, axis=0).max())
+    hemmed = WIDEST_HEM * size > HEM_WIDTH
     layers = 1.0 + (HEM_LAYERS - 1.0) * np.clip((HEM_WIDTH - distance) / HEM_SLOPE, 0.0, 1.0) * hemmed
-    offset = 0.5 * THICKNESS * layers[:, None] * normals
+    offset = 0.5 * min(THICKNESS, THICKEST * size) * layers[:, None] * normals
     front, back = x + offset, x - offset
     uv = material_coordinates(surface)
     edges = _border(triangles)

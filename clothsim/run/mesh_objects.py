@@ -3,7 +3,8 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from clothsim.base.errors import MissingPackageError
+from clothsim.base.errors import InputError, MissingPackageError
+from clothsim.render.surface_look import Surface
 from clothsim.run.pictures import frame_surfaces
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def to_trimesh(run: "Run", frame: int = -1) -> "trimesh.Scene":
     Raises
     ------
     InputError
-        For a frame that is not there.
+        For a frame that is not there, or what is no run.
     MissingPackageError
         Without trimesh.
 
@@ -43,7 +44,7 @@ def to_trimesh(run: "Run", frame: int = -1) -> "trimesh.Scene":
     """
     trimesh = _package("trimesh")
     made = trimesh.Scene()
-    for each in frame_surfaces(run.trajectory, frame):
+    for each in _surfaces(run, frame):
         mesh = trimesh.Trimesh(each.positions, each.triangles, process=False)
         made.add_geometry(mesh, node_name=each.name, geom_name=each.name)
     return made
@@ -66,7 +67,7 @@ def to_pyvista(run: "Run", frame: int = -1) -> "pyvista.MultiBlock":
     Raises
     ------
     InputError
-        For a frame that is not there.
+        For a frame that is not there, or what is no run.
     MissingPackageError
         Without PyVista.
 
@@ -79,12 +80,19 @@ def to_pyvista(run: "Run", frame: int = -1) -> "pyvista.MultiBlock":
     """
     pyvista = _package("pyvista")
     made = pyvista.MultiBlock()
-    for each in frame_surfaces(run.trajectory, frame):
+    for each in _surfaces(run, frame):
         block = pyvista.PolyData.from_regular_faces(each.positions, each.triangles)
         if len(each.principal_stretches):
             block.cell_data["principal_stretches"] = each.principal_stretches
         made[each.name] = block
     return made
+
+
+def _surfaces(run: "Run", frame: int) -> list[Surface]:
+    """The cloths and bodies of a frame. InputError for what is no run, such as the name of its directory."""
+    if not hasattr(run, "trajectory"):
+        raise InputError(f"This takes a run, not {run!r:.80}.", "Open one: clothsim.open_run(DIRECTORY).")
+    return frame_surfaces(run.trajectory, frame)
 
 
 def _package(name: str) -> Any:

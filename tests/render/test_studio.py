@@ -40,6 +40,11 @@ def test_a_shell_is_closed_and_as_thick_as_its_hem():
     assert np.einsum("ij,ij->i", vectors, shell.normals.mean(axis=1)).min() > 0
 
 
+def test_a_tiny_cloth_is_thin():
+    shell, _ = shells.cloth_shell(square(side=1e-3))
+    assert np.ptp(shell.corners[..., 2]) == pytest.approx(1e-3 * shells.THICKEST)
+
+
 def test_stitches_run_along_the_hem_in_the_share_of_their_length():
     _, stitches = shells.cloth_shell(square())
     points = stitches.reshape(-1, 3)

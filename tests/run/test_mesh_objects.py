@@ -40,6 +40,13 @@ def test_a_frame_that_is_not_there_and_a_package_that_is_not(run, monkeypatch):
         to_pyvista(run)
 
 
+@pytest.mark.parametrize("convert", [to_trimesh, to_pyvista])
+@pytest.mark.parametrize("what", ["drape", None])
+def test_what_is_no_run_is_refused_with_the_way_to_one(convert, what):
+    with pytest.raises(InputError, match="open_run"):
+        convert(what)
+
+
 def test_each_example_is_loaded_by_its_name(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert "sphere" in examples()
