@@ -131,3 +131,13 @@ def test_the_light_filter_keeps_outlines_and_removes_noise():
     assert (smooth / colour).std() < 0.25 * 0.3
     assert smooth[:, :20].mean() == pytest.approx(0.2, rel=0.05)
     assert smooth[:, 20:].mean() == pytest.approx(0.8, rel=0.05)
+
+
+def test_no_light_crosses_a_jump_of_the_depth():
+    near = np.arange(40) < 20
+    light = np.broadcast_to(np.where(near, 0.2, 0.8)[None, :, None], (40, 40, 3)).astype(np.float32)
+    depth = np.broadcast_to(np.where(near, 1.0, 1.5), (40, 40))
+    normal = np.broadcast_to([0.0, 0.0, 1.0], (40, 40, 3))
+    smooth = studio._denoised(light, np.ones((40, 40, 3), np.float32), normal, depth, 1.0)
+    assert smooth[:, 19].mean() == pytest.approx(0.2, rel=0.01)
+    assert smooth[:, 20].mean() == pytest.approx(0.8, rel=0.01)
