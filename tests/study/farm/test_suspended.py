@@ -3,6 +3,7 @@
 import json
 import os
 import time
+from contextlib import contextmanager
 
 import pytest
 from small_scenes import small_scene
@@ -91,6 +92,22 @@ def test_a_worker_that_is_suspended_before_it_cleans_up_removes_no_folder_of_its
     assert (farm.directory / "tmp" / f"{job.id}.{SUCCESSOR.token}").is_dir()
     assert json.loads((farm.directory / "claims" / job.id).read_text())["token"] == SUCCESSOR.token
     claims[0].__exit__(None, None, None)
+
+
+def test_a_worker_that_is_suspended_as_it_claims_begins_nothing(farm, monkeypatch):
+    job, successors = farm.jobs[0], []
+
+    @contextmanager
+    def taken_at_once(*given):
+        with claimed(*given) as own:
+            successors.append(taken_over(farm))
+            yield own
+
+    monkeypatch.setattr("clothsim.study.farm.work.claimed", taken_at_once)
+    monkeypatch.setattr("clothsim.study.farm.work.drape", lambda *given: pytest.fail("a drape was begun"))
+    assert make(farm, job, SLEEPER) is None
+    assert (farm.directory / "tmp" / f"{job.id}.{SUCCESSOR.token}").is_dir()
+    successors[0].__exit__(None, None, None)
 
 
 def test_a_disk_that_fails_while_the_claim_is_held_stops_the_worker(farm, monkeypatch):

@@ -179,6 +179,9 @@ def test_a_drape_of_another_verdict_is_made_again_differently(farm):
     rewrite(drape_of(farm, HASHES), lambda c: c.update({SUMMARY: hashlib.sha256(file.read_bytes()).hexdigest()}))
     done = verify(farm, fraction=1)
     assert (done.torn, done.different) == ({}, (farm.jobs[1].id,))
+    assert not done.good
+    with pytest.raises(InputError, match=farm.jobs[1].id):  # it was signed off before, as it was
+        demand_verified(farm)
 
 
 @pytest.mark.parametrize(
