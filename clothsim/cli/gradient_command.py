@@ -90,7 +90,7 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     derivatives = {name: gradient[name] for name in names}
     if arguments.output is not None:
         _save(arguments.output, derivatives)
-    document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient)}
+    document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient), "stiffness": trace.stiffness}
     return Report(document, "\n".join(_lines(gradient, derivatives)), verdict=True)
 
 
