@@ -72,10 +72,7 @@ def test_newton_error(seed):
     assert abs(exact.gradient(LINEAR).newton_error) < 1e-6 * abs(true)
 
 
-LEFT = [("wind", 0.04), ("landing", 0.12), ("compressed", 0.08), ("ball", 0.08)]
-
-
-@pytest.mark.parametrize(("name", "duration"), LEFT)
+@pytest.mark.parametrize(
     ("name", "duration"), [("wind", 0.04), ("landing", 0.12), ("compressed", 0.08), ("ball", 0.08)]
 )
 def test_newton_error_of_scenes_that_buckle_and_fold(name, duration):
