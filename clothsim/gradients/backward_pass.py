@@ -10,6 +10,7 @@ Step k minimises E, so that G(x_k; past, lag, p) = dE/dx = 0 on the free rows, a
 The contact pairs of recorded states are remembered: the pass searches for none.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
 from clothsim.gradients.differentiable_session import RecordedStep, bound_to, free_rows
-from clothsim.gradients.exact_system import exact_system, solved
+from clothsim.gradients.exact_system import DESCENT, exact_system, solved
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs
@@ -184,6 +185,8 @@ class Adjoints:
         dL by the positions and velocities at the start of the run.
     newton : (K,) float64
         -a . G of each step: what the loss would still change by if its solve were exact.
+    doubt : (K,) float64
+        |a . G| one exact Newton step further, what the first order leaves out; inf where contact blocks that step.
     """
 
     forces: Floats
@@ -191,6 +194,7 @@ class Adjoints:
     start: Floats
     velocities: Floats
     newton: Floats
+    doubt: Floats
 
 
 def backward_pass(
@@ -226,7 +230,7 @@ def backward_pass(
         for number, derivative in given.items():
             states[number] += derivative
     forces, held = np.zeros((len(steps), n, 3)), np.zeros((len(steps), rows, 3))
-    newton = np.zeros(len(steps))
+    newton, doubt = np.zeros(len(steps)), np.zeros(len(steps))
     for k in range(len(steps) - 1, -1, -1):
         record = steps[k]
         for near in steps[max(k - 1, 0) : k + 1]:
@@ -239,7 +243,9 @@ def backward_pass(
         a = solved(exact, w, f"after step {k + 1}")
         held[k] = np.where(free[:, None], 0.0, w - exact.prescribed_rows_times(a))
         forces[k] = a[:n]
-        newton[k] = -float(np.vdot(a, bound.gradient(record.solution)))
+        left = bound.gradient(record.solution)
+        newton[k] = -float(np.vdot(a, left))
+        doubt[k] = _beyond(bound, record.solution, exact.solve(-left), a)
         seen = seen_past(integrator, bound, step, record.solution, a)
         seen["past_positions"] += by_velocity
         new, old = past_weights(record, integrator)
@@ -249,7 +255,14 @@ def backward_pass(
             x[k - 1] += old * seen["past_positions"]
             v[k - 1] += old * seen["past_velocities"]
         x[k + 1] = v[k + 1] = np.zeros((0, 3))  # done with
-    return Adjoints(forces, held, x[0], v[0], newton)
+    return Adjoints(forces, held, x[0], v[0], newton, doubt)
+
+
+def _beyond(bound: Potential, x: Floats, dx: Floats, a: Floats) -> float:
+    """|a . G(x + dx)| after a Newton step dx; 0 for one of round-off, inf for one that contact blocks."""
+    if np.abs(dx).max() <= DESCENT.tolerance:
+        return 0.0
+    return abs(float(np.vdot(a, bound.gradient(x + dx)))) if bound.step_limit(x, dx) == 1.0 else math.inf
 
 
 def velocity_part(by_velocities: Floats, dt: float) -> Floats:

@@ -130,7 +130,11 @@ def differentiable_session(session: Session, polish: int = MOST_STEPS) -> Sessio
     stiffness = pilot_stiffness(session, adaptive) if adaptive else {}
     held = with_stiffness(session, stiffness)
     refine = Polish(held.integrator.system, polish) if polish else unrefined
-    notes = tuple(f"{name}: stiffness held at {kappa:.4g} Pa, for the gradient." for name, kappa in stiffness.items())
+    notes = tuple(
+        f"{name}: stiffness held at {kappa:.4g} Pa, for the gradient. Hold it in runs that are compared with this: "
+        f"effects.{name}.stiffness = {kappa:.12g}."
+        for name, kappa in stiffness.items()
+    )
     return replace(held, integrator=replace(held.integrator, refine=refine), notes=(*held.notes, *notes))
 
 
@@ -171,6 +175,12 @@ def pilot_stiffness(session: Session, names: Sequence[str]) -> dict[str, float]:
             kappa = float(report.potential.energies[name].stiffness)  # type: ignore[attr-defined]
             largest[name] = max(largest.get(name, 0.0), kappa)
     return largest
+
+
+def stiffness_of(energies: Mapping[str, Energy]) -> dict[str, float]:
+    """Return the stiffness of each contact [Pa], by effect."""
+    contacts = {name: cast("Any", each) for name, each in energies.items() if isinstance(each, AdaptiveStiffness)}
+    return {name: float(each.stiffness) for name, each in contacts.items()}
 
 
 def with_stiffness(session: Session, stiffness: Mapping[str, float]) -> Session:
