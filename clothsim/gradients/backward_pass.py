@@ -10,6 +10,7 @@ Step k minimises E, so that G(x_k; past, lag, p) = dE/dx = 0 on the free rows, a
 The contact pairs of recorded states are remembered: the pass searches for none.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
 from clothsim.gradients.differentiable_session import RecordedStep, bound_to, free_rows
-from clothsim.gradients.exact_system import exact_system, solved
+from clothsim.gradients.exact_system import DESCENT, exact_system, solved
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs
@@ -211,14 +212,15 @@ class StepBack:
         dL by the state at the start of the step.
     forces, prescribed : (N, 3) float64
         a, and dL by the prescribed rows, as of `Adjoints`.
-    newton : float
-        -a . G.
+    newton, doubt : float
+        As of `Adjoints`.
     """
 
     state: StateAdjoint
     forces: Floats
     prescribed: Floats
     newton: float
+    doubt: float
 
 
 @dataclass(frozen=True)
@@ -235,6 +237,8 @@ class Adjoints:
         dL by the positions and velocities at the start of the run.
     newton : (K,) float64
         -a . G of each step: what the loss would still change by if its solve were exact.
+    doubt : (K,) float64
+        |a . G| one exact Newton step further, what the first order leaves out; inf where contact blocks that step.
     carried : tuple of mappings
         dL by what energies carry over from each step (`StateAdjoint.memory` of its end), by effect.
     """
@@ -244,6 +248,7 @@ class Adjoints:
     start: Floats
     velocities: Floats
     newton: Floats
+    doubt: Floats
     carried: tuple[Mapping[str, Floats], ...]
 
 
@@ -275,7 +280,7 @@ def backward_pass(
     integrator = with_remembered_pairs(integrator)
     n, rows = integrator.world.n_cloth, integrator.world.n_vertices
     forces, held = np.zeros((len(steps), n, 3)), np.zeros((len(steps), rows, 3))
-    newton, carried = np.zeros(len(steps)), list[Mapping[str, Floats]]()
+    newton, doubt, carried = np.zeros(len(steps)), np.zeros(len(steps)), list[Mapping[str, Floats]]()
     by_velocities = by_velocities or {}
     state = no_adjoint(rows).plus(by_positions.get(len(steps)), by_velocities.get(len(steps)))
     for k in range(len(steps) - 1, -1, -1):
@@ -284,8 +289,8 @@ def backward_pass(
         carried.append(state.memory)
         back = step_back(integrator, steps[k], state, f"after step {k + 1}", system)
         state = back.state.plus(by_positions.get(k), by_velocities.get(k))
-        held[k], forces[k], newton[k] = back.prescribed, back.forces[:n], back.newton
-    return Adjoints(forces, held, state.positions, state.velocities, newton, tuple(reversed(carried)))
+        held[k], forces[k], newton[k], doubt[k] = back.prescribed, back.forces[:n], back.newton, back.doubt
+    return Adjoints(forces, held, state.positions, state.velocities, newton, doubt, tuple(reversed(carried)))
 
 
 def step_back(
@@ -316,7 +321,8 @@ def step_back(
     exact = exact_system(bound, record.solution, system or integrator.system, np.flatnonzero(~free))
     a = solved(exact, w, where)
     held = np.where(free[:, None], 0.0, w - exact.prescribed_rows_times(a))
-    newton = -float(np.vdot(a, bound.gradient(record.solution)))
+    left = bound.gradient(record.solution)
+    doubt = _beyond(bound, record.solution, exact.solve(-left), a)
     seen, memory = seen_past(integrator, bound, step, record.solution, a, by_end.memory)
     seen["past_positions"] += by_velocity
     new, old = past_weights(record, integrator)
@@ -327,7 +333,14 @@ def step_back(
         old * seen["past_velocities"],
         {name: -part for name, part in memory.items()},
     )
-    return StepBack(state, a, held, newton)
+    return StepBack(state, a, held, -float(np.vdot(a, left)), doubt)
+
+
+def _beyond(bound: Potential, x: Floats, dx: Floats, a: Floats) -> float:
+    """|a . G(x + dx)| after a Newton step dx; 0 for one of round-off, inf for one that contact blocks."""
+    if np.abs(dx).max() <= DESCENT.tolerance:
+        return 0.0
+    return abs(float(np.vdot(a, bound.gradient(x + dx)))) if bound.step_limit(x, dx) == 1.0 else math.inf
 
 
 def velocity_part(by_velocities: Floats, dt: float) -> Floats:

@@ -37,7 +37,7 @@ RULED = {"youngs_modulus": THREADS, "bending_stiffness": BENDINGS}
 
 
 def value_at(scene: Scene, world: World, path: str) -> Floats:
-    """Return the number or numbers at a path, a 0- or 1-dimensional array.
+    """Return the number or numbers at a path, a 0- or 1-dimensional array; of key frames (k, 2).
 
     Raises
     ------
@@ -201,7 +201,7 @@ def full_path(name: str) -> str:
 
 
 def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
-    """Return dL by the number or numbers at a path of the scene, () or (k,).
+    """Return dL by the number or numbers at a path of the scene, () or (k,), or by the key frames there, (k, 2).
 
     Raises
     ------
@@ -213,7 +213,8 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
     value = value_at(scene, session.built.world, path)
     affected = affected_effects(path, tuple(session.built.energies))
     relative, stencil = (OF_FABRIC, SECOND_ORDER) if is_of_fabric(path) else (RELATIVE_STEP, FOURTH_ORDER)
-    size = relative * float(np.abs(value).max(initial=0.0)) or LEAST_STEP
+    largest = np.abs(value).max(axis=0) if value.ndim == 2 else np.abs(value).max(initial=0.0)  # of times, of values
+    sizes = np.broadcast_to(np.where(largest > 0, relative * largest, LEAST_STEP), value.shape)
     out = np.zeros(value.shape)
     for index in np.ndindex(value.shape):
 
@@ -223,5 +224,6 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
             made = build(with_value(scene, path, changed))
             return Variant(made.world, held_energies(made.energies, run.stiffness), made.constraints)
 
-        out[index] = Variation(built, size, stencil, affected).derivative(integrator, run.steps, adjoints)
+        varied = Variation(built, float(sizes[index]), stencil, affected)
+        out[index] = varied.derivative(integrator, run.steps, adjoints)
     return out
