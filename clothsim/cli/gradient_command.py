@@ -19,6 +19,7 @@ from clothsim.cli.arguments import (
     add_set,
     as_count,
     as_positive_number,
+    assigned_number,
     loss_of,
     meshed,
     refuse_output,
@@ -56,19 +57,15 @@ def add_to(commands: Any) -> None:
         "scene",
         type=Path,
         metavar="SCENE",
-        help="a scene file (TOML), an example, the directory of a run; with --test outlines (.npz)",
+        help="a scene, an example, a run; outlines (.npz)",
     )
     recover.add_argument(
         "--target", type=Path, metavar="FILE", help="a drape: a mesh, points (.xyz), or a run's directory"
     )
     recover.add_argument("--free", metavar="NAMES", help="youngs_modulus,pattern.front.width")
-    recover.add_argument("--prior", action="store_true", help="weigh bending with that of 618 fabrics of the weight")
-    recover.add_argument("--test", choices=("cusick",), help="the outlines are of drapes on a tester")
-    recover.add_argument("--density", metavar="NUMBER", help="with --test: weight of the cloth [kg/m2]")
-    recover.add_argument("--lays", default="4", metavar="N", help="with --test: simulated lays of a step (default 4)")
-    recover.add_argument(
-        "--pattern", type=Path, metavar="FILE", help="pattern of a cloth of arrays, as pattern.json of a dressed one"
-    )
+    recover.add_argument("--prior", action="store_true", help="weigh bending with 618 measured fabrics")
+    recover.add_argument("--test", choices=("cusick",), help="outlines of drapes")
+    recover.add_argument("--pattern", type=Path, metavar="FILE", help="pattern.json of a cloth of arrays")
     recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", default="2", metavar="N", help="starts of the search (default 2)")
@@ -131,16 +128,11 @@ def _save(file: Path, derivatives: "dict[str, Floats]") -> None:
 RECOVERY_NAME = "recovery.json"
 
 _RECOVER = """\
-Find the numbers of a scene, as those of its fabric or of its pattern (pattern.front.width), for which it hangs as a
-target does: runs with gradients, from several starts, with the standard error of each number and what the target does
-not tell. With -o the run of the recovered scene and recovery.json are left there.
+Find the numbers of a scene, of its fabric or of its pattern (pattern.front.width), for which it hangs as a target does,
+with standard errors and what the target does not tell. With -o the recovered run and recovery.json are left there.
 
   clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
-
-With --test cusick the outlines of a drape tester: an .npz file with radii (k,) or (n, k) [m] at even angles about the
-plate's centre, and side (n,), 1 or -1 where the specimen was turned over. They give D/(rho g) and curl.
-
-  clothsim recover --test cusick outlines.npz --density 0.15 --prior
+  clothsim recover --test cusick outlines.npz --set density=0.15 --prior
 """
 
 
@@ -189,11 +181,11 @@ def _recover_drape(arguments: argparse.Namespace) -> Report:
         if getattr(arguments, name) is not None:
             raise InputError(f"--{name} has no effect with --test.", "The outlines are the target; leave it out.")
     outlines = on_demand.read_outlines(arguments.scene)
-    density = None if arguments.density is None else as_positive_number("--density", arguments.density)
+    own = dict(assigned_number(text) for text in arguments.set)
     if arguments.output is not None:
         refuse_replacing([arguments.output / RECOVERY_NAME], arguments.overwrite)
     tell = messages(arguments, f"{len(outlines[0])} outlines of {arguments.scene}")
-    found = on_demand.recover_drape(*outlines, density, arguments.prior, as_count("--lays", arguments.lays), tell=tell)
+    found = on_demand.recover_drape(*outlines, own, arguments.prior, tell=tell)
     lines = found.text()
     if arguments.output is not None:
         make_directory(arguments.output)

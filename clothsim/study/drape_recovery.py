@@ -21,7 +21,7 @@ from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, outline_s
 
 GRAVITY, DENSITY = 9.81, 0.2
 """[m/s2]; weight of a cloth whose weight is not told [kg/m2]."""
-ASSUMED: Mapping[str, Any] = {"thickness": 0.4e-3, "youngs_modulus": 0.75e6, "poisson_ratio": 0.243,
+ASSUMED: dict[str, float] = {"thickness": 0.4e-3, "youngs_modulus": 0.75e6, "poisson_ratio": 0.243,
                               "shear_stiffness": 45.0}  # fmt: skip
 """E2 300 N/m; a shear stiffness of .8 gf/(cm degree), a KES value of plain weaves."""
 WARP, WEFT, BIAS = 1.25, 0.8, 1.04
@@ -103,12 +103,13 @@ class DrapeRecovery:
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
-def cloth_of(bending_length: float, density: float = DENSITY, curl: float = 0.0) -> dict[str, Any]:
-    """Keys of [cloth] of the assumed sheet with a bending length [m], a weight [kg/m2] and a curl [1/m]."""
-    mean = density * GRAVITY * bending_length**3
-    own = {"bending_warp": WARP * mean, "bending_weft": WEFT * mean, "bending_bias": BIAS * mean}
+def cloth_of(bending_length: float, curl: float = 0.0, own: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """Keys of [cloth] of the assumed sheet with a bending length [m] and a curl [1/m]; own: keys in their place."""
+    known = {"density": DENSITY, **ASSUMED, **(own or {})}
+    mean = known["density"] * GRAVITY * bending_length**3
+    bending = {"bending_warp": WARP * mean, "bending_weft": WEFT * mean, "bending_bias": BIAS * mean}
     curled = {"rest_curvature_warp": curl, "rest_curvature_weft": curl} if curl else {}
-    return {"fabric": "cotton", "density": density, **ASSUMED, **own, **curled}
+    return {"fabric": "cotton", **known, **bending, **curled}
 
 
 def read_outlines(file: Path) -> tuple[Floats, Floats]:
@@ -141,7 +142,7 @@ def read_outlines(file: Path) -> tuple[Floats, Floats]:
 def recover_drape(
     coefficients: Floats,
     side: Floats,
-    density: float | None = None,
+    own: Mapping[str, float] | None = None,
     prior: bool = False,
     count: int = LAYS,
     size: float = 6e-3,
@@ -154,8 +155,8 @@ def recover_drape(
     ----------
     coefficients, side : (n,) arrays
         Of lays, and the side that was up at each, 1 or -1.
-    density : float, optional
-        Weight of the cloth [kg/m2]; without it D itself is not known.
+    own : mapping, optional
+        Keys of [cloth] in place of what is assumed; without a density [kg/m2] D itself is not known.
     prior : bool
         Weigh D with those of 618 fabrics of that weight (`bending_prior`).
     count : int
@@ -170,11 +171,15 @@ def recover_drape(
     Raises
     ------
     InputError
-        For a weight that is not positive, or a prior without a weight.
+        For a weight that is not positive, a stiffness of bending or a curl, or a prior without a weight.
     """
+    own = own or {}
+    found_here = next((key for key in own if key.startswith(("bending_", "rest_curvature_"))), None)
+    if found_here:
+        raise InputError(f"{found_here} is what the outlines are to tell.", "Leave it out.")
+    density = as_positive("density", own["density"]) if "density" in own else None
     if prior and density is None:
-        raise InputError("The prior is one for a weight.", "Give --density in kg/m2.")
-    weight = DENSITY if density is None else as_positive("density", density)
+        raise InputError("The prior is one for a weight.", "Set density in kg/m2.")
     tell = tell or (lambda line: None)
     lay = simulate or (lambda cloth: [each.shape.coefficient for each in lays(cloth, count, size)])
     sides = [float(coefficients[side == s].mean()) for s in (1, -1) if (side == s).any()]
@@ -186,7 +191,7 @@ def recover_drape(
     spread = 0.0
     for step in range(MOST_STEPS):
         ups = (1, -1) if both and curl else (1,)
-        found = [np.array(lay(cloth_of(float(np.exp(x / 3)), weight, up * curl))) for up in ups]
+        found = [np.array(lay(cloth_of(float(np.exp(x / 3)), up * curl, own))) for up in ups]
         taken += sum(map(len, found))
         mean, apart = float(np.mean(found)), 0.5 * float(found[0].mean() - found[-1].mean())
         spread = float(np.concatenate(found).std() / np.sqrt(taken / (step + 1)))
@@ -217,7 +222,7 @@ def recover_drape(
         target,
         mean,
         taken,
-        (*notes, *_notes(target, mean, both, told, density)),
+        (*notes, *_notes(target, mean, both, told, own)),
     )
 
 
@@ -244,15 +249,18 @@ def _stiffnesses(
     return {n: (float(np.exp(m)), float(s)) for n, m, s in zip(names, after.mean, spreads, strict=True)}, (text,)
 
 
-def _notes(target: float, mean: float, both: bool, told: bool, density: float | None) -> tuple[str, ...]:
+def _notes(target: float, mean: float, both: bool, told: bool, own: Mapping[str, float]) -> tuple[str, ...]:
     """What was assumed, and what the outlines do not determine."""
+    known = {**ASSUMED, **own}
+    stretch = known["youngs_modulus"] * known["thickness"]
     notes = [
-        "Assumed: stretch 300 N/m and shear 45 N/m (ten times the stretch is about ten points of the coefficient, shear"
-        f" of 115 to 10 N/m three), warp : weft : bias = {WARP} : {WEFT} : {BIAS}, no hysteresis, a ring at 100 mm/s.",
+        f"Assumed: stretch {stretch:.3g} N/m and shear {known['shear_stiffness']:.3g} N/m (ten times the stretch is"
+        " about ten points of the coefficient, shear of 115 to 10 N/m three), "
+        f"warp : weft : bias = {WARP} : {WEFT} : {BIAS}, no hysteresis, a ring at 100 mm/s.",
         "Not determined: warp and weft apart, stretch, shear; number and depth of the folds are the laying's.",
     ]
-    if density is None:
-        notes.append(f"Not determined: D itself; weigh the cloth (--density; {DENSITY:g} kg/m2 was simulated).")
+    if "density" not in own:
+        notes.append(f"Not determined: D itself; weigh the cloth and set density ({DENSITY:g} kg/m2 was simulated).")
     if not both:
         notes.append("Not determined: curl; lay the specimen with the other side up too (side = 1 and -1).")
     elif not told:

@@ -14,7 +14,7 @@ from clothsim.base.arrays import Floats
 from clothsim.study.drape_recovery import cloth_of
 from clothsim.study.standard_tests.cusick import lays
 
-BENDING_LENGTHS = (8.0, 9.5, 11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.0)
+BENDING_LENGTHS = (11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.0)
 """(D/(rho g))^(1/3) of the ensembles [mm]."""
 
 

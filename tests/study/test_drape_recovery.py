@@ -30,15 +30,15 @@ def test_both_sides_give_stiffness_and_curl():
 
 
 def test_one_side_gives_no_curl_and_a_weight_gives_stiffnesses():
-    found = recover_drape(np.array([0.62]), np.ones(1), 0.15, simulate=laid)
+    found = recover_drape(np.array([0.62]), np.ones(1), {"density": 0.15}, simulate=laid)
     assert found.curl is found.curl_error is None
     warp, weft, _ = (value for value, _ in found.stiffnesses.values())
     assert np.sqrt(warp * weft) == pytest.approx(0.15 * GRAVITY * found.bending_length**3, rel=1e-9)
 
 
 def test_a_prior_tells_warp_and_weft_apart_within_its_own_spread():
-    plain = recover_drape(*BOTH, 0.15, simulate=laid)
-    found = recover_drape(*BOTH, 0.15, prior=True, simulate=laid)
+    plain = recover_drape(*BOTH, {"density": 0.15}, simulate=laid)
+    found = recover_drape(*BOTH, {"density": 0.15}, prior=True, simulate=laid)
     (warp, error), (weft, _), _ = found.stiffnesses.values()
     assert np.sqrt(warp * weft) == pytest.approx(0.15 * GRAVITY * plain.bending_length**3, rel=0.1)
     assert 0.3 < error < 0.98
@@ -77,5 +77,6 @@ def test_the_command_leaves_what_was_assumed(tmp_path, capsys, monkeypatch):
     assert document["coefficient"] == pytest.approx((0.128**2 - 0.09**2) / (0.15**2 - 0.09**2))
     assert len(document["notes"]) == 4
     assert main([*words[:4], "--prior"]) == 2
+    assert main([*words[:4], "--set", "bending_warp=1e-5"]) == 2
     assert main([*words[:4], "--free", "density"]) == 2
     assert main(["recover", "sphere"]) == 2
