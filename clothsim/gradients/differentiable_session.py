@@ -95,13 +95,6 @@ def free_rows(integrator: Integrator, record: RecordedStep) -> np.ndarray:
     return free
 
 
-REFUSED = {
-    "plastic_bending": "its folds remember every step before",
-    "seams": "its stitches jump where they close",
-}
-"""Effects without a derivative, and why."""
-
-
 def differentiable_session(session: Session, polish: int = MOST_STEPS) -> Session:
     """Return a session whose steps have a derivative.
 
@@ -141,19 +134,11 @@ def differentiable_session(session: Session, polish: int = MOST_STEPS) -> Sessio
 def refuse(session: Session) -> None:
     """InputError for what cannot be differentiated, by its name in the scene."""
     energies, scene = session.built.energies, session.scene
-    for name, why in REFUSED.items():
-        if name in energies:
-            raise InputError(f"effects.{name} has no gradient: {why}.", "Leave it out of a differentiable run.")
     if isinstance(energies.get("bending"), History):
         raise InputError(
             "cloth.bending_hysteresis has no gradient: its slips remember every step before.", "Set it to 0."
         )
     friction = energies.get("friction")
-    if getattr(friction, "elastic_slip", 0.0):
-        raise InputError(
-            "effects.friction holds by anchors, whose history has no gradient.",
-            "Give effects.friction.eps_v, such as 1e-3 m/s: contacts then creep.",
-        )
     if isinstance(friction, Lagged) and friction.lag_iterations > 1:
         raise InputError("effects.friction.iterations has a gradient for 1 only.", "Set it to 1.")
     if scene.solver_settings.error:

@@ -13,7 +13,7 @@ from clothsim.gradients.differentiable_session import RecordedStep, held_energie
 from clothsim.keys.fabric import BENDINGS, THREADS, Fabric
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Energy, Past, Step
-from clothsim.physics.energies.protocols import is_idle
+from clothsim.physics.energies.protocols import SeesHistory, is_idle
 from clothsim.scene import paths
 from clothsim.scene.assembly.meshes import FABRIC
 from clothsim.scene.assembly.scene_world import build
@@ -145,7 +145,7 @@ class Variation:
     def _power(
         self, variant: Variant, integrator: Integrator, steps: Sequence[RecordedStep], adjoints: Adjoints
     ) -> float:
-        """Start and prescribed positions by their adjoints, less a.G, of one variant."""
+        """Start, prescribed positions and histories by their adjoints, less a.G, of one variant."""
         world = integrator.world
         moved = world.origin - variant.world.origin
         start, velocities = variant.world.start() - moved - world.start(), variant.world.start_velocities()
@@ -164,8 +164,11 @@ class Variation:
             a = np.zeros_like(x)
             a[: world.n_cloth] = adjoints.forces[k]
             for name in self.affected:
-                if not is_idle(bound[name]):
-                    total -= float(np.vdot(a, bound[name].gradient(x)))
+                energy = bound[name]
+                if not is_idle(energy):
+                    total -= float(np.vdot(a, energy.gradient(x)))
+                if isinstance(energy, SeesHistory) and name in adjoints.carried[k]:
+                    total += float(np.vdot(adjoints.carried[k][name], energy.carry_over))
         return total
 
 

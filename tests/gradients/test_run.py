@@ -13,7 +13,6 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.losses import Custom, Distance, Height
 from clothsim.gradients.parameters import value_at
 from clothsim.gradients.run import DifferentiableRun, simulate_differentiably, traced
-from clothsim.scene.effects import EFFECTS
 from clothsim.scene.paths import override
 from tests.known_answers.error_scenes import ERROR_SCENES
 
@@ -132,9 +131,7 @@ def test_a_gradient_at_a_stiffness_by_rule_is_that_of_runs_at_the_stiffness_of_t
 @pytest.mark.parametrize(
     "effects",
     [
-        {"friction": {}},
         {"friction": {"eps_v": 1e-2, "iterations": 2}},
-        {"plastic_bending": EFFECTS["plastic_bending"].example().keys},
     ],
 )
 def test_what_has_no_gradient_is_refused(effects):

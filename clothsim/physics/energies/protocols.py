@@ -219,12 +219,15 @@ class PastSensitivity:
         By `Step.velocities`.
     past_positions, past_velocities : array
         By those of `Step.past`.
+    memory : array
+        By the energy's own entry of `Step.memory`, in its shape.
     """
 
     positions: Floats | None = None
     velocities: Floats | None = None
     past_positions: Floats | None = None
     past_velocities: Floats | None = None
+    memory: Floats | None = None
 
 
 class SeesPast(abc.ABC):
@@ -236,6 +239,17 @@ class SeesPast(abc.ABC):
     @abc.abstractmethod
     def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
         """d(adjoint . gradient(x)) by the start of the `step` that the energy is bound to; adjoint (N, 3) [m]."""
+
+
+class SeesHistory(History):
+    """An energy with a closed form of the derivative of its force and of what it carries over, by the start of a step.
+
+    What is discrete in its history (which contact continues which, what slides) is held.
+    """
+
+    @abc.abstractmethod
+    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, carried: Floats) -> PastSensitivity:
+        """d(adjoint . gradient(x) - carried . carry_over); carried: the adjoint of `carry_over`, in its shape."""
 
 
 class DividedForce(abc.ABC):
@@ -253,8 +267,8 @@ class Report:
         """Values chosen where the scene gives none."""
         return ()
 
-    def final_notes(self, x: Floats) -> tuple[str, ...]:
-        """Remarks on the end of a run, with the cloth at x."""
+    def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
+        """Remarks on the end of a run at `time` [s], with the cloth at x."""
         return ()
 
     def tightest(self, x: Floats) -> str:
