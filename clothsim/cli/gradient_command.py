@@ -90,12 +90,13 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     derivatives = {name: gradient[name] for name in names}
     if arguments.output is not None:
         _save(arguments.output, derivatives)
-    document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient)}
+    document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient), "stiffness": trace.stiffness}
     return Report(document, "\n".join(_lines(gradient, derivatives)), verdict=True)
 
 
-def _errors(gradient: "Gradient") -> dict[str, float]:
-    return {name: getattr(gradient, name) for name in ("newton_error", "kappa_share")}
+def _errors(gradient: "Gradient") -> dict[str, float | None]:
+    """What solves and contact stiffness cost the loss; None: not known."""
+    return {name: finite(getattr(gradient, name)) for name in ("newton_error", "kappa_share")}
 
 
 def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
@@ -110,7 +111,8 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
             largest = ", ".join(f"{each:.4g}" for each in value[row])
             text = f"{len(value)} rows, the sum {on_demand.norm(value.sum(axis=0)):.4g}, largest [{largest}] in {row}"
         lines.append(f"  d/d {name:24} {text}")
-    lines.append(f"  {'unfinished solves':28} {errors['newton_error']:.2g} of the loss")
+    left = errors["newton_error"]
+    lines.append(f"  {'left by the solves':28} {'not known' if left is None else f'{left:.2g} of the loss'}")
     lines.append(f"  {'d/d log(contact stiffness)':28} {errors['kappa_share']:.2g}")
     return lines
 
@@ -166,6 +168,11 @@ def _recover(arguments: argparse.Namespace) -> Report:
     return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
 
 
+def finite(error: float) -> float | None:
+    """An error as JSON has it: null where it is infinite or not known."""
+    return error if math.isfinite(error) else None
+
+
 def _shown(start: str, values: Mapping[str, float], state: str) -> None:
     numbers = ", ".join(f"{path} {value:.4g}" for path, value in values.items())
     print(f"{start}: {numbers}: {state}", file=sys.stderr, flush=True)
@@ -173,10 +180,6 @@ def _shown(start: str, values: Mapping[str, float], state: str) -> None:
 
 def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:
     """Return the content of recovery.json; errors that are infinite or not known are null."""
-
-    def finite(error: float) -> float | None:
-        return error if math.isfinite(error) else None
-
     return {
         "values": dict(found.values),
         "relative_errors": {path: finite(error) for path, error in found.errors.items()},

@@ -2,14 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
+from clothsim.gradients.differentiable_session import differentiable_session, stiffness_of
 from clothsim.gradients.losses import Custom, Loss
 from clothsim.gradients.parameters import with_value
 from clothsim.gradients.run import Trace, traced
+from clothsim.run.session import prepare
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
 
 
@@ -26,8 +30,8 @@ class Bridge:
     frames : tuple of int
         Frames whose positions are returned.
     stiffness : mapping, optional
-        Contact stiffnesses to hold [Pa], by effect; None: each run has those of its own pilot run, and the derivative
-        leaves out that they depend on the numbers.
+        Contact stiffnesses to hold in all runs [Pa], by effect; None: those of a run of the scene with its own
+        numbers, whatever the numbers that it is called with.
     """
 
     scene: Scene
@@ -36,15 +40,23 @@ class Bridge:
     stiffness: Mapping[str, float] | None = None
     _last: list[tuple[bytes, Trace]] = field(default_factory=list, init=False, repr=False, compare=False)
 
+    @cached_property
+    def held(self) -> Mapping[str, float]:
+        """The stiffness of each contact [Pa] in all runs."""
+        if self.stiffness is not None:
+            return self.stiffness
+        held = differentiable_session(prepare(self.scene, build(self.scene, affordable=True)), polish=0)
+        return stiffness_of(held.built.energies)
+
     def trace(self, values: Sequence[Floats]) -> Trace:
         """Run the scene with other numbers; the last run is kept, as its derivative is asked for next."""
         arrays = [np.asarray(value, np.float64) for value in values]
         key = b"".join(array.tobytes() for array in arrays)
         if not self._last or self._last[0][0] != key:
-            scene = self.scene
+            scene, held = self.scene, self.held
             for name, array in zip(self.names, arrays, strict=True):
                 scene = with_value(scene, name, array)
-            self._last[:] = [(key, traced(scene, self.stiffness))]
+            self._last[:] = [(key, traced(scene, held))]
         return self._last[0][1]
 
     def positions(self, values: Sequence[Floats]) -> Floats:

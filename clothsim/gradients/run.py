@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
-from typing import Any, cast
 
 import numpy as np
 
@@ -18,17 +17,18 @@ from clothsim.gradients.differentiable_session import (
     differentiable_session,
     forward,
     recorded,
+    stiffness_of,
     with_stiffness,
 )
 from clothsim.gradients.exact_system import MOST_STEPS
 from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Function, Loss, as_loss
-from clothsim.physics.energies.protocols import AdaptiveStiffness
 from clothsim.run.certificate import Certificate
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run
 from clothsim.run.results import Run
 from clothsim.run.resume import new_output
 from clothsim.run.session import Session, prepare
+from clothsim.scene import paths
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
 from clothsim.solve.stepping.state import first_state
@@ -53,10 +53,16 @@ class Trace:
     @cached_property
     def stiffness(self) -> Mapping[str, float]:
         """The stiffness of each contact [Pa], held over the run, by effect."""
-        contacts = {
-            name: each for name, each in self.session.built.energies.items() if isinstance(each, AdaptiveStiffness)
-        }
-        return {name: float(cast("Any", each).stiffness) for name, each in contacts.items()}
+        return stiffness_of(self.session.built.energies)
+
+    @property
+    def held_scene(self) -> Scene:
+        """The scene with the stiffness of each contact as it is held here.
+
+        The gradient is that of this scene. One of another run with `stiffness = "auto"` is compared only with the
+        stiffness of this one: its own would be another number, by a rule that the gradient leaves out.
+        """
+        return with_held(self.session.scene, self.stiffness)
 
     @cached_property
     def frame_states(self) -> tuple[int, ...]:
@@ -138,6 +144,13 @@ class DifferentiableRun(Run):
     def gradient(self, loss: Loss | Function | Sequence[Loss]) -> Gradient:
         """Return `Trace.gradient`."""
         return self.trace.gradient(loss)
+
+
+def with_held(scene: Scene, stiffness: Mapping[str, float]) -> Scene:
+    """Return the scene with the stiffness of contacts [Pa] by effect in place of the rule that chooses it."""
+    for name, kappa in stiffness.items():
+        scene = paths.replace(scene, f"effects.{name}.stiffness", kappa)
+    return scene
 
 
 def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: int = MOST_STEPS) -> Trace:

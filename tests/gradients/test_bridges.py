@@ -31,6 +31,19 @@ def test_the_bridge_itself():
         assert (moved[0] - moved[1]) / (2 * np.max(step)) == pytest.approx(float(found), rel=1e-6)
 
 
+def test_the_bridge_holds_the_stiffness_of_its_scene():
+    """A number in the call changes no stiffness: positions and derivative are of one function."""
+    bridge = Bridge(falling_scene(ELASTIC | {"body_contact": {}}), ("cloth.youngs_modulus",))
+    values = [np.array(1.3e5)]
+    x = bridge.positions(values)
+    assert bridge.trace(values).stiffness == bridge.held
+    moved = [bridge.positions([values[0] + sign * 10.0])[0, :, 2].mean() for sign in (1, -1)]
+    cotangents = np.zeros_like(x)
+    cotangents[0, :, 2] = 1 / x.shape[1]
+    found = float(bridge.pulled_back(values, cotangents)[0])
+    assert (moved[0] - moved[1]) / 20 == pytest.approx(found, rel=1e-5)
+
+
 def test_torch():
     torch = pytest.importorskip("torch")
     tensors = [torch.tensor(value, dtype=torch.float64, requires_grad=True) for value in VALUES.values()]
