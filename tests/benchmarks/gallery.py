@@ -128,7 +128,7 @@ def examples_text(examples: Sequence[Example]) -> str:
     for first in range(0, len(examples), COLUMNS):
         part = examples[first : first + COLUMNS]
         rows.append([f"![{each.caption}]({EXAMPLE_PICTURES}/{each.name}.webp)" for each in part])
-        rows.append([f"{each.caption}<br>`clothsim {each.command.split(' --')[0]}`" for each in part])
+        rows.append([f"{each.caption}<br>`clothsim {each.command.split(' --set')[0]}`" for each in part])
     return markdown_table(rows[0], rows[1:])
 
 

@@ -65,7 +65,7 @@ def corners_at(polygons, faces):
 def test_an_exported_fit_keeps_quads_and_texture(files, tmp_path):
     around, along = 10, 3
     (tmp_path / "quads.obj").write_text(quads_with_texture(around, along))
-    done = clothsim.fit(tmp_path / "quads.obj", files["body"], output=tmp_path / "out")
+    clothsim.fit(tmp_path / "quads.obj", files["body"], output=tmp_path / "out")
     own = read_polygons(tmp_path / "quads.obj")
     run = clothsim.open_run(tmp_path / "out")
     for name in ("suit.obj", "suit.ply", "suit.usda", "suit.glb"):
