@@ -76,7 +76,11 @@ def summary_of(
         "triangles": len(world.triangles),
         "solver": session.integrator.system.name,
         "notes": [*session.notes, *filter(None, [unmet])],
-        "found": [f"{name}: {note}." for name, one in energies for note in report_of(one).final_notes(state.positions)],
+        "found": [
+            f"{name}: {note}."
+            for name, one in energies
+            for note in report_of(one).final_notes(state.positions, state.time)
+        ],
         "effects": potential.effect_counters(),
         "off": session.built.off,
         "phases": potential.timers.phases,

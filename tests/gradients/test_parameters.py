@@ -110,6 +110,8 @@ MODELS = {
     "pairs": {"membrane": {"elements": "pairs"}},
     "fibres": {"fibres": {"warp": 200.0}},
     "springs": {"springs": {"spring": [{"select": [0, 3], "stiffness": 5.0}]}},
+    "elastic band": {"elastic_bands": {"band": [{"select": "left", "stiffness": 5.0, "length_ratio": 0.8}]}},
+    "cord": {"cords": {"cord": [{"select": "left", "stiffness": 5.0, "length_ratio": 0.8}]}},
     "air": {"air": {"wind": [3.0, 0.0, 1.0]}},
     "vortex": {"air": {"wind": {"kind": "vortex", "circulation": 3.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}}},
     "gusts": {"air": {"wind": {"kind": "gust", "velocity": [3.0, 0.0, 1.0], "period": 0.05}, "lift": 0.6}},
@@ -122,6 +124,8 @@ MODELS = {
 NUMBERS = {
     "fibres": "effects.fibres.warp",
     "springs": "effects.springs.spring[0].stiffness",
+    "elastic band": "effects.elastic_bands.band[0].length_ratio",
+    "cord": "effects.cords.cord[0].length_ratio",
     "air": "effects.air.drag",
     "vortex": "effects.air.wind.circulation",
     "gusts": "effects.air.wind.velocity",

@@ -267,8 +267,8 @@ class Report:
         """Values chosen where the scene gives none."""
         return ()
 
-    def final_notes(self, x: Floats) -> tuple[str, ...]:
-        """Remarks on the end of a run, with the cloth at x."""
+    def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
+        """Remarks on the end of a run at `time` [s], with the cloth at x."""
         return ()
 
     def tightest(self, x: Floats) -> str:

@@ -306,7 +306,7 @@ class SeamsEnergy(Links, Coupling, Driven, Joining, Report, SeesPast):
         over = f"{bent} hinges across them" if bent else "no hinges across them: they fold freely"
         return (f"{len(self.rows)} stitches of {self.stiffness.max():.3g} N/m at most{gap}; {over}",)
 
-    def final_notes(self, x: Floats) -> tuple[str, ...]:
+    def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
         """The largest gap of each seam at x."""
         gaps = np.split(np.linalg.norm(self.lines(x), axis=1), np.cumsum([seam.stitches for seam in self.seams])[:-1])
         return tuple(
