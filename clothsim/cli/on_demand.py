@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from clothsim.study.farm.dask_work import LostWorkersError, work_with_dask
     from clothsim.study.farm.pack import pack
     from clothsim.study.farm.pilot import pilot
-    from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
+    from clothsim.study.farm.plan import open_farm, plan, refuse_other_plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe
     from clothsim.study.farm.repair import MACHINE, repair
     from clothsim.study.farm.status import status, verdict_text, write_manifest
