@@ -17,15 +17,18 @@ if TYPE_CHECKING:
     from clothsim.garments.fitted import Fit, fit
     from clothsim.gradients.design import Design, design
     from clothsim.gradients.gradient import Gradient
+    from clothsim.gradients.layer import Layer, layer
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
-    from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+    from clothsim.keys.effect_tables import Band, Cord, Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
     from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
     from clothsim.keys.typed_effects import (
         Air,
         Bending,
         BodyContact,
+        Cords,
         Damping,
+        ElasticBands,
         Fibres,
         Friction,
         Gravity,

@@ -1,7 +1,7 @@
 """Parallel test runs: each kernel is compiled once, and each module's fixtures are made once."""
 
+import tempfile
 from contextlib import suppress
-from tempfile import TemporaryDirectory
 
 import pytest
 from small_scenes import EFFECTS, small_scene
@@ -23,8 +23,18 @@ def pytest_sessionstart(session):
         return
     from clothsim import simulate
 
-    with TemporaryDirectory() as folder, suppress(Exception):  # what does not work is for the tests to tell
+    with tempfile.TemporaryDirectory() as folder, suppress(Exception):  # what does not work is for the tests to tell
         simulate(small_scene(effects=EFFECTS | MORE, run={"duration": 0.04, "frames_per_second": 25}), folder)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def temporary_folders(tmp_path_factory):
+    """Runs that are given no folder leave theirs beside the tests', of which pytest keeps three sessions."""
+    folder = str(tmp_path_factory.mktemp("temporary"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMPDIR", folder)
+        patch.setattr(tempfile, "tempdir", folder)
+        yield
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -45,7 +45,7 @@ def test_drapes_are_those_that_were_packed(farm):
     for number, job in enumerate(jobs):
         drape = data[number]
         assert drape["id"] == job.id
-        assert drape["parameters"] == job.values
+        assert drape["parameters"] == data.rows[number]["parameters"] == job.values
         assert drape["inputs"] == np.float32(job.values["cloth.density"])
         assert np.array_equal(drape["positions"], positions_of(farm.directory, job.id))
         (garment,) = data.garments(number).values()

@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -78,3 +79,32 @@ def test_programs_that_pages_run_are_there():
         for key, folder in folders.items()
         if not folder.with_suffix(".py").is_file() and not (folder / "__main__.py").is_file()
     } == set()
+
+
+STILL_PALETTISED = {
+    "character_blender.png",
+    "dress_fabrics.png",
+    "dress_graded.png",
+    "dress_sheet.png",
+    "export_blender.png",
+    "fields.png",
+    "hard_cases.png",
+    "readme_before_after.png",
+    "smooth.png",
+    "viewer.png",
+    *(f"gallery/{scene.stem}.png" for scene in (ROOT / "scenes").glob("*.toml")),
+}
+"""Pictures of an older day; those that are made anew leave the list."""
+
+
+def test_pictures_are_in_true_colour():
+    pictures = ROOT / "docs/pictures"
+    modes = {str(file.relative_to(pictures)): Image.open(file).mode for file in pictures.rglob("*.png")}
+    assert len(modes) > 20
+    assert {name for name, mode in modes.items() if mode == "P"} - STILL_PALETTISED == set()
+
+
+def test_pictures_of_the_readme_are_small():
+    shown = re.findall(r"\]\((docs/pictures/examples/[^)]+)\)", text_of(ROOT / "README.md"))
+    assert len(shown) == 8
+    assert max((ROOT / name).stat().st_size for name in shown) < 150_000

@@ -265,3 +265,12 @@ def scene_of(arguments: argparse.Namespace, or_run: bool = False) -> "Scene":
     path = arguments.scene
     scene = clothsim.open_run(path).scene if or_run and path.is_dir() else clothsim.load_scene(path)
     return engine.override(scene, *arguments.set)
+
+
+def assigned_number(text: str) -> tuple[str, float]:
+    """Key and number of "bending_stiffness=1e-5"; the scene checks both."""
+    key, _, value = text.partition("=")
+    try:
+        return key.strip().removeprefix("cloth."), float(value)
+    except ValueError as error:
+        raise InputError(f"--set is {text!r}.", "Write it as --set bending_stiffness=1e-5.") from error

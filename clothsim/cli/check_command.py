@@ -92,13 +92,13 @@ def _check(arguments: argparse.Namespace) -> Report:
 
 def _examined(arguments: argparse.Namespace) -> "engine.Examination":
     """The examination of the target; InputError for options that do not go together."""
-    target = engine.example_file(arguments.target)
+    target = engine.example_file(engine.example_file(arguments.target), "_specification.json")
     if not target.exists():
         raise InputError(f"There is no {target}.", _TARGETS)
     if arguments.output is not None:
         refuse_output(arguments.output, arguments, target, arguments.on, arguments.seams)
     if target.suffix.lower() in PATTERNS and arguments.on is None:
-        return _examined_pattern(arguments)
+        return _examined_pattern(arguments, target)
     if arguments.seams is not None:
         raise InputError(f"{target} is no DXF drawing.", "--seams is for those only.")
     is_mesh = not target.is_dir() and target.suffix != ".toml"
@@ -132,25 +132,25 @@ def _counts(errors: int, warnings: int) -> str:
     return f"{' and '.join(parts)}."
 
 
-def _examined_pattern(arguments: argparse.Namespace) -> "engine.Examination":
+def _examined_pattern(arguments: argparse.Namespace, target: Path) -> "engine.Examination":
     """The panels, edges and seams of a pattern, drawn with -o; an error where it cannot be meshed."""
     others = ("body", "scale", "group", "component", "body_group", "body_scale", "part", "weld", "motion")
     wrong = [f"--{name.replace('_', '-')}" for name in others if getattr(arguments, name)]
     if wrong:
-        raise InputError(f"{arguments.target} is a sewing pattern: {wrong[0]} is not for those.", "--seams and -o are.")
+        raise InputError(f"{target} is a sewing pattern: {wrong[0]} is not for those.", "--seams and -o are.")
     notes: list[str] = []
     findings: list[clothsim.Finding] = []
     try:
-        without_sewing_file = arguments.target.suffix.lower() == ".dxf"
-        pattern = files.read_pattern(arguments.target, seams=arguments.seams, sewn=not without_sewing_file)
+        without_sewing_file = target.suffix.lower() == ".dxf"
+        pattern = files.read_pattern(target, seams=arguments.seams, sewn=not without_sewing_file)
         notes += _pattern_lines(pattern)
         if arguments.output is not None:
-            drawn = render.draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)
+            drawn = render.draw_pattern(arguments.output, pattern, target.name, edge_numbers=True)
             notes.append(f"drawn: {drawn}")
         patterns.joined_vertices(patterns.mesh_pattern(pattern, SPACING))  # seams that give the garment one side
     except InputError as error:
         findings.append(clothsim.Finding("error", "pattern", error.sentence, error.remedy))
-    return engine.Examination(f"{arguments.target}, as a sewing pattern", tuple(notes), tuple(findings))
+    return engine.Examination(f"{target}, as a sewing pattern", tuple(notes), tuple(findings))
 
 
 def _pattern_lines(pattern: "Pattern") -> Iterator[str]:

@@ -72,9 +72,7 @@ def add_to(commands: Any) -> None:
     render.add_argument("--view", default="auto", metavar="X,Y,Z", help="or front, back, left, right, top")
     render.add_argument("--up", metavar="X,Y,Z", help="default: against gravity")
     look = render.add_mutually_exclusive_group()
-    look.add_argument(
-        "--colour", choices=("stretch", "plain"), metavar="C", help="stretch or plain (default: the style's)"
-    )
+    look.add_argument("--colour", metavar="C", help="stretch, plain, navy or red/white")
     look.add_argument("--field", metavar="NAME", help="colour by a field: stress, compression, ...")
     render.add_argument(
         "--style", choices=("fields", "print", "fabric", "studio"), default="fields", metavar="S",

@@ -127,6 +127,7 @@ A stopped sweep goes on; `clothsim farm work DIR` helps it from another process.
 
 def _plan(arguments: argparse.Namespace) -> Report:
     recipe = on_demand.load_recipe(arguments.recipe)
+    on_demand.refuse_other_plan(recipe, arguments.output)
     on_demand.refuse_unbuildable(recipe)
     made = None if arguments.no_pilot else on_demand.pilot(recipe)
     farm = on_demand.plan(recipe, arguments.output)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, gradients
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import make_directory, refuse_replacing, write_atomically
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     LOSSES,
@@ -18,6 +19,7 @@ from clothsim.cli.arguments import (
     add_set,
     as_count,
     as_positive_number,
+    assigned_number,
     loss_of,
     meshed,
     refuse_output,
@@ -52,19 +54,18 @@ def add_to(commands: Any) -> None:
     add_output_options(gradient, json="print JSON, the rest on stderr", handler=_gradient)
     recover = commands.add_parser("recover", description=_RECOVER)
     recover.add_argument(
-        "scene", type=Path, metavar="SCENE", help="a scene file (TOML), an example, or the directory of a run"
-    )
-    recover.add_argument(
-        "--target",
+        "scene",
         type=Path,
-        required=True,
-        metavar="FILE",
-        help="a drape: a mesh, points (.xyz), or a run's directory",
+        metavar="SCENE",
+        help="a scene, an example, a run; outlines (.npz)",
     )
-    recover.add_argument("--free", required=True, metavar="NAMES", help="youngs_modulus,pattern.front.width")
     recover.add_argument(
-        "--pattern", type=Path, metavar="FILE", help="pattern of a cloth of arrays, as pattern.json of a dressed one"
+        "--target", type=Path, metavar="FILE", help="a drape: a mesh, points (.xyz), or a run's directory"
     )
+    recover.add_argument("--free", metavar="NAMES", help="youngs_modulus,pattern.front.width")
+    recover.add_argument("--prior", action="store_true", help="weigh bending with 618 measured fabrics")
+    recover.add_argument("--test", choices=("cusick",), help="outlines of drapes")
+    recover.add_argument("--pattern", type=Path, metavar="FILE", help="pattern.json of a cloth of arrays")
     recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", default="2", metavar="N", help="starts of the search (default 2)")
@@ -90,12 +91,13 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     derivatives = {name: gradient[name] for name in names}
     if arguments.output is not None:
         _save(arguments.output, derivatives)
-    document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient)}
+    document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient), "stiffness": trace.stiffness}
     return Report(document, "\n".join(_lines(gradient, derivatives)), verdict=True)
 
 
-def _errors(gradient: "Gradient") -> dict[str, float]:
-    return {name: getattr(gradient, name) for name in ("newton_error", "kappa_share")}
+def _errors(gradient: "Gradient") -> dict[str, float | None]:
+    """What solves and contact stiffness cost the loss; None: not known."""
+    return {name: finite(getattr(gradient, name)) for name in ("newton_error", "kappa_share")}
 
 
 def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
@@ -110,7 +112,8 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
             largest = ", ".join(f"{each:.4g}" for each in value[row])
             text = f"{len(value)} rows, the sum {on_demand.norm(value.sum(axis=0)):.4g}, largest [{largest}] in {row}"
         lines.append(f"  d/d {name:24} {text}")
-    lines.append(f"  {'unfinished solves':28} {errors['newton_error']:.2g} of the loss")
+    left = errors["newton_error"]
+    lines.append(f"  {'left by the solves':28} {'not known' if left is None else f'{left:.2g} of the loss'}")
     lines.append(f"  {'d/d log(contact stiffness)':28} {errors['kappa_share']:.2g}")
     return lines
 
@@ -125,15 +128,20 @@ def _save(file: Path, derivatives: "dict[str, Floats]") -> None:
 RECOVERY_NAME = "recovery.json"
 
 _RECOVER = """\
-Find the numbers of a scene, as those of its fabric or of its pattern (pattern.front.width), for which it hangs as a
-target does: runs with gradients, from several starts, with the standard error of each number and what the target does
-not tell. With -o the run of the recovered scene and recovery.json are left there.
+Find the numbers of a scene, of its fabric or of its pattern (pattern.front.width), for which it hangs as a target does,
+with standard errors and what the target does not tell. With -o the recovered run and recovery.json are left there.
 
   clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
+  clothsim recover --test cusick outlines.npz --set density=0.15 --prior
 """
 
 
 def _recover(arguments: argparse.Namespace) -> Report:
+    if arguments.test is not None:
+        return _recover_drape(arguments)
+    for name in ("target", "free"):
+        if getattr(arguments, name) is None:
+            raise InputError(f"recover needs --{name}.", "Or give outlines with --test cusick.")
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts)
     scale = as_positive_number("--scale", arguments.scale)
     if not arguments.target.exists():
@@ -156,6 +164,7 @@ def _recover(arguments: argparse.Namespace) -> Report:
             f"start {start} of {starts}", each.values, each.failure or f"loss {each.loss:.4g}"
         ),
         pattern=pattern,
+        prior=arguments.prior,
     )
     content = summary(found, type(loss).__name__)
     code = 0 if found.best.intersecting_pairs == 0 else 1
@@ -166,6 +175,30 @@ def _recover(arguments: argparse.Namespace) -> Report:
     return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
 
 
+def _recover_drape(arguments: argparse.Namespace) -> Report:
+    """D/(rho g) and curl from outlines of a drape tester."""
+    for name in ("target", "free", "pattern"):
+        if getattr(arguments, name) is not None:
+            raise InputError(f"--{name} has no effect with --test.", "The outlines are the target; leave it out.")
+    outlines = on_demand.read_outlines(arguments.scene)
+    own = dict(assigned_number(text) for text in arguments.set)
+    if arguments.output is not None:
+        refuse_replacing([arguments.output / RECOVERY_NAME], arguments.overwrite)
+    tell = messages(arguments, f"{len(outlines[0])} outlines of {arguments.scene}")
+    found = on_demand.recover_drape(*outlines, own, arguments.prior, tell=tell)
+    lines = found.text()
+    if arguments.output is not None:
+        make_directory(arguments.output)
+        write_atomically(arguments.output / RECOVERY_NAME, on_demand.to_json(found.document()).encode())
+        lines += f"\n  files     {arguments.output}: {RECOVERY_NAME}"
+    return Report(found.document(), lines, verdict=True)
+
+
+def finite(error: float) -> float | None:
+    """An error as JSON has it: null where it is infinite or not known."""
+    return error if math.isfinite(error) else None
+
+
 def _shown(start: str, values: Mapping[str, float], state: str) -> None:
     numbers = ", ".join(f"{path} {value:.4g}" for path, value in values.items())
     print(f"{start}: {numbers}: {state}", file=sys.stderr, flush=True)
@@ -173,10 +206,6 @@ def _shown(start: str, values: Mapping[str, float], state: str) -> None:
 
 def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:
     """Return the content of recovery.json; errors that are infinite or not known are null."""
-
-    def finite(error: float) -> float | None:
-        return error if math.isfinite(error) else None
-
     return {
         "values": dict(found.values),
         "relative_errors": {path: finite(error) for path, error in found.errors.items()},
@@ -190,6 +219,7 @@ def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:
         "newton_error": finite(found.best.newton_error),
         "intersecting_pairs": found.best.intersecting_pairs,
         "runs": found.runs,
+        **({"prior": found.prior} if found.prior else {}),
     }
 
 
@@ -201,6 +231,7 @@ def lines(found: "clothsim.Recovery", directory: Path | None) -> list[str]:
         moves = " ".join(f"{path}^{weight:+.2f}" for path, weight in weights.items() if abs(weight) > 0.05)
         out.append(f"  The target says nothing of {moves}.")
     out += [f"  {path} is at the end of the range that was searched." for path in found.at_limit]
+    out += [f"  prior: {found.prior}."] if found.prior else []
     others = ", ".join(f"{each:.4g}" for each in found.minima)
     out.append(f"  loss {found.best.loss:.4g} after {found.runs} runs (by starts: {others})")
     if found.best.intersecting_pairs:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clothsim.garments.penetration import draw_penetrations, entries, read_penetration_report
     from clothsim.garments.pictures import DRESS_PICTURES, draw_dress, draw_fit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
+    from clothsim.study.drape_recovery import read_outlines, recover_drape
     from clothsim.study.evaluation import FOLDER
     from clothsim.study.fabric_test import draw_drape, fabric_tested
     from clothsim.study.farm.claims import worker_of
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from clothsim.study.farm.dask_work import LostWorkersError, work_with_dask
     from clothsim.study.farm.pack import pack
     from clothsim.study.farm.pilot import pilot
-    from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
+    from clothsim.study.farm.plan import open_farm, plan, refuse_other_plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe
     from clothsim.study.farm.repair import MACHINE, repair
     from clothsim.study.farm.status import status, verdict_text, write_manifest

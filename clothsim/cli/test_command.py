@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from clothsim import engine
-from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, refuse_replacing, write_atomically
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import add_overwrite, as_count, as_length
+from clothsim.cli.arguments import add_overwrite, as_count, as_length, assigned_number
 from clothsim.cli.report import Report, messages
 
 _DESCRIPTION = """\
@@ -44,7 +43,7 @@ def add_to(commands: Any) -> None:
 def _test(arguments: argparse.Namespace) -> Report:
     engine.fabric_named("FABRIC", arguments.fabric)
     lays = None if arguments.lays is None else as_count("--lays", arguments.lays)
-    cloth = {"fabric": arguments.fabric, **dict(_assigned(text) for text in arguments.set)}
+    cloth = {"fabric": arguments.fabric, **dict(assigned_number(text) for text in arguments.set)}
     size = {} if arguments.size is None else {"size": as_length("--size", arguments.size)}
     if arguments.output is not None:
         refuse_replacing([arguments.output / name for name in (TEST_NAME, DRAPE_NAME)], arguments.overwrite)
@@ -60,12 +59,3 @@ def _test(arguments: argparse.Namespace) -> Report:
             files.append(DRAPE_NAME)
         lines += f"\n  files     {arguments.output}: {', '.join(files)}"
     return Report(done.document(), lines, verdict=True)
-
-
-def _assigned(text: str) -> tuple[str, float]:
-    """Key and number of "bending_stiffness=1e-5"; the scene checks both."""
-    key, _, value = text.partition("=")
-    try:
-        return key.strip().removeprefix("cloth."), float(value)
-    except ValueError as error:
-        raise InputError(f"--set is {text!r}.", "Write it as --set bending_stiffness=1e-5.") from error

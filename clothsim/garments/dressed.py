@@ -28,6 +28,7 @@ from clothsim.garments.fit.moving_body import BODY, REST, START
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, run_stages
+from clothsim.garments.tightness import Tightness, tight_entries
 from clothsim.garments.waistband import parts_for_edges
 from clothsim.patterns import PatternMesh, joined_vertices, mesh_pattern, write_specification
 from clothsim.render import draw_pattern, laid_out
@@ -68,6 +69,8 @@ class Dress:
         Fabric of each panel.
     grading : Grading or None
         Factors by which the pattern was graded; None: it is as it was cut.
+    tight : mapping of str to Tightness
+        Panels that are too tight, with stretch, pressure and ease; empty without a drape.
 
     Examples
     --------
@@ -90,6 +93,7 @@ class Dress:
     closing: tuple[Run, ...] = ()
     fabrics: Mapping[str, Fabric] = field(default_factory=dict)
     grading: Grading | None = None
+    tight: Mapping[str, Tightness] = field(default_factory=dict)
 
     @property
     def positions(self) -> Floats:
@@ -131,6 +135,7 @@ def write_results(done: "Dress", name: str, size: float, seconds: float) -> None
         "seams": seam_entries(done.state),
         "measurements": measurement_entries(done.state, done.body, done.fabrics),
         "grading": None if done.grading is None else done.grading.as_dict(),
+        "tight": tight_entries(done.tight),
         "vertices": len(done.state.positions),
         "spacing": size,
         "stretch_low": low,
@@ -301,6 +306,7 @@ def dress(
         done.closing,
         of_panels,
         grading,
+        done.tight,
     )
     write_results(worn, name, size, perf_counter() - started)
     return worn

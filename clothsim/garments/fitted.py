@@ -1,6 +1,7 @@
 """Fit of a garment to another body: transfer, repair and drape."""
 
 import tempfile
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,6 +34,7 @@ from clothsim.garments.inputs import (
 )
 from clothsim.garments.penetration import NO_ROWS, Counts
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, best_stage
+from clothsim.garments.tightness import Tightness, parts_on_body, tight_entries, tight_notes, tight_parts_of_run
 from transfer.body_frame import legs_score
 from transfer.errors import TransferError
 
@@ -76,6 +78,8 @@ class Fit:
     carried : (k,) int array
         Rows of `positions` that the body carries where it overlaps itself, as thighs do: their intersections are left
         out of `counts`. Empty on all other bodies.
+    tight : mapping of str to Tightness
+        Parts of the body on which the garment is too tight, with stretch, pressure and ease; empty without a drape.
 
     Examples
     --------
@@ -99,6 +103,7 @@ class Fit:
     look: WearCheck
     notes: tuple[str, ...]
     carried: Ints = field(default_factory=lambda: NO_ROWS)
+    tight: Mapping[str, Tightness] = field(default_factory=dict)
 
     @property
     def answer_number(self) -> int:
@@ -260,6 +265,7 @@ def _finish_fit(task: Task, state: FitState, started: float) -> Fit:
     look = check_wear(task.garment, answer.positions, task.source, task.target)
     if status == "completed" and look.fault:
         status, reason = "distorted", f"The garment is intersection-free, but {look.fault}."
+    tight = tight_parts_of_run(run, parts_on_body(run, task.target)) if run and status == "completed" else {}
     done = Fit(
         task.folder,
         status,
@@ -273,8 +279,15 @@ def _finish_fit(task: Task, state: FitState, started: float) -> Fit:
         cost_of(task.garment, answer.positions, state.place),
         state.size,
         look,
-        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *state.notes),
+        (
+            *task.garment.notes,
+            *task.source.notes,
+            *(() if task.same_body else task.target.notes),
+            *state.notes,
+            *tight_notes(tight),
+        ),
         carried if answer is stages[-1] else NO_ROWS,
+        tight,
     )
     _write(done, perf_counter() - started)
     return done
@@ -299,6 +312,7 @@ def _write(done: Fit, seconds: float) -> None:
         "cost": done.cost.as_dict(),
         "size": done.size.as_dict(),
         "look": done.look.as_dict(),
+        "tight": tight_entries(done.tight),
         "notes": [*done.notes, *previous["notes"]],
         "pieces": division.as_dict(),
         "fit_seconds": seconds,

@@ -76,8 +76,18 @@ def _panels(done: "Fit") -> list[tuple[str, Floats, BodyMesh, Floats]]:
         "refined": "refined, not simulated",
         "failed": f"failed; the best: {done.answer.name}",
     }
-    panels.append((ending[done.status], done.positions, done.target, done.cost.stretches))
+    panels.append((ending[done.status], done.positions, done.target, _strain(done)))
     return panels
+
+
+def _strain(done: "Fit") -> Floats:
+    """Principal stretches (m, 2) of the cloth as it was cut for the body; against the garment as given if not draped.
+
+    Grading makes a larger garment of the same cloth, which is no strain.
+    """
+    if done.run is None or done.status not in ("completed", "distorted"):
+        return done.cost.stretches
+    return np.asarray(done.run.stretches(-1), np.float64)
 
 
 def _surfaces(garment: Garment, positions: Floats, wearer: BodyMesh, stretches: Floats) -> list[Surface]:

@@ -192,6 +192,8 @@ DRESS_CLOSING = StageScene(
     },
     solver={"dt": 0.04, "tolerance": 0.1, "max_iterations": 200, "integrator": "backward_euler"},
 )
+KEPT = {"fields": ["contact_pressure"]}
+"""Fields that drapes keep, to say how tight a garment is."""
 DRESS_DRAPE = StageScene(
     effects={
         "inertia": {},
@@ -223,7 +225,7 @@ def fit_drape(
     """Drape of a fitted garment; duration [s]: None: as in FIT_DRAPE; closes: the body closes and carries vertices."""
     effects = _add_fitted_contact(FIT_DRAPE.effects, stiffness, seams, self_contact)
     effects["gravity"] = {"acceleration": (-GRAVITY * up).tolist()}
-    run = FIT_DRAPE.run if duration is None else {**FIT_DRAPE.run, "duration": duration}
+    run = {**FIT_DRAPE.run, **KEPT, **({} if duration is None else {"duration": duration})}
     return replace(FIT_DRAPE, effects=effects, run=run, contact={"pinch": "carry"} if closes else {})
 
 
@@ -244,7 +246,8 @@ def dress_closing(
 def dress_drape(up: Floats, seams: Sequence[Mapping[str, Any]], friction: float) -> StageScene:
     """Drape of a sewn garment; seams: those that are not welded."""
     own = {"friction": {"coefficient": friction}, "gravity": {"acceleration": (-GRAVITY * up).tolist()}}
-    return replace(DRESS_DRAPE, effects={**DRESS_DRAPE.effects, **own, **({"seams": {"seam": seams}} if seams else {})})
+    effects = {**DRESS_DRAPE.effects, **own, **({"seams": {"seam": seams}} if seams else {})}
+    return replace(DRESS_DRAPE, effects=effects, run={**DRESS_DRAPE.run, **KEPT})
 
 
 def named_stage(name: str, listener: Listener | None) -> Listener | None:

@@ -6,7 +6,8 @@ from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from clothsim.gradients.design_aims import aims
-    from clothsim.gradients.losses import Girth, Height, Silhouette
+    from clothsim.gradients.fabric_prior import bending_prior
+    from clothsim.gradients.losses import Girth, Height
     from clothsim.gradients.run import traced
     from clothsim.gradients.state_at_rest import StateAtRest
     from clothsim.gradients.targets import named_loss

@@ -10,6 +10,7 @@ Step k minimises E, so that G(x_k; past, lag, p) = dE/dx = 0 on the free rows, a
 The contact pairs of recorded states are remembered: the pass searches for none.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,13 +20,13 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
 from clothsim.gradients.differentiable_session import RecordedStep, bound_to, free_rows
-from clothsim.gradients.exact_system import exact_system, solved
+from clothsim.gradients.exact_system import DESCENT, exact_system, solved
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs
 from clothsim.physics.energies.base import Energy, Past, Step
 from clothsim.physics.energies.hessians import ByElement, explicit
-from clothsim.physics.energies.protocols import PastSensitivity, SeesPast
+from clothsim.physics.energies.protocols import PastSensitivity, SeesHistory, SeesPast, is_idle
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.stepping import Integrator
@@ -170,6 +171,61 @@ def _replace_slot(step: Step, slot: str, values: Floats) -> Step:
     return replace(held, **changed) if name == slot else replace(held, weighed=replace(past, **changed))
 
 
+@dataclass(frozen=True, eq=False)
+class StateAdjoint:
+    """dL by a state between two steps.
+
+    Parameters
+    ----------
+    positions, velocities, before_positions, before_velocities : (N, 3) float64
+        By x and v, and by those one step earlier (`State.previous`).
+    memory : mapping
+        By what energies carry over (`State.memory`), by effect; 0 where it is left out.
+    """
+
+    positions: Floats
+    velocities: Floats
+    before_positions: Floats
+    before_velocities: Floats
+    memory: Mapping[str, Floats]
+
+    def plus(self, positions: Floats | None, velocities: Floats | None) -> "StateAdjoint":
+        """Return the adjoint with more by x and v (N, 3); None for 0."""
+        x = self.positions if positions is None else self.positions + positions
+        v = self.velocities if velocities is None else self.velocities + velocities
+        return replace(self, positions=x, velocities=v)
+
+
+def no_adjoint(rows: int) -> StateAdjoint:
+    """Return the adjoint of a loss that does not depend on the state of so many rows."""
+    zero = np.zeros((rows, 3))
+    return StateAdjoint(zero, zero, zero, zero, {})
+
+
+@dataclass(frozen=True, eq=False)
+class StepBack:
+    """Result of a step backwards.
+
+    Parameters
+    ----------
+    state : StateAdjoint
+        dL by the state at the start of the step.
+    forces, prescribed : (N, 3) float64
+        a, and dL by the prescribed rows, as of `Adjoints`.
+    newton, doubt : float
+        As of `Adjoints`.
+    carried : mapping
+        dL by what energies carry over from the step, by effect.
+    """
+
+    state: StateAdjoint
+    forces: Floats
+    prescribed: Floats
+    newton: float
+    doubt: float
+    carried: Mapping[str, Floats]
+
+
 @dataclass(frozen=True)
 class Adjoints:
     """Result of a backward pass.
@@ -184,6 +240,10 @@ class Adjoints:
         dL by the positions and velocities at the start of the run.
     newton : (K,) float64
         -a . G of each step: what the loss would still change by if its solve were exact.
+    doubt : (K,) float64
+        |a . G| one exact Newton step further, what the first order leaves out; inf where contact blocks that step.
+    carried : tuple of mappings
+        dL by what energies carry over from each step (`StateAdjoint.memory` of its end), by effect.
     """
 
     forces: Floats
@@ -191,6 +251,8 @@ class Adjoints:
     start: Floats
     velocities: Floats
     newton: Floats
+    doubt: Floats
+    carried: tuple[Mapping[str, Floats], ...]
 
 
 def backward_pass(
@@ -220,36 +282,68 @@ def backward_pass(
     """
     integrator = with_remembered_pairs(integrator)
     n, rows = integrator.world.n_cloth, integrator.world.n_vertices
-    x = [np.zeros((rows, 3)) for _ in range(len(steps) + 1)]
-    v = [np.zeros((rows, 3)) for _ in range(len(steps) + 1)]
-    for states, given in ((x, by_positions), (v, by_velocities or {})):
-        for number, derivative in given.items():
-            states[number] += derivative
     forces, held = np.zeros((len(steps), n, 3)), np.zeros((len(steps), rows, 3))
-    newton = np.zeros(len(steps))
+    newton, doubt, carried = np.zeros(len(steps)), np.zeros(len(steps)), list[Mapping[str, Floats]]()
+    by_velocities = by_velocities or {}
+    state = no_adjoint(rows).plus(by_positions.get(len(steps)), by_velocities.get(len(steps)))
     for k in range(len(steps) - 1, -1, -1):
-        record = steps[k]
         for near in steps[max(k - 1, 0) : k + 1]:
             remember(integrator, near)
-        step, bound = bound_to(integrator, record)
-        past, free = step.past, free_rows(integrator, record)
-        by_velocity = velocity_part(v[k + 1], past.dt)
-        w = x[k + 1] + by_velocity
-        exact = exact_system(bound, record.solution, system or integrator.system, np.flatnonzero(~free))
-        a = solved(exact, w, f"after step {k + 1}")
-        held[k] = np.where(free[:, None], 0.0, w - exact.prescribed_rows_times(a))
-        forces[k] = a[:n]
-        newton[k] = -float(np.vdot(a, bound.gradient(record.solution)))
-        seen = seen_past(integrator, bound, step, record.solution, a)
-        seen["past_positions"] += by_velocity
-        new, old = past_weights(record, integrator)
-        x[k] -= seen["positions"] + new * seen["past_positions"]
-        v[k] -= seen["velocities"] + new * seen["past_velocities"]
-        if old:
-            x[k - 1] += old * seen["past_positions"]
-            v[k - 1] += old * seen["past_velocities"]
-        x[k + 1] = v[k + 1] = np.zeros((0, 3))  # done with
-    return Adjoints(forces, held, x[0], v[0], newton)
+        back = step_back(integrator, steps[k], state, f"after step {k + 1}", system)
+        carried.append(back.carried)
+        state = back.state.plus(by_positions.get(k), by_velocities.get(k))
+        held[k], forces[k], newton[k], doubt[k] = back.prescribed, back.forces[:n], back.newton, back.doubt
+    return Adjoints(forces, held, state.positions, state.velocities, newton, doubt, tuple(reversed(carried)))
+
+
+def step_back(
+    integrator: Integrator, record: RecordedStep, by_end: StateAdjoint, where: str, system: System | None = None
+) -> StepBack:
+    """Go backwards over one step.
+
+    Parameters
+    ----------
+    integrator, system
+        As of `backward_pass`.
+    record : RecordedStep
+        The step.
+    by_end : StateAdjoint
+        dL by the state at its end.
+    where : str
+        Names that state in an error.
+
+    Raises
+    ------
+    NoMinimumError
+        Where the step did not end at a minimum.
+    """
+    step, bound = bound_to(integrator, record)
+    past, free = step.past, free_rows(integrator, record)
+    by_velocity = velocity_part(by_end.velocities, past.dt)
+    w = by_end.positions + by_velocity
+    exact = exact_system(bound, record.solution, system or integrator.system, np.flatnonzero(~free))
+    a = solved(exact, w, where)
+    held = np.where(free[:, None], 0.0, w - exact.prescribed_rows_times(a))
+    left = bound.gradient(record.solution)
+    doubt = _beyond(bound, record.solution, exact.solve(-left), a)
+    seen, memory = seen_past(integrator, bound, step, record.solution, a, by_end.memory)
+    seen["past_positions"] += by_velocity
+    new, old = past_weights(record, integrator)
+    state = StateAdjoint(
+        by_end.before_positions - seen["positions"] - new * seen["past_positions"],
+        by_end.before_velocities - seen["velocities"] - new * seen["past_velocities"],
+        old * seen["past_positions"],
+        old * seen["past_velocities"],
+        {name: -part for name, part in memory.items()},
+    )
+    return StepBack(state, a, held, -float(np.vdot(a, left)), doubt, by_end.memory)
+
+
+def _beyond(bound: Potential, x: Floats, dx: Floats, a: Floats) -> float:
+    """|a . G(x + dx)| after a Newton step dx; 0 for one of round-off, inf for one that contact blocks."""
+    if np.abs(dx).max() <= DESCENT.tolerance:
+        return 0.0
+    return abs(float(np.vdot(a, bound.gradient(x + dx)))) if bound.step_limit(x, dx) == 1.0 else math.inf
 
 
 def velocity_part(by_velocities: Floats, dt: float) -> Floats:
@@ -257,12 +351,24 @@ def velocity_part(by_velocities: Floats, dt: float) -> Floats:
     return by_velocities / dt
 
 
-def seen_past(integrator: Integrator, bound: Potential, step: Step, x: Floats, adjoint: Floats) -> dict[str, Floats]:
-    """Return the sum over the energies of `PastSensitivity`, by the names of its parts, (N, 3) each."""
-    total = {name: np.zeros_like(x) for name in PastSensitivity.__dataclass_fields__}
-    for name, energy in bound.acting.items():
+def seen_past(
+    integrator: Integrator, bound: Potential, step: Step, x: Floats, adjoint: Floats, carried: Mapping[str, Floats]
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Return the sum over the energies of `PastSensitivity`, by the names of its parts, (N, 3) each; and by memories.
+
+    carried: dL by what energies carry over from this step; without one it is 0.
+    """
+    total, memory = {name: np.zeros_like(x) for name in SLOTS}, dict[str, Floats]()
+    for name, energy in bound.energies.items():
         own = integrator.potential.energies[name]
-        if isinstance(energy, SeesPast):
+        if isinstance(energy, SeesHistory):
+            by_carried = carried.get(name, np.zeros_like(np.asarray(energy.carry_over)))
+            part = energy.history_sensitivity(step, x, adjoint, by_carried)
+            if part.memory is not None:
+                memory[name] = part.memory
+        elif is_idle(energy):
+            continue
+        elif isinstance(energy, SeesPast):
             part = energy.past_sensitivity(step, x, adjoint)
         elif type(own).begin is Energy.begin or own.begin(step) is own:  # the same in each step
             continue
@@ -272,7 +378,7 @@ def seen_past(integrator: Integrator, bound: Potential, step: Step, x: Floats, a
             derivative = getattr(part, slot)
             if derivative is not None:
                 total[slot] += derivative
-    return total
+    return total, memory
 
 
 def past_weights(record: RecordedStep, integrator: Integrator) -> tuple[float, float]:

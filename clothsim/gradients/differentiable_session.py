@@ -95,13 +95,6 @@ def free_rows(integrator: Integrator, record: RecordedStep) -> np.ndarray:
     return free
 
 
-REFUSED = {
-    "plastic_bending": "its folds remember every step before",
-    "seams": "its stitches jump where they close",
-}
-"""Effects without a derivative, and why."""
-
-
 def differentiable_session(session: Session, polish: int = MOST_STEPS) -> Session:
     """Return a session whose steps have a derivative.
 
@@ -130,26 +123,22 @@ def differentiable_session(session: Session, polish: int = MOST_STEPS) -> Sessio
     stiffness = pilot_stiffness(session, adaptive) if adaptive else {}
     held = with_stiffness(session, stiffness)
     refine = Polish(held.integrator.system, polish) if polish else unrefined
-    notes = tuple(f"{name}: stiffness held at {kappa:.4g} Pa, for the gradient." for name, kappa in stiffness.items())
+    notes = tuple(
+        f"{name}: stiffness held at {kappa:.4g} Pa, for the gradient. Hold it in runs that are compared with this: "
+        f"effects.{name}.stiffness = {kappa:.12g}."
+        for name, kappa in stiffness.items()
+    )
     return replace(held, integrator=replace(held.integrator, refine=refine), notes=(*held.notes, *notes))
 
 
 def refuse(session: Session) -> None:
     """InputError for what cannot be differentiated, by its name in the scene."""
     energies, scene = session.built.energies, session.scene
-    for name, why in REFUSED.items():
-        if name in energies:
-            raise InputError(f"effects.{name} has no gradient: {why}.", "Leave it out of a differentiable run.")
     if isinstance(energies.get("bending"), History):
         raise InputError(
             "cloth.bending_hysteresis has no gradient: its slips remember every step before.", "Set it to 0."
         )
     friction = energies.get("friction")
-    if getattr(friction, "elastic_slip", 0.0):
-        raise InputError(
-            "effects.friction holds by anchors, whose history has no gradient.",
-            "Give effects.friction.eps_v, such as 1e-3 m/s: contacts then creep.",
-        )
     if isinstance(friction, Lagged) and friction.lag_iterations > 1:
         raise InputError("effects.friction.iterations has a gradient for 1 only.", "Set it to 1.")
     if scene.solver_settings.error:
@@ -173,6 +162,12 @@ def pilot_stiffness(session: Session, names: Sequence[str]) -> dict[str, float]:
     return largest
 
 
+def stiffness_of(energies: Mapping[str, Energy]) -> dict[str, float]:
+    """Return the stiffness of each contact [Pa], by effect."""
+    contacts = {name: cast("Any", each) for name, each in energies.items() if isinstance(each, AdaptiveStiffness)}
+    return {name: float(each.stiffness) for name, each in contacts.items()}
+
+
 def with_stiffness(session: Session, stiffness: Mapping[str, float]) -> Session:
     """Return a session whose adaptive contacts have given stiffnesses [Pa], by effect."""
     energies = held_energies(session.built.energies, stiffness)
@@ -191,9 +186,9 @@ def held_energies(energies: Mapping[str, Energy], stiffness: Mapping[str, float]
     }
 
 
-def forward(session: Session) -> Iterator[RecordedStep]:
-    """Take the steps of a session one by one, without output; ClothsimError where one fails."""
-    run, state = session.scene.run_settings, first_state(session.built.world, session.integrator.dt)
+def forward(session: Session, state: State) -> Iterator[RecordedStep]:
+    """Take the steps of a session one by one from its first state, without output; ClothsimError where one fails."""
+    run = session.scene.run_settings
     for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
         if report.failure is not None:
             raise ClothsimError(report.failure.sentence, report.failure.remedy)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
@@ -193,24 +194,26 @@ class Polish:
     """Refinement of converged solves for `Integrator.refine`: at most `steps` Newton steps with the exact Hessian.
 
     Newton's method may end where the exact Hessian is not positive definite, beside a saddle of the energy, as its
-    matrix is projected. From there it goes on to a minimum first: down along the direction of least curvature, then at
-    steps below DESCENT's tolerance.
+    matrix is projected, or where the exact Newton step is too long: it raises the force, or contact blocks it. From
+    there it goes on to a minimum first, at steps below DESCENT's tolerance; from a saddle down along the direction of
+    least curvature.
     """
 
     system: System
     steps: int = MOST_STEPS
 
     def __call__(self, potential: Potential, result: NewtonResult, target: Prescribed) -> NewtonResult:
-        """Return the result with polished positions; a blocked one, or one beside a saddle, as it is."""
-        x, residual, stable = self._polished(potential, result.x, target)
+        """Return the result with polished positions; where no descent helps, what it came to."""
+        x, residual, end = self._polished(potential, result.x, target)
         for _ in range(MOST_DESCENTS):
-            if stable:
+            if end is _End.EXACT:
                 break
-            x = self._beside(potential, x, target)
+            if end is _End.SADDLE:
+                x = self._beside(potential, x, target)
             below = Newton(potential, self.system, DESCENT, dt=1.0).minimise(x, target)
             if not below.outcome.converged:
                 break
-            x, residual, stable = self._polished(potential, below.x, target)
+            x, residual, end = self._polished(potential, below.x, target)
         return replace(result, x=x, residual=min(result.residual, residual)) if np.isfinite(residual) else result
 
     def _beside(self, potential: Potential, x: Floats, target: Prescribed) -> Floats:
@@ -225,25 +228,36 @@ class Polish:
                 return x + dx
         return x
 
-    def _polished(self, potential: Potential, x: Floats, target: Prescribed) -> tuple[Floats, float, bool]:
-        """Positions, the force that is left [N], and False where the exact Hessian is not positive definite."""
-        best, residual = x, np.inf
+    def _polished(self, potential: Potential, x: Floats, target: Prescribed) -> "tuple[Floats, float, _End]":
+        """Positions, the force that is left [N], and how the steps ended."""
+        best, residual, length = x, np.inf, np.inf
         for _ in range(self.steps):
             gradient = potential.gradient(x)
             exact = exact_system(potential, x, self.system, target.vertices)
             left = _largest(gradient, exact.free)
             if not left < LEAST_GAIN * residual:
-                return best, residual, True
+                break
             best, residual = x, left
             try:
                 dx = exact.solve(-gradient)
             except NotPositiveDefiniteError:
-                return best, residual, False
-            if not dx.any() or potential.step_limit(x, dx) < 1.0 or not np.isfinite(potential.value(x + dx)):
-                return best, residual, True
+                return best, residual, _End.SADDLE
+            length = float(np.abs(dx).max())
+            if not length or potential.step_limit(x, dx) < 1.0 or not np.isfinite(potential.value(x + dx)):
+                break
             x = x + dx
-        left = _largest(potential.gradient(x), exact.free)
-        return (x, left, True) if left < residual else (best, residual, True)
+        else:
+            left = _largest(potential.gradient(x), exact.free)
+            best, residual = (x, left) if left < residual else (best, residual)
+        return best, residual, _End.EXACT if length <= DESCENT.tolerance else _End.FAR
+
+
+class _End(Enum):
+    """End of the Newton steps of a polish."""
+
+    EXACT = "the last step is below the tolerance"
+    FAR = "a step that does not reduce the force, or that contact blocks"
+    SADDLE = "no positive definite Hessian"
 
 
 def _largest(gradient: Floats, free: np.ndarray) -> float:

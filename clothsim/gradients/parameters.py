@@ -13,7 +13,7 @@ from clothsim.gradients.differentiable_session import RecordedStep, held_energie
 from clothsim.keys.fabric import BENDINGS, THREADS, Fabric
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Energy, Past, Step
-from clothsim.physics.energies.protocols import is_idle
+from clothsim.physics.energies.protocols import SeesHistory, is_idle
 from clothsim.scene import paths
 from clothsim.scene.assembly.meshes import FABRIC
 from clothsim.scene.assembly.scene_world import build
@@ -37,7 +37,7 @@ RULED = {"youngs_modulus": THREADS, "bending_stiffness": BENDINGS}
 
 
 def value_at(scene: Scene, world: World, path: str) -> Floats:
-    """Return the number or numbers at a path, a 0- or 1-dimensional array.
+    """Return the number or numbers at a path, a 0- or 1-dimensional array; of key frames (k, 2).
 
     Raises
     ------
@@ -145,7 +145,7 @@ class Variation:
     def _power(
         self, variant: Variant, integrator: Integrator, steps: Sequence[RecordedStep], adjoints: Adjoints
     ) -> float:
-        """Start and prescribed positions by their adjoints, less a.G, of one variant."""
+        """Start, prescribed positions and histories by their adjoints, less a.G, of one variant."""
         world = integrator.world
         moved = world.origin - variant.world.origin
         start, velocities = variant.world.start() - moved - world.start(), variant.world.start_velocities()
@@ -164,8 +164,11 @@ class Variation:
             a = np.zeros_like(x)
             a[: world.n_cloth] = adjoints.forces[k]
             for name in self.affected:
-                if not is_idle(bound[name]):
-                    total -= float(np.vdot(a, bound[name].gradient(x)))
+                energy = bound[name]
+                if not is_idle(energy):
+                    total -= float(np.vdot(a, energy.gradient(x)))
+                if isinstance(energy, SeesHistory) and name in adjoints.carried[k]:
+                    total += float(np.vdot(adjoints.carried[k][name], energy.carry_over))
         return total
 
 
@@ -198,7 +201,7 @@ def full_path(name: str) -> str:
 
 
 def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
-    """Return dL by the number or numbers at a path of the scene, () or (k,).
+    """Return dL by the number or numbers at a path of the scene, () or (k,), or by the key frames there, (k, 2).
 
     Raises
     ------
@@ -210,7 +213,8 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
     value = value_at(scene, session.built.world, path)
     affected = affected_effects(path, tuple(session.built.energies))
     relative, stencil = (OF_FABRIC, SECOND_ORDER) if is_of_fabric(path) else (RELATIVE_STEP, FOURTH_ORDER)
-    size = relative * float(np.abs(value).max(initial=0.0)) or LEAST_STEP
+    largest = np.abs(value).max(axis=0) if value.ndim == 2 else np.abs(value).max(initial=0.0)  # of times, of values
+    sizes = np.broadcast_to(np.where(largest > 0, relative * largest, LEAST_STEP), value.shape)
     out = np.zeros(value.shape)
     for index in np.ndindex(value.shape):
 
@@ -220,5 +224,6 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
             made = build(with_value(scene, path, changed))
             return Variant(made.world, held_energies(made.energies, run.stiffness), made.constraints)
 
-        out[index] = Variation(built, size, stencil, affected).derivative(integrator, run.steps, adjoints)
+        varied = Variation(built, float(sizes[index]), stencil, affected)
+        out[index] = varied.derivative(integrator, run.steps, adjoints)
     return out

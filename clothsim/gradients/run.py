@@ -2,15 +2,14 @@
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
-from typing import Any, cast
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.backward_pass import backward_pass
 from clothsim.gradients.differentiable_session import (
@@ -18,20 +17,21 @@ from clothsim.gradients.differentiable_session import (
     differentiable_session,
     forward,
     recorded,
+    stiffness_of,
     with_stiffness,
 )
 from clothsim.gradients.exact_system import MOST_STEPS
 from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Function, Loss, as_loss
-from clothsim.physics.energies.protocols import AdaptiveStiffness
 from clothsim.run.certificate import Certificate
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run
 from clothsim.run.results import Run
 from clothsim.run.resume import new_output
 from clothsim.run.session import Session, prepare
+from clothsim.scene import paths
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
-from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.stepping import StepReport
 
 
@@ -53,10 +53,16 @@ class Trace:
     @cached_property
     def stiffness(self) -> Mapping[str, float]:
         """The stiffness of each contact [Pa], held over the run, by effect."""
-        contacts = {
-            name: each for name, each in self.session.built.energies.items() if isinstance(each, AdaptiveStiffness)
-        }
-        return {name: float(cast("Any", each).stiffness) for name, each in contacts.items()}
+        return stiffness_of(self.session.built.energies)
+
+    @property
+    def held_scene(self) -> Scene:
+        """The scene with the stiffness of each contact as it is held here.
+
+        The gradient is that of this scene. One of another run with `stiffness = "auto"` is compared only with the
+        stiffness of this one: its own would be another number, by a rule that the gradient leaves out.
+        """
+        return with_held(self.session.scene, self.stiffness)
 
     @cached_property
     def frame_states(self) -> tuple[int, ...]:
@@ -140,7 +146,19 @@ class DifferentiableRun(Run):
         return self.trace.gradient(loss)
 
 
-def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: int = MOST_STEPS) -> Trace:
+def with_held(scene: Scene, stiffness: Mapping[str, float]) -> Scene:
+    """Return the scene with the stiffness of contacts [Pa] by effect in place of the rule that chooses it."""
+    for name, kappa in stiffness.items():
+        scene = paths.replace(scene, f"effects.{name}.stiffness", kappa)
+    return scene
+
+
+def traced(
+    scene: Scene,
+    stiffness: Mapping[str, float] | None = None,
+    polish: int = MOST_STEPS,
+    start: Mapping[str, Floats] | None = None,
+) -> Trace:
     """Simulate a scene without output.
 
     Parameters
@@ -151,11 +169,25 @@ def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: i
         Contact stiffnesses to hold [Pa], by effect; None: those of a pilot run.
     polish : int
         As of `simulate_differentiably`.
+    start : mapping, optional
+        `start` and `velocity` of the cloth in place of those of the scene, (n, 3) [m], [m/s].
     """
     scene.refuse_without_cloth("a gradient")
     session = prepare(scene, build(scene, affordable=True))
     session = differentiable_session(with_stiffness(session, stiffness) if stiffness else session, polish)
-    return Trace(session, tuple(forward(session)))
+    return Trace(session, tuple(forward(session, begun(session, start or {}))))
+
+
+def begun(session: Session, given: Mapping[str, Floats]) -> State:
+    """Return the first state of a session with `start` and `velocity` (n, 3) of its cloth, where they are given."""
+    world, state = session.built.world, first_state(session.built.world, session.integrator.dt)
+    parts = {"start": state.positions.copy(), "velocity": state.velocities.copy()}
+    for name, value in given.items():
+        rows = as_points(name, value)
+        if len(rows) != world.n_cloth:
+            raise InputError(f"{name} has {len(rows)} rows, the cloth {world.n_cloth} vertices.")
+        parts[name][: world.n_cloth] = rows - world.origin if name == "start" else rows
+    return replace(state, positions=parts["start"], velocities=parts["velocity"])
 
 
 def simulate_differentiably(

@@ -8,6 +8,7 @@ from clothsim.keys.key_table import KeyTable
 from clothsim.keys.schema import Key, OverTime, Selection, Table, Vector
 
 SELECT = Key("Vertices by side, by number or in a box at the start [m]")
+CURVE = Key("A line of edges: a side, a box at the start [m], an edge or label of a pattern, or numbers in order")
 CLOTH = Key("Name of the cloth, where there are several", shown="the only one")
 
 
@@ -53,6 +54,28 @@ class Spring(KeyTable):
     path: Annotated[
         Sequence[Sequence[float]], Key("Key frames [[time, dx, dy, dz], ...] of a displacement of the points", "s, m")
     ] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band(KeyTable):
+    """An elastic band along edges of the cloth: [[effects.elastic_bands.band]]."""
+
+    section: ClassVar[str] = "effects.elastic_bands.band"
+
+    select: Annotated[Selection, CURVE]
+    stiffness: Annotated[OverTime, Key("Force that doubles the length of the band", "N", least=0)]
+    length_ratio: Annotated[OverTime, Key("Length of the band at rest over that of the cloth", "1", least=0.05)] = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cord(KeyTable):
+    """A cord that slides through edges of the cloth: [[effects.cords.cord]]."""
+
+    section: ClassVar[str] = "effects.cords.cord"
+
+    select: Annotated[Selection, CURVE]
+    stiffness: Annotated[OverTime, Key("Force that doubles the length of the cord", "N", least=0)]
+    length_ratio: Annotated[OverTime, Key("Length of the cord over that of its line at rest", "1", least=0.01)] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from clothsim.keys.effect_tables import SELECT, Motion
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable, composed
 from clothsim.keys.mesh_arrays import MeshArrays
-from clothsim.keys.schema import Key, Selection, Vector, keys_of
+from clothsim.keys.schema import Key, OverTime, Selection, Vector, keys_of
 from clothsim.keys.value_checks import refuse_unknown
 
 
@@ -109,24 +109,24 @@ class ClothKeys(PlacedKeys):
     density: Annotated[float | None, Key("Area density", "kg/m2", above=0, shown="the fabric's")] = None
     thickness: Annotated[float | None, Key("Thickness", "m", above=0, shown="the fabric's")] = None
     youngs_modulus: Annotated[
-        float | None, Key("Young's modulus; it replaces the stiffnesses of the threads", "Pa", least=0,
+        OverTime | None, Key("Young's modulus; it replaces the stiffnesses of the threads", "Pa", least=0,
                           shown="the fabric's")
     ] = None  # fmt: skip
     poisson_ratio: Annotated[
         float | None, Key("Poisson's ratio", "1", above=-1, most=0.5, shown="the fabric's")
     ] = None  # fmt: skip
     bending_stiffness: Annotated[
-        float | None, Key("Bending stiffness; it replaces those along warp, weft and bias", "N m", least=0,
+        OverTime | None, Key("Bending stiffness; it replaces those along warp, weft and bias", "N m", least=0,
                           shown="the fabric's")
     ] = None  # fmt: skip
-    bending_warp: Annotated[float | None, Key("Bending stiffness along warp", "N m", least=0, shown="the fabric's")] = (
-        None
-    )
-    bending_weft: Annotated[float | None, Key("Bending stiffness along weft", "N m", least=0, shown="the fabric's")] = (
-        None
-    )
+    bending_warp: Annotated[
+        OverTime | None, Key("Bending stiffness along warp", "N m", least=0, shown="the fabric's")
+    ] = None
+    bending_weft: Annotated[
+        OverTime | None, Key("Bending stiffness along weft", "N m", least=0, shown="the fabric's")
+    ] = None
     bending_bias: Annotated[
-        float | None, Key("Bending stiffness at 45 degrees to warp and weft", "N m", above=0, shown="the fabric's")
+        OverTime | None, Key("Bending stiffness at 45 degrees to warp and weft", "N m", above=0, shown="the fabric's")
     ] = None
     bending_slope: Annotated[
         float | None,
@@ -143,11 +143,11 @@ class ClothKeys(PlacedKeys):
         float | None, Key("Slope bending_slope at 45 degrees to warp and weft", "N m2", shown="by warp and weft")
     ] = None  # fmt: skip
     rest_curvature_warp: Annotated[
-        float | None, Key("Curvature at rest (curl) along warp, above 0 towards the front", "1/m",
+        OverTime | None, Key("Curvature at rest (curl) along warp, above 0 towards the front", "1/m",
                           shown="the fabric's")
     ] = None  # fmt: skip
     rest_curvature_weft: Annotated[
-        float | None, Key("Curvature at rest (curl) along weft, above 0 towards the front", "1/m",
+        OverTime | None, Key("Curvature at rest (curl) along weft, above 0 towards the front", "1/m",
                           shown="the fabric's")
     ] = None  # fmt: skip
     bending_hysteresis: Annotated[
@@ -164,9 +164,9 @@ class ClothKeys(PlacedKeys):
         Key("Change of curvature in which the friction of bending grows to its limit", "1/m", above=0,
             shown="the fabric's"),
     ] = None  # fmt: skip
-    warp_stiffness: Annotated[float | None, Key("Stiffness along warp", "N/m", least=0, shown="the fabric's")] = None
-    weft_stiffness: Annotated[float | None, Key("Stiffness along weft", "N/m", least=0, shown="the fabric's")] = None
-    shear_stiffness: Annotated[float | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None
+    warp_stiffness: Annotated[OverTime | None, Key("Stiffness along warp", "N/m", least=0, shown="the fabric's")] = None
+    weft_stiffness: Annotated[OverTime | None, Key("Stiffness along weft", "N/m", least=0, shown="the fabric's")] = None
+    shear_stiffness: Annotated[OverTime | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None
     thread_poisson_ratio: Annotated[
         float | None,
         Key("Geometric mean of both Poisson's ratios of the threads", "1", above=-1, below=1, shown="the fabric's"),
@@ -177,6 +177,12 @@ class ClothKeys(PlacedKeys):
     weft_extension: Annotated[
         float | None, Key("Strain under 490 N/m along weft, for strain_limit", "1", above=0, shown="the fabric's")
     ] = None
+    shrinkage_warp: Annotated[
+        OverTime, Key("Part by which the rest shape is shorter along warp; below 0 it is longer", "1", below=1)
+    ] = 0.0
+    shrinkage_weft: Annotated[
+        OverTime, Key("Part by which the rest shape is shorter along weft; below 0 it is longer", "1", below=1)
+    ] = 0.0
     weld: Annotated[float, Key("Border vertices closer than this are sewn; 0 is none", "m", least=0)] = 0.0
     sewn: Annotated[bool, Key("The mesh is sewn already: seams of three layers are no fault")] = False
 

@@ -35,6 +35,8 @@ OF_KEY: Mapping[str, tuple[float, float, str]] = {
     "friction.elastic_slip": (1e-9, 0.01, "0.00001 is usual"),
     "friction.eps_v": (1e-6, 1.0, "0.001 to 0.01 is usual"),
     "pressure.value": (1e-3, 1e6, "a toy balloon has 2000"),
+    "band.stiffness": (1e-3, 1e5, "a waistband has 20"),
+    "cord.stiffness": (1e-3, 1e6, "a cotton cord has 1000"),
     "plastic_bending.yield_curvature": (1.0, 1e5, "a crease of a millimetre has 1000"),
     "solver.dt": (1e-7, 0.5, "0.01 is usual"),
     "solver.tolerance": (1e-12, 1.0, "0.001 is usual"),
@@ -93,7 +95,10 @@ def plausible_range(section: str, key: SceneKey) -> tuple[float, float, str] | N
 def doubts(where: str, section: KeyTable) -> Iterator[str]:
     """A question on each number of a section, and of its nested ones, that looks like one in another unit."""
     known = keys_of(type(section))
+    of_a_board = _of_a_board(section)
     for name in section:
+        if name in of_a_board:
+            continue
         key = known[name]
         value = getattr(section, key.field)
         nested = value if isinstance(value, list | tuple) else (value,)
@@ -106,6 +111,17 @@ def doubts(where: str, section: KeyTable) -> Iterator[str]:
         if found is not None and size and not found[0] <= size <= found[1]:
             given = f"{value:g}" if isinstance(value, int | float) else f"of {size:.4g}"
             yield f"{where}.{name} is {given} {key.key.unit}, where {found[2]}: is it in another unit?"
+
+
+def _of_a_board(section: KeyTable) -> set[str]:
+    """Keys of a cloth that its own thickness explains: it is as heavy, and at most as stiff, as a solid plate."""
+    given = {name: getattr(section, key.field) for name, key in keys_of(type(section)).items() if name in section}
+    density, thickness = given.get("density", 0.0), given.get("thickness", 0.0)
+    low, high, _ = OF_KEY["rigid.density"]
+    if not 0 < thickness <= OF_KEY["cloth.thickness"][1] or not low <= density / thickness <= high:
+        return set()
+    stiffest = given.get("youngs_modulus", 0.0) * thickness**3 / 9  # E t^3 / (12 (1 - nu^2)), nu of a half
+    return {"density"} | ({"bending_stiffness"} if given.get("bending_stiffness", np.inf) <= stiffest else set())
 
 
 def _declaring(section: KeyTable, name: str) -> list[str]:

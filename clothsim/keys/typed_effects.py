@@ -14,7 +14,19 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown
-from clothsim.keys.effect_tables import SELECT, Crease, Gust, Motion, PatternSeams, PinGroup, Seam, Spring, Vortex
+from clothsim.keys.effect_tables import (
+    SELECT,
+    Band,
+    Cord,
+    Crease,
+    Gust,
+    Motion,
+    PatternSeams,
+    PinGroup,
+    Seam,
+    Spring,
+    Vortex,
+)
 from clothsim.keys.key_table import KeyTable, content_of, frozen
 from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
 
@@ -156,6 +168,24 @@ class Springs(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ElasticBands(EffectKeys):
+    """Elastic bands sewn along edges of the cloth."""
+
+    section: ClassVar[str] = "effects.elastic_bands"
+
+    band: Annotated[Sequence[Band | Table], Key("Bands along lines of edges", tables=(Band,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cords(EffectKeys):
+    """Cords that slide through edges of the cloth."""
+
+    section: ClassVar[str] = "effects.cords"
+
+    cord: Annotated[Sequence[Cord | Table], Key("Cords along lines of edges", tables=(Cord,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pressure(EffectKeys):
     """Pressure of a fluid along the normals."""
 
@@ -271,7 +301,8 @@ class Friction(EffectKeys):
 TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
     kind.section.removeprefix("effects."): kind
     for kind in (
-        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Pressure, Air, Damping,
+        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, ElasticBands, Cords,
+        Pressure, Air, Damping,
         BodyContact, SelfContact, Seams, PlasticBending, Friction,
     )
 }  # fmt: skip

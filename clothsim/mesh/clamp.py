@@ -91,7 +91,7 @@ def _ghost_hinges(world: World, cloth_number: int, pinned: np.ndarray, first_gho
     edges, triangles, opposite = edges[chosen], triangles[chosen], opposite[chosen]
     ghosts = _mirrored(cloth.name, cloth.positions, edges, opposite)
     vertices = np.column_stack([edges, opposite, opposite])
-    length, along, height = corner_over_edge(cloth, vertices, triangles, 0)
+    length, along, height = corner_over_edge(cloth.triangles, cloth.material_coordinates, vertices, triangles, 0)
     corners = np.zeros((len(vertices), 4, 2))
     corners[:, 1, 0] = length
     corners[:, 2:, 0] = along[:, None]

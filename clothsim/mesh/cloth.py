@@ -229,7 +229,8 @@ def cloth_hinges(cloth: Cloth, offset: int = 0) -> Hinges:
     vertices, pairs = interior_edges(cloth.triangles)
     corners = np.zeros((len(vertices), 4, 2))
     for side, sign in ((0, 1.0), (1, -1.0)):
-        length, along, height = corner_over_edge(cloth, vertices, pairs[:, side], side)
+        shapes = cloth.triangles, cloth.material_coordinates
+        length, along, height = corner_over_edge(*shapes, vertices, pairs[:, side], side)
         corners[:, 1, 0] += 0.5 * length
         corners[:, 2 + side, 0] = along
         corners[:, 2 + side, 1] = sign * height
@@ -280,11 +281,13 @@ def dihedral_angles(positions: Floats, hinge_vertices: Ints) -> Floats:
     return np.arctan2(sine, np.einsum("ij,ij->i", normal1, normal2))
 
 
-def corner_over_edge(cloth: Cloth, hinges: Ints, triangle: Ints, side: int) -> tuple[Floats, Floats, Floats]:
+def corner_over_edge(
+    triangles: Ints, material_coordinates: Floats, hinges: Ints, triangle: Ints, side: int
+) -> tuple[Floats, Floats, Floats]:
     """Return the rest length of the edge, and the opposite corner along it (from the start) and above it [m]."""
-    faces = cloth.triangles[triangle]
+    faces = triangles[triangle]
     at = [np.argmax(faces == hinges[:, k : k + 1], axis=1) for k in (0, 1, 2 + side)]
-    start, end, corner = (cloth.material_coordinates[triangle, k] for k in at)
+    start, end, corner = (material_coordinates[triangle, k] for k in at)
     edge = end - start
     length = np.linalg.norm(edge, axis=1)
     offset_2d = corner - start

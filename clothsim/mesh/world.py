@@ -16,7 +16,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.mesh.body import Body, FreeMotion, RigidMotion
-from clothsim.mesh.cloth import Cloth, Hinges, cloth_hinges, join_hinges
+from clothsim.mesh.cloth import Cloth, Hinges, cloth_hinges, corner_over_edge, join_hinges, stiffness_in_series
 from clothsim.mesh.rigid_body import RigidBody
 from clothsim.mesh.topology import unique_edges
 
@@ -127,10 +127,15 @@ class World:
         E = self.rest_shapes  # columns are two edges of each triangle
         return float(np.median(np.linalg.norm(E, axis=1)))
 
+    @property
+    def material_coordinates(self) -> Floats:
+        """Corners of each triangle at rest in its own plane, (m, 3, 2) [m]."""
+        return np.concatenate([np.zeros((0, 3, 2)), *(cloth.material_coordinates for cloth in self.cloths)])
+
     @cached_property
     def rest_shapes(self) -> Floats:
         """Dm = [e1 e2] of each triangle at rest, (m, 2, 2) [m]; its columns are the reference edges."""
-        corners = np.concatenate([np.zeros((0, 3, 2)), *(cloth.material_coordinates for cloth in self.cloths)])
+        corners = self.material_coordinates
         return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
 
     @cached_property
@@ -213,6 +218,35 @@ def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = (), rigid: Sequ
     offsets = np.cumsum([0] + [len(cloth.positions) for cloth in cloths])
     parts = [cloth_hinges(cloth, offset) for cloth, offset in zip(cloths, offsets[:-1], strict=True)]
     return World(tuple(cloths), tuple(bodies), join_hinges(parts), np.zeros((0, 3)), np.zeros(3), tuple(rigid))
+
+
+def with_material(world: World, cloths: Sequence[Cloth]) -> World:
+    """Return the world with other fabrics, or other sizes of the triangles at rest, and the hinges that follow.
+
+    Parameters
+    ----------
+    world : World
+        Also one with clamps, whose ghosts mirror the triangles as they were.
+    cloths : sequence of Cloth
+        Its cloths with other fabrics or `material_coordinates`.
+    """
+    changed, hinges = replace(world, cloths=tuple(cloths)), world.hinges
+    vertices = np.where(hinges.vertices < world.n_cloth, hinges.vertices, hinges.vertices[:, 2:3])  # ghosts mirror
+    n, triangles, coordinates = max(world.n_cloth, 1), changed.triangles, changed.material_coordinates
+    radix = np.array([n * n, n, 1])
+    numbers = np.sort(triangles, axis=1) @ radix
+    order = np.argsort(numbers)
+    corners, beside = np.zeros_like(hinges.corners), np.zeros((len(vertices), 2), np.int64)
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        wanted = np.sort(vertices[:, [0, 1, 2 + side]], axis=1) @ radix
+        beside[:, side] = order[np.searchsorted(numbers, wanted, sorter=order)]
+        length, along, height = corner_over_edge(triangles, coordinates, vertices, beside[:, side], side)
+        corners[:, 1, 0] += 0.5 * length
+        corners[:, 2 + side, 0], corners[:, 2 + side, 1] = along, sign * height
+    heights = np.stack([corners[:, 2, 1], -corners[:, 3, 1]], axis=1)
+    stiffness = stiffness_in_series(changed.per_triangle("bending_stiffness")[beside], heights)
+    clamped = np.where(hinges.held >= 0, 2.0, 1.0)  # see `clamp`
+    return replace(changed, hinges=replace(hinges, corners=corners, stiffness=clamped * stiffness))
 
 
 def _slices(sizes: Sequence[int], start: int) -> tuple[slice, ...]:

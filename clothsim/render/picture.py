@@ -14,13 +14,22 @@ from clothsim.base.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import replacing
 from clothsim.render.camera import HIGH, LOW, VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
-from clothsim.render.colour_scale import Quantity, Scale, limits_of, log_stretch, sequential_scale, stretch_scale
+from clothsim.render.colour_scale import (
+    Quantity,
+    Scale,
+    dyes_of,
+    limits_of,
+    log_stretch,
+    sequential_scale,
+    stretch_scale,
+)
 from clothsim.render.display import choose_renderer
 from clothsim.render.ray_caster import pixel_geometry
 from clothsim.render.styles import STYLES, Style, add_legend, backdrop, margins, outlined, woven
 from clothsim.render.surface_look import Surface, looks, smoothed
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_COLOURINGS = ("stretch", "plain", "auto")
 _SMALLEST = 64
 _RENDERERS = {
     "vtk": "clothsim.render.vtk_scene",
@@ -45,7 +54,7 @@ class PictureSetup:
     size : (int, int)
         Width and height in pixels.
     scale : Scale or None
-        Colours of the cloth; None where it is plain.
+        Colours of the cloth by its values; None where it is plain.
     up : (3,) array
         Unit vector.
     title : str
@@ -62,6 +71,8 @@ class PictureSetup:
         What is added to the surfaces, and left out behind them.
     follow : bool
         True: the camera is that of a cloth with its centre at the origin, and moves with the centre.
+    dyes : (k, 2, 3) array or None
+        sRGB of the threads of plain cloths; None: those of the style.
     """
 
     camera: Camera
@@ -75,6 +86,7 @@ class PictureSetup:
     smooth: bool = True
     style: Style = STYLES["fields"]
     follow: bool = False
+    dyes: Floats | None = None
 
 
 def draw(
@@ -102,9 +114,9 @@ def draw(
         Cloths and bodies at one time.
     size : (int, int)
         Width and height in pixels.
-    colour : "stretch", "plain", "auto" or Quantity
+    colour : "stretch", "plain", "auto", Quantity or text
         Of the cloths: the principal stretch farthest from 1, with a scalar bar; none; that of the style ("plain" of
-        "fabric", else "stretch"); or that of their `values`.
+        "fabric", else "stretch"); that of their `values`; or a colour for each, as of `dyes_of`.
     up : (3,) array, "x", "y" or "z"
         The upward direction of the picture.
     view : (3,) array, "auto", "front", "back", "left", "right" or "top"
@@ -182,8 +194,7 @@ def picture_setup(
         raise InputError("There is no frame to draw.")
     if style not in STYLES:
         raise InputError(f"The style is {style!r}.", f"Known: {', '.join(STYLES)}.")
-    if not isinstance(colour, Quantity) and colour not in ("stretch", "plain", "auto"):
-        raise InputError(f'colour must be "stretch", "plain" or "auto", not {colour!r}.')
+    dyes = None if isinstance(colour, Quantity) or colour in _COLOURINGS else dyes_of(str(colour))
     pixels = pixel_counts(size)
     _check_size(pixels, samples)
     for surface in (s for surfaces in frames for s in surfaces):
@@ -216,7 +227,7 @@ def picture_setup(
     elif traced:
         cloth = everything = _figure(frames, cloth)
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
-    look = {"smooth": smooth, "style": STYLES[style], "follow": follow}
+    look = {"smooth": smooth, "style": STYLES[style], "follow": follow, "dyes": dyes}
     return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note, **look)  # type: ignore[arg-type]
 
 
@@ -277,7 +288,7 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
     drawn = [smoothed(each) for each in surfaces] if setup.smooth else list(surfaces)
     if style.traced:
         trace = import_module(_RENDERERS["mitsuba"]).render
-        return np.asarray(trace(drawn, setup.scale, camera, setup.size, setup.up, setup.samples))
+        return np.asarray(trace(drawn, setup.scale, camera, setup.size, setup.up, setup.samples, setup.dyes))
     image = _shaded(setup, camera, drawn, surfaces)
     cloths = [each for each in drawn if each.role == "cloth"]
     if style.body_opacity < 1.0 and 0 < len(cloths) < len(drawn):
@@ -294,7 +305,7 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
 def _shaded(setup: PictureSetup, camera: Camera, drawn: Sequence[Surface], surfaces: Sequence[Surface]) -> np.ndarray:
     """Surfaces under light before the background; `surfaces`: those that throw a soft shadow on the floor."""
     render = import_module(_RENDERERS[setup.renderer]).render
-    seen = render(looks(drawn, setup.scale), camera, setup.size, setup.up, setup.samples)
+    seen = render(looks(drawn, setup.scale, setup.dyes), camera, setup.size, setup.up, setup.samples)
     behind: Floats | float = 1.0
     if not setup.style.paper:
         triangles = np.concatenate(

@@ -20,7 +20,7 @@ from clothsim.render.surface_look import Surface, cloth_shell, creased_normals, 
 PALETTE = np.array(
     [[0.055, 0.125, 0.245], [0.55, 0.24, 0.075], [0.115, 0.20, 0.125], [0.40, 0.055, 0.075], [0.62, 0.55, 0.43]]
 )
-"""Linear RGB of cloths without a field: indigo, ochre, bottle green, madder, ecru."""
+"""Linear RGB of cloths without a field or dyes: indigo, ochre, bottle green, madder, ecru."""
 BACKDROP = np.array([0.78, 0.78, 0.79])
 RIBS, TEXELS, RIB_PIXELS = 48, 768, 2.4
 """Ribs and texels of a tile of the weave, and the least width of a rib in a picture [pixels]."""
@@ -30,6 +30,10 @@ DEPTH = 5
 """Bounces of light."""
 PATHS = 6
 """Paths of a pixel for each of the picture's samples squared."""
+FINER = 2
+"""Pixels that are traced and smoothed for one of the picture, each way: outlines are as smooth as the surfaces."""
+CHECKS = 4
+"""Pairs of bands along a tile of a cloth that is woven of two dyes."""
 
 
 def render(
@@ -39,6 +43,7 @@ def render(
     size: tuple[int, int],
     up: Floats,
     samples: int = 2,
+    dyes: Floats | None = None,
 ) -> Floats:
     """The picture (height, width, 3), sRGB in [0, 1].
 
@@ -52,6 +57,8 @@ def render(
         As of a `PictureSetup`.
     samples : int
         Samples of a pixel in each direction.
+    dyes : (k, 2, 3) array, optional
+        sRGB of the two threads of each cloth, the first one's again after the last; None: those of PALETTE.
 
     Raises
     ------
@@ -59,27 +66,32 @@ def render(
         Without Mitsuba.
     """
     mi = _mitsuba()
+    threads = np.stack([PALETTE, PALETTE], axis=1) if dyes is None else np.asarray(dyes) ** 2.2
     everything = np.concatenate([each.positions for each in surfaces])
     extent = float(np.ptp(everything, axis=0).max())
     pixel = 2.0 * camera.tangents[1] / size[1] * float((camera.position - everything.mean(axis=0)) @ camera.axes[2])
     shapes: list[Any] = []
-    for k, surface in enumerate(surfaces):
+    n_cloths = 0
+    for surface in surfaces:
         if surface.role == "body":
             normals = creased_normals(surface.positions, surface.triangles)
             shapes.append(_mesh(mi, surface.positions[surface.triangles], normals, _LACQUER))
         else:
-            shapes += _cloth(mi, surface, PALETTE[k % len(PALETTE)], scale, max(RIB, RIB_PIXELS * pixel))
+            shapes += _cloth(mi, surface, threads[n_cloths % len(threads)], scale, max(RIB, RIB_PIXELS * pixel))
+            n_cloths += 1
     aovs = "colour:albedo,normal:sh_normal,depth:depth"
     scene = {
         "type": "scene",
         "integrator": {"type": "aov", "aovs": aovs, "traced": {"type": "path", "max_depth": DEPTH}},
-        "sensor": _sensor(mi, camera, size, extent),
+        "sensor": _sensor(mi, camera, (FINER * size[0], FINER * size[1]), extent),
         **{f"surface_{k}": shape for k, shape in enumerate(shapes)},
         **_stage(mi, everything, camera, up, extent),
     }
-    traced = np.array(mi.render(mi.load_dict(scene), spp=PATHS * samples**2), np.float32)
+    paths = max(PATHS * samples**2 // FINER**2, 1)
+    traced = np.array(mi.render(mi.load_dict(scene), spp=paths), np.float32)
     light, colour, normal, depth = traced[..., :3], traced[..., 3:6], traced[..., 6:9], traced[..., 9]
-    return _developed(_denoised(light, colour, normal, depth, extent))
+    fine = _developed(_denoised(light, colour, normal, depth, extent))
+    return np.asarray(fine.reshape(size[1], FINER, size[0], FINER, 3).mean(axis=(1, 3)))
 
 
 def _mitsuba() -> Any:
@@ -115,19 +127,22 @@ def _mesh(
     return mesh
 
 
-def _cloth(mi: Any, surface: Surface, colour: Floats, scale: Scale | None, rib: float) -> list[Any]:
-    """The meshes of a cloth and of its stitches; rib: width of the ribs of its weave [m]."""
+def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, rib: float) -> list[Any]:
+    """The meshes of a cloth and of its stitches.
+
+    dyes: (2, 3) linear RGB of its threads; rib: width of the ribs of its weave [m].
+    """
     shell, stitches = cloth_shell(surface)
     values = vertex_values(surface)
     if scale is not None and len(values):
         painted = (scale.colours(values)[shell.source] ** 2.2).reshape(-1, 3)
         made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, None, rib), shell.uv, painted)]
     else:
-        made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, colour, rib), shell.uv)]
+        made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, dyes, rib), shell.uv)]
     if len(stitches):
         facing = unit(np.cross(stitches[:, 1] - stitches[:, 0], stitches[:, 2] - stitches[:, 0]))
         normals = np.broadcast_to(facing[:, None], stitches.shape)
-        made.append(_mesh(mi, stitches, normals, _diffuse(0.25 * colour + 0.02)))
+        made.append(_mesh(mi, stitches, normals, _diffuse(0.25 * dyes.mean(axis=0) + 0.02)))
     return made
 
 
@@ -147,13 +162,15 @@ _LACQUER = {
 """Satin lacquer of a shop's mannequin."""
 
 
-def _woven(mi: Any, colour: Floats | None, rib: float) -> dict[str, Any]:
+def _woven(mi: Any, dyes: Floats | None, rib: float) -> dict[str, Any]:
     """Matt threads in a twill, with the sheen of fibres seen at a grazing angle; None: in the colours of the mesh."""
     height, threads = _twill()
     place = {"raw": True, "to_uv": mi.ScalarTransform4f().scale([1.0 / (RIBS * rib), 1.0 / (RIBS * rib), 1.0])}
     base: dict[str, Any] = {"type": "mesh_attribute", "name": "vertex_colour"}
-    if colour is not None:
-        tile = np.clip(threads[..., None] * colour, 0.0, 1.0).astype(np.float32)
+    if dyes is not None:
+        band = np.arange(TEXELS) * 2 * CHECKS // TEXELS % 2
+        both = 0.5 * (dyes[band][None, :] + dyes[band][:, None])
+        tile = np.clip(threads[..., None] * both, 0.0, 1.0).astype(np.float32)
         base = {"type": "bitmap", "bitmap": mi.Bitmap(tile), **place}
     fibres = {"roughness": 0.9, "specular": 0.12, "sheen": 0.7, "sheen_tint": 0.5}
     bump = {"type": "bitmap", "bitmap": mi.Bitmap(height[..., None].astype(np.float32)), **place}
@@ -234,7 +251,7 @@ def _sensor(mi: Any, camera: Camera, size: tuple[int, int], extent: float) -> di
     }
 
 
-ROUNDS = 4
+ROUNDS = 5
 """Passes of the filter; each reaches twice as far as the one before."""
 _KERNEL = (1.0, 4.0, 6.0, 4.0, 1.0)
 
@@ -249,7 +266,7 @@ def _denoised(light: Any, colour: Any, normal: Any, depth: Any, extent: float) -
         step = 2**level
         total, weight = np.zeros_like(seen), np.zeros((height, width, 1), np.float32)
         brightness = seen.mean(axis=2)
-        tolerance = np.inf if level == 0 else 0.5**level
+        tolerance = np.inf if level < FINER else 0.5 ** (level - FINER + 1)
         reach = 2 * step
         around = ((reach, reach), (reach, reach), (0, 0))
         padded = [np.pad(each, around, mode="edge") for each in (seen, normal, depth[..., None])]
@@ -265,8 +282,9 @@ def _denoised(light: Any, colour: Any, normal: Any, depth: Any, extent: float) -
                 total += w * other
                 weight += w
         seen = np.where(weight > 1e-6, total / np.maximum(weight, 1e-6), seen)
-    mixed = np.linalg.norm(normal, axis=2) < WHOLE
-    seen[mixed] = _along_outlines(light / base, np.concatenate([normal, 3.0 * colour], axis=2))[mixed]
+    whole = np.linalg.norm(normal, axis=2) >= WHOLE
+    features = np.concatenate([normal, 3.0 * colour], axis=2)
+    seen[~whole] = _beside_outlines(seen, features, whole)[~whole]
     return seen * base
 
 
@@ -279,19 +297,26 @@ def _lesser_slope(depth: Any, axis: int) -> Any:
 
 WHOLE, CLOSE = 0.985, 0.03
 """Length of the mean normal below which a pixel shows two surfaces, and the variance of what looks the same there."""
+_OUT_OF_REACH = 1e-6
+"""Weight of neighbours that show two surfaces themselves: they count where there are no others."""
 
 
-def _along_outlines(seen: Any, features: Any) -> Any:
-    """Light (h, w, 3) smoothed over the neighbours whose mean normal and colour, features (h, w, 6), are the same."""
+def _beside_outlines(seen: Any, features: Any, whole: Any) -> Any:
+    """Light (h, w, 3) of the neighbours that show one surface, those of the nearest normal and colour before others.
+
+    features: (h, w, 6) mean normal and colour; whole: (h, w) which show one surface.
+    """
     height, width, _ = features.shape
     total, weight = np.zeros_like(seen), np.zeros((height, width, 1), np.float32)
-    padded, other = (np.pad(each, ((2, 2), (2, 2), (0, 0)), mode="edge") for each in (features, seen))
+    counted = np.where(whole, 1.0, _OUT_OF_REACH)[..., None].astype(np.float32)
+    around = ((2, 2), (2, 2), (0, 0))
+    padded, light, trusted = (np.pad(each, around, mode="edge") for each in (features, seen, counted))
     for i in range(5):
         for j in range(5):
             rows, columns = slice(i, i + height), slice(j, j + width)
             apart = ((padded[rows, columns] - features) ** 2).sum(axis=2, keepdims=True)
-            w = np.exp(-apart / CLOSE)
-            total += w * other[rows, columns]
+            w = trusted[rows, columns] / (CLOSE + apart) ** 2
+            total += w * light[rows, columns]
             weight += w
     return total / weight
 

@@ -109,8 +109,11 @@ class Look:
     back: Floats
 
 
-def looks(surfaces: Sequence[Surface], scale: Scale | None) -> list[Look]:
-    """The look of each surface and of the strokes on it; cloth by its values or else its log l, plain without scale."""
+def looks(surfaces: Sequence[Surface], scale: Scale | None, dyes: Floats | None = None) -> list[Look]:
+    """The look of each surface and of the strokes on it; cloth by its values or else its log l, plain without scale.
+
+    dyes: (k, 2, 3) sRGB of the threads of plain cloths, whose mean is seen.
+    """
     made, n_cloths = [], 0
     for surface in surfaces:
         corners = surface.positions[surface.triangles]
@@ -121,6 +124,8 @@ def looks(surfaces: Sequence[Surface], scale: Scale | None) -> list[Look]:
         values = vertex_values(surface)
         if scale is not None and len(values):
             front = scale.colours(values)[surface.triangles]
+        elif dyes is not None:
+            front = np.broadcast_to(dyes[n_cloths % len(dyes)].mean(axis=0), corners.shape)
         else:
             numbers = surface.fabrics if len(surface.fabrics) else np.zeros(len(corners), np.int64)
             front = np.broadcast_to(FABRICS[(n_cloths + numbers) % len(FABRICS), None], corners.shape)

@@ -10,7 +10,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.geometry.intersection.proved_separations import Effort
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap
+from clothsim.physics.energies.protocols import AdaptiveStiffness, ChangingMaterial, ContactGap
 from clothsim.run.fields import world_stretches
 from clothsim.run.intersections import IntersectionHistory, history_from
 from clothsim.solve.newton.potential import Potential
@@ -99,8 +99,8 @@ class ErrorEstimate:
 
 
 @dataclass(frozen=True)
-class StiffnessChanges:
-    """Energy of the changes so far.
+class EnergyChanges:
+    """Energy that changes between steps, of the contact stiffness or of the material, added and removed so far.
 
     Parameters
     ----------
@@ -114,10 +114,13 @@ class StiffnessChanges:
     removed: float = 0.0
     last: float = 0.0
 
-    def after(self, potential: Potential, before: State) -> Self:
-        """Return the record after a step from `before` to which `potential` is bound."""
-        change = stiffness_energy(potential, before)
+    def after(self, change: float) -> Self:
+        """Return the record after one more `change` [J]."""
         return replace(self, added=self.added + max(change, 0.0), removed=self.removed + max(-change, 0.0), last=change)
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the entry of the certificate."""
+        return {"added": self.added, "removed": self.removed}
 
 
 def stiffness_energy(potential: Potential, before: State) -> float:
@@ -266,8 +269,10 @@ class Certificate:
         Vertices that were carried through a pinch; None without that policy.
     pinched : Pinches
         Vertices that bodies pressed from opposite sides, in the frames so far.
-    stiffness : StiffnessChanges
+    stiffness : EnergyChanges
         Energy of the changes of the contact stiffness.
+    material : EnergyChanges or None
+        Work done by the change of a material over time; None where no material changes.
     checks : Effort
         Tests of the exact check; no fact of the run, as a resumed one tests all pairs once more.
     """
@@ -290,15 +295,24 @@ class Certificate:
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
     carried: "PinchRecord | None" = None
     pinched: Pinches = field(default_factory=Pinches)
-    stiffness: StiffnessChanges = field(default_factory=StiffnessChanges)
+    stiffness: EnergyChanges = field(default_factory=EnergyChanges)
+    material: EnergyChanges | None = None
     checks: Effort = field(default_factory=Effort)
 
-    def after(self, world: World, report: StepReport, before: State) -> Self:
-        """Return the certificate after one more step, which started at `before`.
+    def after(
+        self, world: World, report: StepReport, before: State, energies: Mapping[str, Energy] | None = None
+    ) -> Self:
+        """Return the certificate after one more step, which started at `before`; energies: of the scene, not bound.
 
         Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is no rise,
-        but stands in `stiffness`.
+        but stands in `stiffness`, and what another material adds in `material`.
         """
+        changing = [each for each in (energies or {}).values() if isinstance(each, ChangingMaterial)]
+        material = self.material
+        if changing:
+            times = before.time, report.state.time
+            work = sum(each.work_of_change(before.positions, *times) for each in changing)
+            material = (material or EnergyChanges()).after(work)
         x = report.state.positions
         stretches = world_stretches(world, x)
         end = mechanical_energy(world, report.potential, report.state)
@@ -322,7 +336,8 @@ class Certificate:
             fastest_speed=np.nan if report.error is None else report.fastest,
             at_rest=report.state.at_rest,
             unstable=self.unstable.after(report),
-            stiffness=self.stiffness.after(report.potential, before),
+            stiffness=self.stiffness.after(stiffness_energy(report.potential, before)),
+            material=material,
         )
 
     def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
@@ -345,7 +360,8 @@ class Certificate:
             "pinched": asdict(self.pinched),
             "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
-            "stiffness_changes": {"added": self.stiffness.added, "removed": self.stiffness.removed},
+            "stiffness_changes": self.stiffness.as_dict(),
+            **({} if self.material is None else {"material_changes": self.material.as_dict()}),
             "error_estimate": self.estimate.as_dict(self.asked, completed),
         }
 
@@ -358,6 +374,7 @@ class Certificate:
             **({} if self.carried is None else {"carried": asdict(self.carried)}),
             "pinched": asdict(self.pinched),
             "stiffness": asdict(self.stiffness),
+            "material": None if self.material is None else asdict(self.material),
             "checks": asdict(self.checks),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
@@ -372,7 +389,8 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
         "carried": _carried_from(fields.get("carried")),
         "pinched": Pinches(**fields.get("pinched", {})),
-        "stiffness": StiffnessChanges(**fields.get("stiffness", {})),
+        "stiffness": EnergyChanges(**fields.get("stiffness", {})),
+        "material": EnergyChanges(**fields["material"]) if fields.get("material") else None,
         "checks": Effort(**fields.get("checks", {})),
     }
     return Certificate(

@@ -86,7 +86,8 @@ def export(
     target : str or Path
         The file; its ending is one of `clothsim.files.exchange.formats.FORMATS`.
     frame : int, optional
-        This frame only; negative ones count from the end.
+        This frame only; negative ones count from the end. Default: all; of a garment that was fitted or dressed its
+        last, as it is worn, unless `fps` asks for the frames of its drape.
     fps : float, optional
         Frames a second; those between two frames of the run are linear in time. Default: the run's own frames.
     scale : float
@@ -121,8 +122,14 @@ def export(
     target = Path(target)
     kind = format_of(target)
     _refuse_settings(run, target, kind, {"frame": frame, "fps": fps, "scale": scale, "colour": colour})
-    samples, rate = samples_of(run.trajectory, frame, fps)
     parts, notes = parts_of(run)
+    if frame is None and fps is None and len(run.times) > 1 and _is_worn(run.directory):
+        frame = -1
+        notes = (*notes, f"The garment as it is worn at the end; fps gives the {len(run.times)} frames of its drape.")
+    samples, rate = samples_of(run.trajectory, frame, fps)
+    polygons = sum(part.polygons for part in parts)
+    if polygons and not kind.polygons:
+        notes = (*notes, f"{target.suffix} has triangles only: {polygons:,} quads and larger faces are cut.")
     axis = _axis(up, kind, run.directory)
     times = np.array([each.time for each in samples])
     animation = Animation(parts, times, rate, 1 / scale, axis, np.zeros(3), lambda k: (), frame is not None)
@@ -133,6 +140,12 @@ def export(
     kind.writer.write(animation, target)
     between = sum(each.weight > 0 for each in samples)
     return Exported(files, len(samples), rate, between, axis, 1.0 / scale, notes)
+
+
+def _is_worn(directory: Path) -> bool:
+    """True for the output of a fit or of a sewn garment, whose run only brings it to rest."""
+    file = directory / SUMMARY_NAME
+    return file.is_file() and not {"fit_seconds", "dress_seconds"}.isdisjoint(read_summary(file))
 
 
 def _refuse_settings(run: "Run", target: Path, kind: Format, given: dict[str, Any]) -> None:

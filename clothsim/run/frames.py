@@ -6,10 +6,15 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.record import FITTED_NAME
 from clothsim.files.exchange.animation import Animation, Part, PartFrame
+from clothsim.files.meshes.mesh_file import read_polygons
+from clothsim.files.meshes.polygons import Polygons
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES
@@ -188,7 +193,7 @@ def _sample(times: Floats, time: float) -> Sample:
 
 
 def parts_of(run: "Run") -> tuple[tuple[Part, ...], tuple[str, ...]]:
-    """The surfaces of a run; of its scene, where it can be built again, texture and panels."""
+    """The surfaces of a run; of its scene, where it can be built again, texture and panels; polygons of a fit."""
     trajectory, none = run.trajectory, np.zeros((0, 3, 2))
     cloths: dict[str, Cloth] = {}
     notes: tuple[str, ...] = ()
@@ -196,15 +201,47 @@ def parts_of(run: "Run") -> tuple[tuple[Part, ...], tuple[str, ...]]:
         cloths = {cloth.name: cloth for cloth in _rest_cloths(run)}
     except InputError as error:
         notes = (f"Texture and panels are left out: {error.sentence}",)
-    parts = []
+    parts: list[Part] = []
+    file = run.directory / FITTED_NAME  # of a garment that was fitted, in the faces of its own file
+    drawn = read_polygons(file) if file.is_file() else None
     for surface in trajectory.surfaces:
         cloth = cloths.get(surface.name) if surface.role == "cloth" else None
         if cloth is not None and not np.array_equal(cloth.triangles, surface.own_triangles):
             cloth, notes = None, (f"Texture and panels of {surface.name} are left out: its mesh file has changed.",)
         texture = none if cloth is None else texture_of(cloth)
+        joined = np.zeros(0, bool)
+        if surface.role == "cloth" and drawn is not None and not len(texture):
+            texture, joined, left_out = of_polygons(surface.own_triangles, drawn)
+            notes = (*notes, *left_out)
         groups = {} if cloth is None else dict(cloth.groups)
-        parts.append(Part(surface.name, surface.role, surface.own_triangles, texture, groups, surface.moving))
+        own = surface.own_triangles
+        parts.append(Part(surface.name, surface.role, own, texture, groups, surface.moving, joined))
     return tuple(parts), notes
+
+
+def of_polygons(triangles: Ints, drawn: Polygons) -> tuple[Floats, NDArray[np.bool_], tuple[str, ...]]:
+    """Texture (m, 3, 2) or (0, 3, 2), `Part.joined` (m,), and what is left out, of triangles (m, 3) cut from polygons.
+
+    A triangle is of the polygon that has its three vertices: which diagonal cuts a quad depends on the shape.
+    """
+    none = np.zeros((0, 3, 2)), np.zeros(0, bool)
+    starts, corners = drawn.starts, drawn.corners
+    face_of = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    n_vertices = max(len(drawn.positions), int(triangles.max(initial=-1)) + 1)
+    key = face_of * n_vertices + corners
+    order = np.argsort(key)
+    faces = csr_array((np.ones(len(corners)), (corners, face_of)), shape=(n_vertices, len(starts) - 1))
+    shared = faces[triangles[:, 0]].multiply(faces[triangles[:, 1]]).multiply(faces[triangles[:, 2]]).tocsr()
+    alone = int((np.diff(shared.indptr) == 0).sum())
+    if alone:
+        return *none, (f"Texture and quads are left out: {alone:,} triangles are in no face of {FITTED_NAME}.",)
+    of_triangle = shared.indices[shared.indptr[:-1]]
+    at = order[np.searchsorted(key, of_triangle[:, None] * n_vertices + triangles, sorter=order)]
+    texture = drawn.texture[at] if len(drawn.texture) else none[0]
+    joined = np.zeros(len(triangles), bool)
+    same = of_triangle[1:] == of_triangle[:-1]
+    joined[1:] = same & (triangles[1:, 0] == triangles[:-1, 0]) & (triangles[1:, 1] == triangles[:-1, 2])
+    return texture, joined if joined.any() else none[1], ()
 
 
 def texture_of(cloth: Cloth) -> Floats:

@@ -281,7 +281,7 @@ def _stepped(
             return state, certificate, report.failure
         before, state = state, report.state
         with timers.phase("certificate"):
-            certificate = certificate.after(world, report, before)
+            certificate = certificate.after(world, report, before, session.built.energies)
             certificate, found = output.checked(state, certificate, report.frame_done)
             if certificate.carried is not None:
                 record = certificate.carried.after(world, before, state, found)

@@ -191,6 +191,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "relative_residual": report.result.relative_residual,
         "energy": certificate.energy,
         "stiffness_energy": certificate.stiffness.last,
+        **({} if certificate.material is None else {"material_energy": certificate.material.last}),
         "minimum_gap": report.minimum_gap,
         "fastest": report.fastest,
         "failures": list(report.failures),

@@ -76,7 +76,11 @@ def summary_of(
         "triangles": len(world.triangles),
         "solver": session.integrator.system.name,
         "notes": [*session.notes, *filter(None, [unmet])],
-        "found": [f"{name}: {note}." for name, one in energies for note in report_of(one).final_notes(state.positions)],
+        "found": [
+            f"{name}: {note}."
+            for name, one in energies
+            for note in report_of(one).final_notes(state.positions, state.time)
+        ],
         "effects": potential.effect_counters(),
         "off": session.built.off,
         "phases": potential.timers.phases,
@@ -134,6 +138,9 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         energy += (
             f", changes of the contact stiffness added {changes['added']:.2g} J, removed {changes['removed']:.2g} J"
         )
+    material = certificate.get("material_changes", {"added": 0.0, "removed": 0.0})
+    if material["added"] or material["removed"]:
+        energy += f", changes of the material added {material['added']:.2g} J, removed {material['removed']:.2g} J"
     stretches = "none measured"
     if certificate["stretch_min"] is not None:
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
+from clothsim.base.inputs import nearest_or_known
 from clothsim.scene.named_files import named_files
 from clothsim.scene.scene import Scene, make_scene
 
@@ -103,9 +104,19 @@ def examples() -> dict[str, str]:
     >>> import clothsim
     >>> clothsim.examples()["sphere"]
     'A square metre of cotton falls on a ball'
+
+    Raises
+    ------
+    InputError
+        For a name that is none of them, by ``examples()[name]``.
     """
     files = sorted(scenes_folder().glob("*.toml"))
-    return {file.stem: headline(file.read_text(encoding="utf-8")) for file in files}
+    return _Examples((file.stem, headline(file.read_text(encoding="utf-8"))) for file in files)
+
+
+class _Examples(dict[str, str]):
+    def __missing__(self, name: str) -> str:
+        raise InputError(f"There is no example scene {name!r}.", nearest_or_known("", str(name), list(self)))
 
 
 def _described(file: Path) -> ExampleScene:

@@ -42,6 +42,13 @@ def test_check_of_a_drawing_needs_no_seams_and_dress_does(place, capsys):
     assert "seam 1: edge 3 of front to edge 1 of back" in capsys.readouterr().out
 
 
+def test_check_finds_a_pattern_of_the_package(place, capsys):
+    assert main(["check", "tunic", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["errors"] == []
+    assert any(note.startswith("seam 0: ") for note in found["notes"])
+
+
 def test_check_names_a_panel_that_crosses_itself(place, capsys):
     bow = specification({"bow": panel([[0, 0], [10, 20], [10, 0], [0, 20]])})
     (place / "bow.json").write_text(json.dumps(bow))

@@ -113,7 +113,7 @@ def equal_weights(record, integrator):
 MUTATIONS = {
     "no inverse": (ExactSystem, "solve", without_inverse),
     "dG/dx_n for the Hessian": (ExactSystem, "solve", of_the_past),
-    "no lag": (friction, "_by_lag", lambda at, *others: np.zeros_like(at)),
+    "no lag": (friction, "by_lag", lambda at, *others: np.zeros_like(at)),
     "no -lv/dt": (module, "velocity_part", lambda v, dt: 0 * v),
     "BDF2 of equal steps": (module, "past_weights", equal_weights),
 }

@@ -11,57 +11,16 @@ from adjoint_cases import (
     FALLING,
     FRICTION,
     KAPPA,
-    Chain,
+    Case,
     best_error,
-    differentiable,
     falling_scene,
-    stepped,
 )
 
 from clothsim.base.errors import InputError
-from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import affected_effects, value_at, with_value
-from clothsim.gradients.run import Trace
 from clothsim.scene.assembly.scene_world import build
-from clothsim.solve.stepping.state import first_state
 
 BAR = 1e-6
-
-
-class Case:
-    """A chain with its gradient, and runs of the same steps with other scenes."""
-
-    def __init__(self, scene, **settings):
-        self.scene = scene
-        self.chain = Chain(scene, **settings)
-        self.chain.by_v[:] = 0.0
-        session, records = self.chain.session, tuple(self.chain.records)
-        ends = [replace(each.end, frame=each.end.step) for each in records]
-        starts = [records[0].start, *ends[:-1]]
-        steps = tuple(replace(r, start=s, end=e) for r, s, e in zip(records, starts, ends, strict=True))
-        self.run = Trace(session, steps)
-        by_x = self.chain.by_x[: self.chain.n]
-        self.gradient = self.run.gradient(Custom(lambda x: (float(np.vdot(by_x, x)), by_x)))
-
-    def loss(self, scene=None, built=None):
-        session = differentiable(scene or self.scene)
-        integrator = session.integrator
-        if built is not None:
-            potential = replace(integrator.potential, energies=built.energies)
-            integrator = replace(integrator, world=built.world, constraints=built.constraints, potential=potential)
-        start = first_state(integrator.world, self.chain.lengths[0])
-        end = stepped(integrator, start, self.chain.lengths)[-1].end.positions[: self.chain.n]
-        return float(np.vdot(self.chain.by_x[: self.chain.n], end + integrator.world.origin))
-
-    def error(self, path, sizes=(1e-4, 1e-5)):
-        value = value_at(self.scene, self.run.session.built.world, path)
-        direction = np.ones(value.shape) if not value.shape else np.random.default_rng(2).standard_normal(value.shape)
-        scale = float(np.abs(value).max()) or 0.1
-        return best_error(
-            float(np.vdot(self.gradient[path], direction)),
-            lambda h: self.loss(with_value(self.scene, path, value + h * direction)),
-            [size * scale for size in sizes],
-        )
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +110,8 @@ MODELS = {
     "pairs": {"membrane": {"elements": "pairs"}},
     "fibres": {"fibres": {"warp": 200.0}},
     "springs": {"springs": {"spring": [{"select": [0, 3], "stiffness": 5.0}]}},
+    "elastic band": {"elastic_bands": {"band": [{"select": "left", "stiffness": 5.0, "length_ratio": 0.8}]}},
+    "cord": {"cords": {"cord": [{"select": "left", "stiffness": 5.0, "length_ratio": 0.8}]}},
     "air": {"air": {"wind": [3.0, 0.0, 1.0]}},
     "vortex": {"air": {"wind": {"kind": "vortex", "circulation": 3.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}}},
     "gusts": {"air": {"wind": {"kind": "gust", "velocity": [3.0, 0.0, 1.0], "period": 0.05}, "lift": 0.6}},
@@ -163,6 +124,8 @@ MODELS = {
 NUMBERS = {
     "fibres": "effects.fibres.warp",
     "springs": "effects.springs.spring[0].stiffness",
+    "elastic band": "effects.elastic_bands.band[0].length_ratio",
+    "cord": "effects.cords.cord[0].length_ratio",
     "air": "effects.air.drag",
     "vortex": "effects.air.wind.circulation",
     "gusts": "effects.air.wind.velocity",

@@ -6,6 +6,7 @@ from small_skirt import hanging_skirt, skirt_mesh
 
 from clothsim import InputError, Scene, recover
 from clothsim.files.meshes.readers.obj import write_obj
+from clothsim.gradients.fabric_prior import bending_prior
 from clothsim.gradients.losses import Custom, Distance, Height, Scan
 from clothsim.gradients.parameters import with_value
 from clothsim.gradients.recover import identifiability, problem_of
@@ -70,6 +71,25 @@ def test_density_is_not_known_but_the_ratios_are(drape):
         each = ratios[path, DENSITY]
         assert each.value == pytest.approx(TRUE[path] / TRUE[DENSITY], rel=0.02)
         assert each.error < 0.02
+
+
+def test_a_prior_moves_what_the_target_hardly_tells_and_is_said():
+    still = traced(hanging(3e4, 1e-5, cells=2)).cloth_positions()
+    target = Distance(still + 3e-3 * np.random.default_rng(1).standard_normal(still.shape))
+    plain, other = (recover(hanging(3e4, 1e-5, cells=2), target, [BENDING], 1, prior=prior) for prior in (False, True))
+    before = bending_prior(("bending_stiffness",), 0.15)
+    sd, own = plain.errors[BENDING], np.sqrt(before.covariance[0, 0])
+    assert other.errors[BENDING] == pytest.approx(1 / np.hypot(1 / sd, 1 / own), rel=0.01)
+    weighed = (np.log(plain.values[BENDING]) / sd**2 + before.mean[0] / own**2) / (1 / sd**2 + 1 / own**2)
+    assert np.log(other.values[BENDING]) == pytest.approx(weighed, abs=0.01)
+    assert "618" in other.prior
+    assert plain.prior == ""
+
+
+@pytest.mark.parametrize("free", [[YOUNG], [BENDING, DENSITY]])
+def test_a_prior_of_nothing_or_without_a_weight_is_refused(drape, free):
+    with pytest.raises(InputError, match="prior"):
+        recover(hanging(3e4, 1e-5), Distance(drape), free, 1, prior=True)
 
 
 def test_points_without_correspondence(drape):

@@ -1,5 +1,6 @@
 """Differentiable runs from end to end: frames, errors of the loss, what is refused, and what others do not pay."""
 
+import math
 import subprocess
 import sys
 
@@ -11,9 +12,9 @@ import clothsim
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.losses import Custom, Distance, Height
 from clothsim.gradients.parameters import value_at
-from clothsim.gradients.run import DifferentiableRun, simulate_differentiably
-from clothsim.scene.effects import EFFECTS
+from clothsim.gradients.run import DifferentiableRun, simulate_differentiably, traced
 from clothsim.scene.paths import override
+from tests.known_answers.error_scenes import ERROR_SCENES
 
 WEIGHTS = np.random.default_rng(0).standard_normal((36, 3))
 LINEAR = Custom(lambda x: (float(np.vdot(WEIGHTS, x)), WEIGHTS))
@@ -70,6 +71,29 @@ def test_newton_error(seed):
     assert abs(exact.gradient(LINEAR).newton_error) < 1e-6 * abs(true)
 
 
+@pytest.mark.parametrize(
+    ("name", "duration"), [("wind", 0.04), ("landing", 0.12), ("compressed", 0.08), ("ball", 0.08)]
+)
+def test_newton_error_of_scenes_that_buckle_and_fold(name, duration):
+    """A polished run is that of exact solves: it left 0.54 mm for -0.48, and -0.70 for 0.27, of the last two.
+
+    Of unpolished runs the error is right to a factor of two, or not known.
+    """
+    scene = override(ERROR_SCENES[name], f"run.duration={duration}")
+    if "friction" in scene.effects:
+        scene = override(scene, "effects.friction.eps_v=1e-2")
+    polished = traced(scene)
+    exact = traced(override(scene, "solver.tolerance=1e-9"), polished.stiffness).gradient(Height()).value
+    assert polished.gradient(Height()).value == pytest.approx(exact, abs=1e-8)
+    assert abs(polished.gradient(Height()).newton_error) < 1e-11
+    for fraction in (0.3, 0.01):
+        given = override(scene, f"solver.newton_error_fraction={fraction}")
+        gradient = traced(given, polished.stiffness, polish=0).gradient(Height())
+        left, true = gradient.newton_error, exact - gradient.value
+        assert math.isnan(left) or 0.5 < true / left < 2.0
+    assert not math.isnan(left)
+
+
 def test_a_gradient_claims_no_error_of_time_steps():
     """An estimate from the accelerations of one run had the wrong sign on a strip in wind; a twin run measures it."""
     scene = falling_scene(ELASTIC, body=(), integrator="backward_euler")
@@ -87,12 +111,27 @@ def test_held_stiffness_is_that_of_a_pilot_run():
     assert {float(step.end.memory["body_contact"]) for step in made.trace.steps} == {contact.stiffness}
 
 
+def test_a_gradient_at_a_stiffness_by_rule_is_that_of_runs_at_the_stiffness_of_the_base_run():
+    """Runs that choose their own are another function: 1.5 % off here, 16 % on a heavier sheet."""
+    base = traced(falling_scene(ELASTIC | {"body_contact": {}}))
+    slope = float(base.gradient(Height())["cloth.youngs_modulus"])
+
+    def difference(scene, h):
+        runs = [traced(override(scene, f"cloth.youngs_modulus={1e5 + sign * h}")) for sign in (1, -1)]
+        return (runs[0].gradient(Height()).value - runs[1].gradient(Height()).value) / (2 * h)
+
+    held = base.held_scene
+    assert held.effects["body_contact"].stiffness == base.stiffness["body_contact"]
+    errors = [abs(difference(held, h) - slope) for h in (2e3, 1e3)]
+    assert 3.5 < errors[0] / errors[1] < 4.5
+    assert errors[1] < 1e-4 * slope
+    assert abs(difference(base.session.scene, 1e3) / slope - 1) > 100 * errors[1] / slope
+
+
 @pytest.mark.parametrize(
     "effects",
     [
-        {"friction": {}},
         {"friction": {"eps_v": 1e-2, "iterations": 2}},
-        {"plastic_bending": EFFECTS["plastic_bending"].example().keys},
     ],
 )
 def test_what_has_no_gradient_is_refused(effects):
@@ -121,7 +160,7 @@ def test_others_do_not_import_it():
     program = (
         "import sys; sys.path.insert(0, 'tests/support'); from small_scenes import small_scene; import clothsim\n"
         "clothsim.simulate(small_scene(run={'duration': 0.04, 'frames_per_second': 25}))\n"
-        "print([name for name in sys.modules if 'adjoint' in name or 'sensitivity' in name])"
+        "print([name for name in sys.modules if name.startswith('clothsim.gradients') or name in ('jax', 'torch')])"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

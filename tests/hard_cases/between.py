@@ -176,8 +176,9 @@ def trapped(small: bool) -> Scene:
 def turns_along(run: Run) -> str:
     """The sheet is between the jaws on their axis, and what they hold once they have closed turns by 90 degrees."""
     for time, x in zip(run.times, frames(run), strict=True):
-        z = heights(np.zeros((1, 3)), x, run.triangles)
-        if not np.nanmax(np.abs(z)) < OPEN + PRESSED / 2:
+        z = np.abs(heights(np.zeros((1, 3)), x, run.triangles))
+        z = z[z < JAW]  # what hangs down may swing under the lower jaw
+        if not (len(z) and z.max() < OPEN + PRESSED / 2):
             return f"at {time:.3g} s the sheet is not between the jaws"
     closed, last = run.positions(int(np.searchsorted(run.times, CLOSING - 1e-9))), run.positions(-1)
     held = np.hypot(closed[:, 0], closed[:, 1]) < NEAR

@@ -1,12 +1,16 @@
-"""Local origin of a world far from the origin."""
+"""Worlds: local origin of one far from the origin, and other materials."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from contacts import ball, sheet
 
 from clothsim import InputError
+from clothsim.keys.fabric_table import FABRICS
 from clothsim.mesh.body import make_body, rigid_motion
-from clothsim.mesh.world import make_world, with_local_origin
+from clothsim.mesh.clamp import clamped
+from clothsim.mesh.world import make_world, with_local_origin, with_material
 
 FAR = np.array([3e5, -2e5, 1e6])
 
@@ -42,3 +46,19 @@ def test_where_coordinates_do_not_resolve_the_cloth_it_is_refused(distance, is_r
             with_local_origin(world)
     else:
         assert with_local_origin(world).origin[1] == pytest.approx(-distance)
+
+
+def test_another_material_has_the_hinges_of_a_world_made_of_it():
+    """Also where two fabrics meet and where whole triangles and border edges are clamped."""
+    groups = {"strong": np.arange(20)}
+    cloth, stiffer, bent = sheet(cells=6), FABRICS["denim"], FABRICS["wool"]
+    cloth = replace(cloth, groups=groups, fabrics={"strong": stiffer})
+    clamped_rows = [np.arange(9), np.array([47, 48])]
+    start = clamped(make_world([cloth]), clamped_rows)[0]
+    other = replace(cloth, fabric=bent, material_coordinates=cloth.material_coordinates * [1.1, 0.9])
+    expected = clamped(make_world([other]), clamped_rows)[0].hinges
+    found = with_material(start, [other]).hinges
+    assert np.array_equal(found.vertices, expected.vertices)
+    assert np.array_equal(found.held, expected.held)
+    assert np.abs(found.corners - expected.corners).max() < 1e-15
+    assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-12)

@@ -1,50 +1,28 @@
 """Ensembles of simulated drapes by bending length: what a fabric of each stiffness does, lay by lay.
 
 A drape is decided by D/(rho g), by the membrane over the weight and by the laying. Only the first differs between the
-fabrics here; the others are common to all: rho .2 kg/m2, E2 300 N/m, nu .243, a shear stiffness of .8 gf/(cm degree),
-bending along warp, weft and bias as the medians of 618 fabrics are to one another (13.8, 8.8, 11.5; Feng 2022), the
-ring at 100 mm/s.
+fabrics here; the others are common to all, those that `clothsim recover --test cusick` assumes: rho .2 kg/m2, E2 300
+N/m, nu .243, a shear stiffness of .8 gf/(cm degree), bending along warp, weft and bias as the medians of 618 fabrics
+are to one another (13.8, 8.8, 11.5; Feng 2022), the ring at 100 mm/s.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from clothsim.base.arrays import Floats
+from clothsim.study.drape_recovery import cloth_of, mesh_size
 from clothsim.study.standard_tests.cusick import lays
 
-GRAVITY, DENSITY = 9.81, 0.2
-COMMON: Mapping[str, Any] = {
-    "density": DENSITY,
-    "thickness": 0.4e-3,
-    "youngs_modulus": 0.75e6,
-    "poisson_ratio": 0.243,
-    "shear_stiffness": 45.0,
-}
-WARP, WEFT, BIAS = 1.25, 0.8, 1.04
-"""Bending stiffnesses over the geometric mean of warp and weft."""
-BENDING_LENGTHS = (11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.0)
+BENDING_LENGTHS = (8.0, 9.5, 11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.0)
 """(D/(rho g))^(1/3) of the ensembles [mm]."""
-
-
-def cloth_of(bending_length: float) -> dict[str, Any]:
-    """The common cloth with a bending length [m]."""
-    mean = DENSITY * GRAVITY * bending_length**3
-    own = {"bending_warp": WARP * mean, "bending_weft": WEFT * mean, "bending_bias": BIAS * mean}
-    return {"fabric": "cotton", **COMMON, **own}
-
-
-def mesh_size(length: float) -> float:
-    """Distance of vertices [m] for a bending length [mm]: a soft cloth jams on the coarser mesh."""
-    return 4e-3 if length < 16 else 6e-3
 
 
 def simulated(count: int, tell: Callable[[str], None]) -> list[list[list[float]]]:
     """Coefficient, n_eff and sd r [m] of `count` lays of each bending length."""
     table = []
     for length in BENDING_LENGTHS:
-        done = lays(cloth_of(1e-3 * length), count, mesh_size(length))
+        done = lays(cloth_of(1e-3 * length), count, mesh_size(1e-3 * length))
         table.append([[each.shape.coefficient, each.shape.folds, each.shape.depth] for each in done])
         mean = np.mean(table[-1], axis=0)
         rest = sum(each.at_rest for each in done)

@@ -8,6 +8,7 @@ from render_scenes import ball, sheet
 from clothsim.base.errors import InputError
 from clothsim.render import studio, surface_look
 from clothsim.render import surface_look as shells
+from clothsim.render.colour_scale import dyes_of
 from clothsim.render.picture import draw, picture_setup, rendered_without_legend
 from clothsim.render.surface_look import Surface
 
@@ -141,3 +142,23 @@ def test_no_light_crosses_a_jump_of_the_depth():
     smooth = studio._denoised(light, np.ones((40, 40, 3), np.float32), normal, depth, 1.0)
     assert smooth[:, 19].mean() == pytest.approx(0.2, rel=0.01)
     assert smooth[:, 20].mean() == pytest.approx(0.8, rel=0.01)
+
+
+def test_a_cloth_has_the_colours_that_are_given():
+    assert dyes_of("red, #0000ff/white").shape == (2, 2, 3)
+    for wrong in ("reed", "red/white/blue", ""):
+        with pytest.raises(InputError, match="colour"):
+            dyes_of(wrong)
+    settings = {"size": (80, 80), "up": "z", "view": "auto", "title": "", "renderer": "ray"}
+    setup = picture_setup([[square()]], colour="red", samples=1, **settings)
+    image = rendered_without_legend(setup, [square()])
+    assert image[40, 40, 0] > 2 * image[40, 40, 2]
+
+
+def test_a_traced_check_has_both_dyes():
+    pytest.importorskip("mitsuba", reason="an extra: pip install 'clothsim[look]'")
+    settings = {"size": (96, 72), "up": "z", "view": (0.0, -1.0, 0.8), "title": "", "renderer": "auto"}
+    setup = picture_setup([[square()]], colour="red/white", style="studio", samples=1, **settings)
+    image = rendered_without_legend(setup, [square()])[28:44, 36:60]
+    assert np.ptp(image[..., 1]) > 0.3
+    assert (image[..., 0] > 1.1 * image[..., 1]).mean() > 0.5

@@ -50,5 +50,7 @@ def test_what_is_no_run_is_refused_with_the_way_to_one(convert, what):
 def test_each_example_is_loaded_by_its_name(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert "sphere" in examples()
+    with pytest.raises(InputError, match="sphere"):
+        examples()["spher"]
     assert load_scene("sphere").bodies
     assert all(text for text in examples().values())

@@ -8,6 +8,9 @@ from small_scenes import BALL, SHEET
 from clothsim import Scene
 from clothsim.gradients.backward_pass import backward_pass
 from clothsim.gradients.differentiable_session import bound_to, differentiable_session, recorded
+from clothsim.gradients.losses import Custom
+from clothsim.gradients.parameters import value_at, with_value
+from clothsim.gradients.run import Trace
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.stepping.state import first_state
@@ -122,3 +125,45 @@ def mollified_pairs(chain):
         crossed = (np.cross(b - a, d - c) ** 2).sum(axis=1)
         counts.append(int(((pairs.thresholds > 0) & (crossed < pairs.thresholds)).sum()))
     return max(counts)
+
+
+class Case:
+    """A chain with its gradient, and runs of the same steps with other scenes."""
+
+    def __init__(self, scene, **settings):
+        self.scene = scene
+        self.chain = Chain(scene, **settings)
+        self.chain.by_v[:] = 0.0
+        session, records = self.chain.session, tuple(self.chain.records)
+        ends = [replace(each.end, frame=each.end.step) for each in records]
+        starts = [records[0].start, *ends[:-1]]
+        steps = tuple(replace(r, start=s, end=e) for r, s, e in zip(records, starts, ends, strict=True))
+        self.run = Trace(session, steps)
+        by_x = self.chain.by_x[: self.chain.n]
+        self.gradient = self.run.gradient(Custom(lambda x: (float(np.vdot(by_x, x)), by_x)))
+
+    def loss(self, scene=None, built=None):
+        session = differentiable(scene or self.scene)
+        integrator = session.integrator
+        if built is not None:
+            potential = replace(integrator.potential, energies=built.energies)
+            integrator = replace(integrator, world=built.world, constraints=built.constraints, potential=potential)
+        start = first_state(integrator.world, self.chain.lengths[0])
+        end = stepped(integrator, start, self.chain.lengths)[-1].end.positions[: self.chain.n]
+        return float(np.vdot(self.chain.by_x[: self.chain.n], end + integrator.world.origin))
+
+    def error(self, path, sizes=(1e-4, 1e-5)):
+        value = value_at(self.scene, self.run.session.built.world, path)
+        direction = np.ones(value.shape) if not value.shape else np.random.default_rng(2).standard_normal(value.shape)
+        scale = float(np.abs(value).max()) or 0.1
+        return best_error(
+            float(np.vdot(self.gradient[path], direction)),
+            lambda h: self.loss(with_value(self.scene, path, value + h * direction)),
+            [size * scale for size in sizes],
+        )
+
+
+def halved_errors(derivative, loss, h):
+    """Relative differences of a derivative to the central differences of `loss` with h and with h/2."""
+    assert derivative != 0.0
+    return [abs((loss(each) - loss(-each)) / (2 * each) - derivative) / abs(derivative) for each in (h, h / 2)]

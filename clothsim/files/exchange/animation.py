@@ -1,11 +1,12 @@
 """Animated surfaces as a file format takes them: in its unit and axes, with normals, texture and colours."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 
@@ -26,6 +27,9 @@ class Part:
         Triangles of each panel.
     moving : bool
         False where its positions are the same in all frames.
+    joined : (m,) or (0,) bool ndarray
+        True where a triangle goes on with the polygon of the one before it, which is a fan about the first corner of
+        its first triangle; none: all polygons are triangles.
     """
 
     name: str
@@ -34,6 +38,29 @@ class Part:
     texture: Floats
     groups: Mapping[str, Ints]
     moving: bool
+    joined: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+
+    @property
+    def polygons(self) -> int:
+        """Number of polygons of more than three corners."""
+        return int((self.joined[1:] & ~self.joined[:-1]).sum())
+
+    @cached_property
+    def first_triangles(self) -> Ints:
+        """First triangle of each polygon, (f,)."""
+        return np.flatnonzero(~self.joined) if len(self.joined) else np.arange(len(self.triangles))
+
+    def corners(self, of_triangles: Ints) -> tuple[Ints, Ints]:
+        """Numbers (c,) at the corners of the polygons, of those (m, 3) of the triangles; how many each polygon has."""
+        first = self.first_triangles
+        sizes = np.diff(np.append(first, len(self.triangles))) + 2
+        at = np.concatenate([[0], np.cumsum(sizes)])
+        flat = np.zeros(at[-1], of_triangles.dtype)
+        row = np.arange(len(self.triangles))
+        polygon = np.searchsorted(first, row, side="right") - 1
+        flat[at[:-1]], flat[at[:-1] + 1] = of_triangles[first, 0], of_triangles[first, 1]
+        flat[at[polygon] + 2 + row - first[polygon]] = of_triangles[:, 2]
+        return flat, sizes
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,8 @@ class Format:
         True where the format's unit is the metre.
     relative : bool
         True where points may be relative to an origin that the file gives in double precision.
+    polygons : bool
+        True where faces may have more than three corners.
     """
 
     module: str
@@ -42,6 +44,7 @@ class Format:
     up: str = ""
     metres: bool = False
     relative: bool = False
+    polygons: bool = True
 
     @property
     def writer(self) -> Writer:
@@ -54,11 +57,11 @@ FORMATS: dict[str, Format] = {
     ".ply": Format("sequences", "Stanford PLY, a file a frame, with stretch and colours"),
     ".pc2": Format("sequences", "point cache 2 of Blender, 3ds Max and Houdini, with the mesh as OBJ"),
     ".mdd": Format("sequences", "point cache MDD of Blender, Houdini and LightWave, with the mesh as OBJ"),
-    ".glb": Format("glb", "binary glTF 2.0 with morph targets", up="y", metres=True, relative=True),
+    ".glb": Format("glb", "binary glTF 2.0 with morph targets", up="y", metres=True, relative=True, polygons=False),
     ".usdc": Format("usd", "binary USD with time samples", relative=True),
     ".usda": Format("usd", "USD as text with time samples", relative=True),
     ".usd": Format("usd", "USD with time samples", relative=True),
-    ".vtkhdf": Format("vtkhdf", "VTKHDF of ParaView and pyvista"),
+    ".vtkhdf": Format("vtkhdf", "VTKHDF of ParaView and pyvista", polygons=False),
 }
 """Formats by the ending of a file."""
 

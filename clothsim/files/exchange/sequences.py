@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from clothsim.base.arrays import Ints
 from clothsim.base.file_writing import replacing, write_atomically
 from clothsim.files.exchange.animation import (
     Animation,
@@ -81,19 +82,21 @@ def _part_lines(name: str, part: Part, shape: PartFrame, counts: list[int]) -> l
     lines = [f"o {name}"]
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.points.tolist()]
     lines += [f"vn {x:.7g} {y:.7g} {z:.7g}" for x, y, z in shape.normals.tolist()]
-    vertex = (part.triangles + counts[0] + 1).tolist()
+    vertex, sizes = part.corners(part.triangles + counts[0] + 1)
     if len(part.texture):
         rows, corners = flat_texture(part)
         lines += [f"vt {u!r} {v!r}" for u, v in rows.tolist()]
-        both = zip(vertex, (corners + counts[1] + 1).tolist(), strict=True)
-        faces = [" ".join(f"{i}/{t}/{i}" for i, t in zip(a, b, strict=True)) for a, b in both]
+        texture = part.corners(corners + counts[1] + 1)[0].tolist()
+        words = [f"{i}/{t}/{i}" for i, t in zip(vertex.tolist(), texture, strict=True)]
         counts[1] += len(rows)
     else:
         none = "1" if counts[1] else ""
-        faces = [" ".join(f"{i}/{none}/{i}" for i in a) for a in vertex]
+        words = [f"{i}/{none}/{i}" for i in vertex.tolist()]
+    ends = np.concatenate([[0], np.cumsum(sizes)]).tolist()
     for names, first, stop in group_runs(part):
         lines.append(f"g {' '.join(map(one_word, names)) if names else name}")
-        lines += [f"f {face}" for face in faces[first:stop]]
+        faces = range(*np.searchsorted(part.first_triangles, [first, stop]).tolist())
+        lines += [f"f {' '.join(words[ends[k] : ends[k + 1]])}" for k in faces]
     counts[0] += len(shape.points)
     return lines
 
@@ -114,7 +117,6 @@ _VERTEX = np.dtype(
         ("surface", "<i4"),
     ]
 )
-_FACE = np.dtype([("count", "u1"), ("vertex_indices", "<i4", (3,))])
 
 
 def write_ply(animation: Animation, target: Path) -> None:
@@ -129,10 +131,8 @@ def frame_bytes(animation: Animation, frame: int) -> bytes:
     for number, (part, shape) in enumerate(zip(animation.parts, animation.at(frame), strict=True)):
         rows, triangles = _ply_part(part, shape)
         rows["surface"] = number
-        corners = np.zeros(len(triangles), _FACE)
-        corners["count"], corners["vertex_indices"] = 3, triangles + count
         vertices.append(rows)
-        faces.append(corners)
+        faces.append(_ply_faces(part, triangles + count))
         count += len(rows)
     header = [
         "ply",
@@ -141,11 +141,24 @@ def frame_bytes(animation: Animation, frame: int) -> bytes:
         *(f"comment surface {number} {part.name}" for number, part in enumerate(animation.parts)),
         f"element vertex {count}",
         *(f"property {_TYPES[_VERTEX[name].str]} {name}" for name in _VERTEX.names or ()),
-        f"element face {sum(map(len, faces))}",
+        f"element face {sum(len(part.first_triangles) for part in animation.parts)}",
         "property list uchar int vertex_indices",
         "end_header\n",
     ]
-    return "\n".join(header).encode() + b"".join(each.tobytes() for each in (*vertices, *faces))
+    return "\n".join(header).encode() + b"".join([*(each.tobytes() for each in vertices), *faces])
+
+
+def _ply_faces(part: Part, triangles: Ints) -> bytes:
+    """The faces of a surface: for each a byte with the number of its corners, then these."""
+    corners, sizes = part.corners(triangles)
+    starts = np.cumsum(sizes) - sizes
+    packed = np.zeros(4 * len(corners) + len(sizes), np.uint8)
+    counted = 4 * starts + np.arange(len(sizes))
+    packed[counted] = sizes
+    rest = np.ones(len(packed), bool)
+    rest[counted] = False
+    packed[rest] = corners.astype("<i4").view(np.uint8)
+    return packed.tobytes()
 
 
 def _ply_part(part: Part, shape: PartFrame) -> tuple[np.ndarray, np.ndarray]:

@@ -61,7 +61,7 @@ def write(animation: Animation, target: Path) -> None:
         code = Usd.TimeCode.Default() if animation.alone else Usd.TimeCode(time_code(animation, time))
         for mesh, part, shape in zip(meshes, animation.parts, animation.at(k), strict=True):
             if k == 0 or part.moving:
-                _sample(mesh, shape, code if part.moving else Usd.TimeCode.Default())
+                _sample(mesh, part, shape, code if part.moving else Usd.TimeCode.Default())
     with replacing(target) as beside:
         ended = beside.with_name(f"{beside.name}{target.suffix}")
         try:
@@ -82,8 +82,9 @@ def time_code(animation: Animation, time: float) -> float:
 def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animation) -> Any:
     """A mesh with all that is the same at all times."""
     mesh = UsdGeom.Mesh.Define(stage, path)
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(part.triangles), 3, np.int32)))
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(part.triangles.astype(np.int32).ravel()))
+    vertices, sizes = part.corners(part.triangles)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(sizes.astype(np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(vertices.astype(np.int32)))
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateDoubleSidedAttr(part.role == "cloth")
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
@@ -94,10 +95,11 @@ def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animat
         rows, corners = flat_texture(part)
         st = primvars.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
         st.Set(Vt.Vec2fArray.FromNumpy(rows.astype(np.float32)))
-        st.SetIndices(Vt.IntArray.FromNumpy(corners.astype(np.int32).ravel()))
+        st.SetIndices(Vt.IntArray.FromNumpy(part.corners(corners)[0].astype(np.int32)))
     if part.groups:
         for name, (label, faces) in zip(different(list(part.groups), identifier), part.groups.items(), strict=True):
-            indices = Vt.IntArray.FromNumpy(np.asarray(faces, np.int32))
+            polygons = np.unique(np.searchsorted(part.first_triangles, faces, side="right") - 1)
+            indices = Vt.IntArray.FromNumpy(polygons.astype(np.int32))
             subset = UsdGeom.Subset.CreateGeomSubset(mesh, name, UsdGeom.Tokens.face, indices, "panel")
             subset.GetPrim().SetDisplayName(label)
     if not len(shape.colours):
@@ -110,7 +112,7 @@ def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animat
     return mesh
 
 
-def _sample(mesh: Any, shape: PartFrame, code: Any) -> None:
+def _sample(mesh: Any, part: Part, shape: PartFrame, code: Any) -> None:
     """Write what changes at a time."""
     points = shape.points.astype(np.float32)
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(points), code)
@@ -122,4 +124,6 @@ def _sample(mesh: Any, shape: PartFrame, code: Any) -> None:
         colours = linear_rgb(shape.colours).astype(np.float32)
         mesh.GetDisplayColorAttr().Set(Vt.Vec3fArray.FromNumpy(colours), code)
     if len(shape.stretch):
-        primvars.GetPrimvar("stretch").Set(Vt.FloatArray.FromNumpy(shape.stretch.astype(np.float32)), code)
+        first = part.first_triangles
+        means = np.add.reduceat(shape.stretch, first) / np.diff(np.append(first, len(shape.stretch)))
+        primvars.GetPrimvar("stretch").Set(Vt.FloatArray.FromNumpy(means.astype(np.float32)), code)

@@ -1,4 +1,4 @@
-"""Measurements of a dressed garment: girths of body and garment at the same levels, ease, areas of cloth, tight panels.
+"""Measurements of a dressed garment: girths of body and garment at the same levels, ease, areas of cloth.
 
 A tape round a worn garment spans its folds, and which folds there are is chosen by a micrometre; a garment laid flat,
 as the trade measures it, gives the length of its cloth: that of the line that is level in the pattern as placed.
@@ -93,35 +93,6 @@ def _interpolate_length(heights: Floats, lengths: Floats, level: float, highest:
         fraction = (level - heights[k]) / rise if rise > 0 else 0.0
         return float(lengths[k] + fraction * (lengths[k + 1] - lengths[k]))
     return float(lengths[-1]) if highest and len(heights) and level > heights.max() else 0.0
-
-
-TIGHT = 1.1
-"""Larger principal stretch that half of the area of a tight panel exceeds."""
-NAMED = 6
-"""Panels that a note names."""
-
-
-def tight_panels(state: SewingState) -> dict[str, float]:
-    """Median by area of the larger principal stretch of each panel where it exceeds TIGHT, the largest first."""
-    corners = state.mesh.material_coordinates
-    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    areas, largest = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2, state.stretches().max(axis=1)
-    found = {}
-    for name, rows in state.mesh.faces.items():
-        order = np.argsort(largest[rows])
-        summed = np.cumsum(areas[rows][order])
-        found[name] = float(largest[rows][order][np.searchsorted(summed, summed[-1] / 2)])
-    return {name: median for name, median in sorted(found.items(), key=lambda item: -item[1]) if median > TIGHT}
-
-
-def tight_notes(state: SewingState) -> tuple[str, ...]:
-    """A note with the tight panels of a garment at rest; none where there is none."""
-    found = tight_panels(state)
-    if not found:
-        return ()
-    named = ", ".join(f"{name} ({median:.2f})" for name, median in list(found.items())[:NAMED])
-    more = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
-    return (f"cut too small for this body, stretched over half of the panel (median stretch): {named}{more}",)
 
 
 LEVELS = {"chest": np.array([0.72]), "waist": np.arange(0.58, 0.685, 0.01), "hip": np.arange(0.46, 0.555, 0.01)}

@@ -5,7 +5,8 @@ down first, with little friction, as a person pulls a shirt straight. What is in
 as the forces that more friction can give include those of less.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -25,7 +26,6 @@ from clothsim.garments.dress.corrections import (
     touching_seams,
 )
 from clothsim.garments.dress.limbs import Wearer
-from clothsim.garments.dress.measurements import tight_notes
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
 from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh
@@ -42,6 +42,7 @@ from clothsim.garments.stages import (
     simulate_stage,
     staged,
 )
+from clothsim.garments.tightness import Tightness, tight_notes, tight_parts_of_run
 from clothsim.garments.waistband import edges_held, slid
 from transfer.signed_distance import BodySurface
 
@@ -79,6 +80,7 @@ class DressState:
     run: Run | None = None
     closing: tuple[Run, ...] = ()
     between: tuple[str, ...] = ()
+    tight: Mapping[str, Tightness] = field(default_factory=dict)
 
     @property
     def failure(self) -> str:
@@ -198,8 +200,10 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     if below > SLID * height:
         note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
         draped = replace(draped, notes=(*draped.notes, note))
-    at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(draped.state))
-    draped = replace(draped, notes=(*draped.notes, *at_rest))
+    every = np.arange(len(draped.state.triangles))
+    tight = tight_parts_of_run(run, {name: every[rows] for name, rows in draped.state.mesh.faces.items()})
+    at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(tight))
+    draped = replace(draped, notes=(*draped.notes, *at_rest), tight=tight)
     return replace(draped, reason=_closed_seams(draped.state, task.body.name))
 
 

@@ -104,6 +104,8 @@ def crossings(
     for number, one in enumerate(rigid):
         others = [part for part in bodies if part not in rigid[: number + 1]]
         found += [replace(each, role="rigid") for each in _between(x, [one], others, limit, proofs)]
+    if proofs is not None:
+        proofs.end_state()
     order = {part.name: k for k, part in enumerate(parts)}
     return tuple(sorted(found, key=lambda each: (order[each.first], order[each.second])))
 

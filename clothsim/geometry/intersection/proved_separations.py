@@ -44,6 +44,8 @@ MOST_PAIRS = 100
 """Pairs for each triangle beyond which none are kept: surfaces that intersect nearly everywhere. 10 to 20 are usual."""
 GROWTH = 2.0
 """The front is made anew where it has grown by this factor, as its pairs are split and never joined."""
+IDLE = 8
+"""States after which a search is dropped whose surfaces were not looked at any more."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,7 @@ class ProvedSeparations:
         if search is None:
             search = _Search(first, second, len(x))
             self._searches.append(search)
+        search.idle = 0
         if not search.abandoned:
             found, effort = search.at(x)
             self._effort += effort
@@ -118,6 +121,12 @@ class ProvedSeparations:
             search.abandon()
         self._effort += Effort(full_searches=1)
         return intersecting_pairs(x, first, second, limit)
+
+    def end_state(self) -> None:
+        """Drop the searches that no state has used for long: those of surfaces that change would fill the memory."""
+        for search in self._searches:
+            search.idle += 1
+        self._searches = [search for search in self._searches if search.idle <= IDLE]
 
 
 class _Search:
@@ -137,7 +146,7 @@ class _Search:
         self._exponent = self._least = self._count = self._n_near = self._leaves = 0
         self._travelled = 0.0
         self._x: Floats | None = None
-        self.abandoned = False
+        self.abandoned, self.idle = False, 0
 
     def is_of(self, n_vertices: int, first: Ints, second: Ints | None) -> bool:
         """True where the surfaces are those of the search."""

@@ -15,6 +15,7 @@ simplices: a vertex that passes from face to face keeps it. Where one point touc
 side with the nearest normal inherits.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -80,32 +81,72 @@ class Anchors:
 
         One that comes to rest holds with mu_static from then on: its slip shrinks so that its force stays.
         """
+        slips, _ = self._trial(x)
+        fractions = np.linalg.norm(slips, axis=1) / elastic_slip
+        scale, _ = self._drawn(fractions, ratios)
+        return replace(self, slips=slips * scale[:, None], slides=fractions >= 1.0)
+
+    def _trial(self, x: Floats) -> tuple[Floats, Floats]:
+        """Slips (p, 3) before they yield, and the displacements (p, 3) of the closest points less `turning` [m]."""
         moved = relative_positions(x, self.elements, self.weights) - self.origins - self.turning(x)
         turned = _rotated(self.slips, self.normals, self.directions, directions_of(x, self.elements, self.turners))
-        slips = turned + tangential(moved, self.normals)
-        fractions = np.linalg.norm(slips, axis=1) / elastic_slip
-        slides = fractions >= 1.0
-        rests = np.minimum(fractions, 1.0)
-        rests = 1.0 - np.sqrt(1.0 - ratios * (2.0 - rests) * rests)
-        target = np.where(slides, 1.0, np.where(self.slides, rests, fractions))
+        return turned + tangential(moved, self.normals), moved
+
+    def _drawn(self, fractions: Floats, ratios: Floats) -> tuple[Floats, Floats]:
+        """Factors (p,) of slips that are `fractions` of the largest, and their derivatives by the fractions."""
+        slides, rests = fractions >= 1.0, np.minimum(fractions, 1.0)
+        root = np.sqrt(1.0 - ratios * (2.0 - rests) * rests)
+        target = np.where(slides, 1.0, np.where(self.slides, 1.0 - root, fractions))
         scale = np.divide(target, fractions, out=np.ones_like(target), where=fractions > 0.0)
-        return replace(self, slips=slips * scale[:, None], slides=slides)
+        resting = np.divide(ratios * (1.0 - rests), root, out=np.zeros_like(root), where=root > 0.0)
+        slope = np.where(slides, 0.0, np.where(self.slides, resting, 1.0))
+        return scale, np.divide(slope - scale, fractions, out=np.zeros_like(target), where=fractions > 0.0)
+
+    def after_adjoint(self, x: Floats, elastic_slip: float, ratios: Floats, by: Floats) -> tuple[Floats, Floats]:
+        """Derivative of by . (slips of `after`) by x (N, 3), and by the numbers of `as_array` (p, 24)."""
+        trial, moved = self._trial(x)
+        fractions = np.linalg.norm(trial, axis=1) / elastic_slip
+        scale, slope = self._drawn(fractions, ratios)
+        along = np.divide(dots(trial, by), fractions, out=np.zeros_like(scale), where=fractions > 0.0)
+        by = scale[:, None] * by + (slope * along)[:, None] * trial / elastic_slip**2
+        by_moved, by_normals = tangential_adjoint(moved, self.normals, by)
+        end = directions_of(x, self.elements, self.turners)
+        by_slips = _rotated(by, self.normals, self.directions, end, -1.0)
+        turned = adjoint_by_rows(
+            lambda n, e, e_end: _rotated(self.slips, n, e, e_end), (self.normals, self.directions, end), by
+        )
+        by_x, by_origins, by_directions, by_facings = self.turning_adjoint(x, -by_moved)
+        _add_directions(by_x, self.elements, self.turners, turned[2])
+        by_weights = _add_relative(by_x, x, self.elements, self.weights, by_moved)
+        none = np.zeros((len(by), 1))
+        vectors = by_normals + turned[0], by_slips, by_origins - by_moved, by_directions + turned[1], by_facings
+        return by_x, np.concatenate([np.zeros((len(by), 4)), by_weights, *vectors, none], axis=1)
 
     def turning(self, x: Floats) -> Floats:
         """Displacements of the gaps (p, 3) [m] as the surface that turns them moves until it is that of x (N, 3) [m].
 
         Where only an edge of it is known it turns the shortest way; a vertex does not turn.
         """
-        e, m = unit(self.directions), unit(self.facings)
-        e_end = unit(directions_of(x, self.elements, self.turners))
-        m_end = unit(facings_of(x, self.elements, self.weights, self.turners))
-        axes, along = np.cross(e, e_end), (e * e_end).sum(axis=1, keepdims=True)
-        across = np.cross(axes, self.origins)
-        shortest = across + np.cross(axes, across) / np.maximum(1.0 + along, 1.0)
-        start, end = (np.stack([u, v, np.cross(u, v)], axis=2) for u, v in ((e, m), (e_end, m_end)))
-        full = np.einsum("pij,pkj,pk->pi", end - start, start, self.origins)
-        known = ((m * m_end).sum(axis=1) > SAME_SIDE) & (along[:, 0] > SAME_SIDE)
-        return np.where(known[:, None], full, np.where(along > SAME_SIDE, shortest, 0.0))
+        return _turning(self.origins, self.directions, self.facings, *self._frames(x))
+
+    def turning_adjoint(self, x: Floats, by: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Derivative of by . turning(x) by x (N, 3), origins, directions and facings (p, 3)."""
+        parts = adjoint_by_rows(_turning, (self.origins, self.directions, self.facings, *self._frames(x)), by)
+        by_x = np.zeros_like(x)
+        _add_directions(by_x, self.elements, self.turners, parts[3])
+        _add_facings(by_x, x, self.elements, self.weights, self.turners, parts[4])
+        return by_x, parts[0], parts[1], parts[2]
+
+    def start_adjoint(self, x: Floats, origins: Floats, directions: Floats, facings: Floats) -> tuple[Floats, Floats]:
+        """Derivative by x (N, 3), and by the weights (p, 4), of what `anchors_at` takes from x, by its adjoints."""
+        by_x = np.zeros_like(x)
+        _add_directions(by_x, self.elements, self.turners, directions)
+        _add_facings(by_x, x, self.elements, self.weights, self.turners, facings)
+        return by_x, _add_relative(by_x, x, self.elements, self.weights, origins)
+
+    def _frames(self, x: Floats) -> tuple[Floats, Floats]:
+        """Directions and facings at x."""
+        return directions_of(x, self.elements, self.turners), facings_of(x, self.elements, self.weights, self.turners)
 
     def inherited(self, elements: Ints, weights: Floats, normals: Floats, labels: Ints) -> tuple[Ints, Floats]:
         """For new contacts the index of the contact that each continues, -1 for none (q,), and their slips (q, 3) [m].
@@ -171,11 +212,15 @@ def relative_positions(x: Floats, elements: Ints, weights: Floats) -> Floats:
 
 def directions_of(x: Floats, elements: Ints, turners: Ints) -> Floats:
     """An edge of the body of each contact, else of its second surface, (p, 3) [m]; 0 where that is a vertex."""
+    first, second = _edges(elements, turners)
+    return np.asarray(x[second] - x[first], np.float64)
+
+
+def _edges(elements: Ints, turners: Ints) -> tuple[Ints, Ints]:
     of_body = turners[:, 0] >= 0
     first = np.where(elements[:, 2] == elements[:, 3], elements[:, 1], elements[:, 2])
     second = np.where(elements[:, 2] == elements[:, 3], elements[:, 2], elements[:, 3])
-    first, second = np.where(of_body, turners[:, 0], first), np.where(of_body, turners[:, 1], second)
-    return np.asarray(x[second] - x[first], np.float64)
+    return np.where(of_body, turners[:, 0], first), np.where(of_body, turners[:, 1], second)
 
 
 def facings_of(x: Floats, elements: Ints, weights: Floats, turners: Ints) -> Floats:
@@ -183,16 +228,22 @@ def facings_of(x: Floats, elements: Ints, weights: Floats, turners: Ints) -> Flo
 
     0 where it has none or the edges are parallel.
     """
-    a, b, c, d = (x[elements[:, k]] for k in range(4))
-    of_edges = (weights[:, 0] > 0.0) & (weights[:, 0] < 1.0)
-    first, second = np.where(of_edges[:, None], b - a, c - b), d - c
-    of_body = turners[:, 0] >= 0
-    corners = x[turners[of_body]]
-    first[of_body], second[of_body] = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    rows, has_one = _sides(elements, weights, turners)
+    first, second = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
     normals = np.cross(first, second)
     least = LEAST_TANGENT * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
-    has_one = (of_body | of_edges | (weights[:, 1] < 0.0)) & (np.linalg.norm(normals, axis=1) > least)
+    has_one = has_one & (np.linalg.norm(normals, axis=1) > least)
     return np.where(has_one[:, None], normals, 0.0)
+
+
+def _sides(elements: Ints, weights: Floats, turners: Ints) -> tuple[tuple[Ints, ...], np.ndarray]:
+    """Rows of the ends of the two sides that span a contact's facing, and where it has one (p,)."""
+    of_edges, of_body = (weights[:, 0] > 0.0) & (weights[:, 0] < 1.0), turners[:, 0] >= 0
+    a, b, c, d = elements.T
+    sides = np.where(of_edges, a, b), np.where(of_edges, b, c), c, d
+    bodies = (turners[:, k] for k in (0, 1, 0, 2))
+    rows = tuple(np.where(of_body, *each) for each in zip(bodies, sides, strict=True))
+    return rows, of_body | of_edges | (weights[:, 1] < 0.0)
 
 
 def rigid_displacements(x: Floats, displacements: Floats, labels: Ints) -> Floats:
@@ -222,25 +273,57 @@ def rigid_displacements(x: Floats, displacements: Floats, labels: Ints) -> Float
     found = np.zeros_like(displacements)
     for label in np.unique(labels):
         rows = labels == label
-        mean = displacements[rows].mean(axis=0)
-        offsets = x[rows] - x[rows].mean(axis=0)
-        squares = offsets.T @ offsets
-        inertia = np.trace(squares) * np.eye(3) - squares
-        momentum = np.cross(offsets, displacements[rows] - mean).sum(axis=0)
-        rotation = np.linalg.lstsq(inertia, momentum, rcond=None)[0]
-        found[rows] = mean + np.cross(rotation, offsets)
+        found[rows] = _rigid(x[rows], displacements[rows])[0]
     return found
 
 
-def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats) -> Floats:
-    """Tangential vectors (p, 3) turned about the normals as the directions turned from `before` to `after` (p, 3)."""
+def rigid_adjoint(x: Floats, displacements: Floats, labels: Ints, by: Floats) -> tuple[Floats, Floats]:
+    """Derivative of by . rigid_displacements by x and by the displacements, (n, 3) each: a projection is symmetric."""
+    by_x, by_displacements = np.zeros_like(x), np.zeros_like(x)
+    for label in np.unique(labels):
+        rows = labels == label
+        (found, turn), (own, by_turn) = _rigid(x[rows], displacements[rows]), _rigid(x[rows], by[rows])
+        by_displacements[rows] = own
+        by_x[rows] = np.cross(by[rows] - own, turn) + np.cross(displacements[rows] - found, by_turn)
+    return by_x, by_displacements
+
+
+def _rigid(x: Floats, displacements: Floats) -> tuple[Floats, Floats]:
+    """The rigid displacements of one object, and their rotation (3,)."""
+    mean = displacements.mean(axis=0)
+    offsets = x - x.mean(axis=0)
+    squares = offsets.T @ offsets
+    inertia = np.trace(squares) * np.eye(3) - squares
+    momentum = np.cross(offsets, displacements - mean).sum(axis=0)
+    rotation = np.linalg.lstsq(inertia, momentum, rcond=None)[0]
+    return mean + np.cross(rotation, offsets), rotation
+
+
+def _turning(
+    origins: Floats, directions: Floats, facings: Floats, directions_end: Floats, facings_end: Floats
+) -> Floats:
+    e, m, e_end, m_end = (unit(each) for each in (directions, facings, directions_end, facings_end))
+    axes, along = np.cross(e, e_end), (e * e_end).sum(axis=1, keepdims=True)
+    across = np.cross(axes, origins)
+    shortest = across + np.cross(axes, across) / np.maximum(1.0 + along, 1.0)
+    start, end = (np.stack([u, v, np.cross(u, v)], axis=2) for u, v in ((e, m), (e_end, m_end)))
+    full = np.einsum("pij,pkj,pk->pi", end - start, start, origins)
+    known = ((m * m_end).sum(axis=1) > SAME_SIDE) & (along[:, 0] > SAME_SIDE)
+    return np.where(known[:, None], full, np.where(along > SAME_SIDE, shortest, 0.0))
+
+
+def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats, sign: float = 1.0) -> Floats:
+    """Tangential vectors (p, 3) turned about the normals as the directions turned from `before` to `after` (p, 3).
+
+    With the sign -1 they are turned back.
+    """
     start, end = tangential(before, normals), tangential(after, normals)
     known = (start**2).sum(axis=1) > LEAST_TANGENT**2 * (before**2).sum(axis=1)
     sine = np.where(known, (np.cross(start, end) * normals).sum(axis=1), 0.0)
     cosine = np.where(known, (start * end).sum(axis=1), 1.0)
     size = np.hypot(sine, cosine)
     sine, cosine = (np.divide(each, size, out=np.zeros_like(size), where=size > 0.0) for each in (sine, cosine))
-    return np.asarray(cosine[:, None] * vectors + sine[:, None] * np.cross(normals, vectors), np.float64)
+    return np.asarray(cosine[:, None] * vectors + sign * sine[:, None] * np.cross(normals, vectors), np.float64)
 
 
 def tangential(vectors: Floats, normals: Floats) -> Floats:
@@ -262,6 +345,74 @@ def _turned(vectors: Floats, normals: Floats) -> Floats:
     turned = tangential(vectors, normals)
     before, after = (np.linalg.norm(each, axis=1, keepdims=True) for each in (vectors, turned))
     return np.asarray(turned * np.divide(before, after, out=np.ones_like(after), where=after > 0.0), np.float64)
+
+
+# Adjoints, for the gradient of a run: derivatives of by . result, by each argument.
+
+
+ROW_STEP = 1e-4
+"""Displacement of a row's entry in a difference of fourth order, as a fraction of the row's length."""
+
+
+def adjoint_by_rows(function: Callable[..., Floats], arrays: Sequence[Floats], by: Floats) -> list[Floats]:
+    """Derivatives of by . function(*arrays) by arrays (p, 3), of a function of rows: by central differences.
+
+    For rotations of unit vectors, which are smooth on the scale of the row. A row of zeros (no such vector) has none.
+    """
+    found = []
+    for number, array in enumerate(arrays):
+        sizes = ROW_STEP * np.linalg.norm(array, axis=1)
+        part = np.zeros_like(array)
+        for k in range(array.shape[1]):
+            for offset, weight in ((2.0, -1.0 / 12.0), (1.0, 2.0 / 3.0), (-1.0, -2.0 / 3.0), (-2.0, 1.0 / 12.0)):
+                moved = array.copy()
+                moved[:, k] += offset * sizes
+                part[:, k] += weight * dots(by, function(*arrays[:number], moved, *arrays[number + 1 :]))
+        found.append(np.divide(part, sizes[:, None], out=np.zeros_like(part), where=sizes[:, None] > 0.0))
+    return found
+
+
+def tangential_adjoint(vectors: Floats, normals: Floats, by: Floats) -> tuple[Floats, Floats]:
+    """Adjoints of `tangential` by the vectors and by the normals."""
+    along, across = dots(vectors, normals)[:, None], dots(by, normals)[:, None]
+    return tangential(by, normals), -(along * by + across * vectors)
+
+
+def turned_adjoint(vectors: Floats, normals: Floats, by: Floats) -> tuple[Floats, Floats]:
+    """Adjoints of `_turned` by the vectors and by the normals."""
+    turned = tangential(vectors, normals)
+    before, after = (np.linalg.norm(each, axis=1, keepdims=True) for each in (vectors, turned))
+    scale, along = np.divide(before, after, out=np.ones_like(after), where=after > 0.0), dots(turned, by)[:, None]
+    by_length = np.divide(along, before * after, out=np.zeros_like(after), where=before * after > 0.0)
+    by_turned = scale * by - scale * np.divide(along, after**2, out=np.zeros_like(after), where=after > 0.0) * turned
+    by_vectors, by_normals = tangential_adjoint(vectors, normals, by_turned)
+    return by_vectors + by_length * vectors, by_normals
+
+
+def _add_relative(out: Floats, x: Floats, elements: Ints, weights: Floats, by: Floats) -> Floats:
+    """Add the adjoint of `relative_positions` by x to `out`; return that by the weights (p, 4)."""
+    np.add.at(out, elements, weights[:, :, None] * by[:, None, :])
+    return np.asarray(np.einsum("pc,pkc->pk", by, x[elements]), np.float64)
+
+
+def _add_directions(out: Floats, elements: Ints, turners: Ints, by: Floats) -> None:
+    first, second = _edges(elements, turners)
+    np.add.at(out, second, by)
+    np.subtract.at(out, first, by)
+
+
+def _add_facings(out: Floats, x: Floats, elements: Ints, weights: Floats, turners: Ints, by: Floats) -> None:
+    rows, _ = _sides(elements, weights, turners)
+    first, second = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
+    by = np.where(np.any(facings_of(x, elements, weights, turners), axis=1, keepdims=True), by, 0.0)
+    for ends, part in ((rows[:2], np.cross(second, by)), (rows[2:], np.cross(by, first))):
+        np.add.at(out, ends[1], part)
+        np.subtract.at(out, ends[0], part)
+
+
+def dots(a: Floats, b: Floats) -> Floats:
+    """Scalar products (p,) of rows (p, 3)."""
+    return np.asarray(np.einsum("pc,pc->p", a, b), np.float64)
 
 
 NO_ANCHORS = anchors_from(())

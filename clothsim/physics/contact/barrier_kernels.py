@@ -1,4 +1,4 @@
-"""Pair loops of the barrier: active set, energy, gradient and Hessian.
+"""Pair loops of the barrier: active set, energy, gradient and Hessian, and what friction lags of them.
 
 E = sum w m(c) b(s). With q the squared distance, o the offset, s = q - o^2 and s_hat = (o + d_hat)^2 - o^2:
 
@@ -338,3 +338,140 @@ def _add_cross_squared_hessian(blocks, at, u, v, size):
             blocks[at, 3 + p, 3 + q] += size * (uu * same - u[p] * u[q])
             blocks[at, p, 3 + q] += size * (2.0 * u[p] * v[q] - v[p] * u[q] - uv * same)
             blocks[at, 3 + p, q] += size * (2.0 * v[p] * u[q] - u[p] * v[q] - uv * same)
+
+
+# Derivative of lagged friction by the start of a step: displacements, normals, weights and normal forces.
+#
+# With D = sum g_i (x_i - start_i) and w = sum g_i a_i of a pair, a the adjoint, the power of its force is
+#
+#     P = L f(|u|) u.w,    u = z + (I - n n') D,    f(y) = f0'(y)/y,    n = r/|r|
+#
+# z, 0 where contacts creep, and what the next step takes over come with adjoints of n and g that are added (`more`).
+#
+# It depends on the start of the displacements, by minus the Hessian; and on the pair's own twelve coordinates y_i at
+# the start of the step, from which the limit L = mu F, the normal n and the weights g are lagged. By r and g, with q =
+# f w + f' (u.w) u/|u| and L by its chain,
+#
+#     P_g_i = L ((I - n n') q . (x_i - start_i) + f u . a_i)
+#     P_r   = L_r f u.w - L ((q.n) (I - n n') D + (D.n)(I - n n') q)/|r|
+#
+# and, as r = sum g_i y_i is the shortest over the feature's tangents t_a with dg = c_a dp_a (`distance`),
+#
+#     P_y_i = g_i P_r - sum_a (t_a . P_r + c_a . P_g) (g_i t_a + c_ai r)    (+ L's mollifier of nearly parallel edges).
+
+
+@kernel
+def by_lag(
+    at, moves, adjoint, elements, weights, thresholds, n_points, factors, slips, more, offset, d_hat, least_gap, slip
+):
+    """Derivative of the power of all pairs by the positions `at` which they are lagged, (N, 3).
+
+    moves: x - start; factors (p,): mu kappa; slips (p, 3): z; more (p, 7): adjoints of g and n; slip: displacement from
+    which a contact slides; lengths in [m].
+    """
+    out = np.zeros_like(at)
+    for e in range(len(elements)):
+        points = four_points(at, elements, e)
+        g, r = closest_points(points, e >= n_points)
+        limit, by_distance, by_cross = _limit(points, r, weights[e], thresholds[e], offset, d_hat, least_gap)
+        if not limit > 0.0:
+            continue
+        limit, by_distance, by_cross = factors[e] * limit, factors[e] * by_distance, factors[e] * by_cross
+        d, a = four_points(moves, elements, e), four_points(adjoint, elements, e)
+        z = slips[e, 0], slips[e, 1], slips[e, 2]
+        by_r, by_g, per_limit = _by_closest_points(g, r, d, a, z, limit, by_distance, slip)
+        by_r, by_g = _with_more(by_r, by_g, r, more[e])
+        (has_first, t, c), (has_second, u, b) = tangent_directions(points, e >= n_points, g)
+        first = dot(t, by_r) + _dot_four(c, by_g) if has_first else 0.0
+        second = dot(u, by_r) + _dot_four(b, by_g) if has_second else 0.0
+        for i in range(4):
+            row = natural(elements[e, i])
+            along = first * c[i] + second * b[i]
+            for k in range(3):
+                out[row, k] += g[i] * (by_r[k] - first * t[k] - second * u[k]) - along * r[k]
+        if by_cross != 0.0:
+            du, dv = cross_squared_gradient(*edges(points))
+            slope = per_limit * by_cross
+            for k in range(3):
+                out[natural(elements[e, 0]), k] -= slope * du[k]
+                out[natural(elements[e, 1]), k] += slope * du[k]
+                out[natural(elements[e, 2]), k] -= slope * dv[k]
+                out[natural(elements[e, 3]), k] += slope * dv[k]
+    return out
+
+
+@part
+def _limit(points, r, weight, threshold, offset, d_hat, least_gap):
+    """-w m db/dd of `barrier_kernels.normal_forces`, its derivatives by |r| and by the squared cross product."""
+    length = np.sqrt(dot(r, r))
+    distance = max(length, offset + least_gap)
+    s, s_hat = distance * distance - offset * offset, d_hat * (2.0 * offset + d_hat)
+    if s >= s_hat:
+        return 0.0, 0.0, 0.0
+    m, dm = 1.0, 0.0
+    if threshold > 0.0:
+        ratio = cross_squared(points) / threshold
+        if ratio < 1.0:
+            m, dm, _ = mollifier(ratio, threshold)
+    _, first, second = barrier(s, s_hat, d_hat)
+    slope = -2.0 * weight * first * distance
+    by_distance = -2.0 * weight * m * (first + 2.0 * second * distance * distance) if length == distance else 0.0
+    return m * slope, by_distance, dm * slope
+
+
+@part
+def _with_more(by_r, by_g, r, more):
+    """Derivatives by r (3) and g (4) with adjoints of g and of r/|r| added, more (7)."""
+    length = np.sqrt(dot(r, r))
+    by_n = more[4] / length, more[5] / length, more[6] / length
+    along = dot(by_n, r) / (length * length)
+    by_r = by_r[0] + by_n[0] - along * r[0], by_r[1] + by_n[1] - along * r[1], by_r[2] + by_n[2] - along * r[2]
+    return by_r, (by_g[0] + more[0], by_g[1] + more[1], by_g[2] + more[2], by_g[3] + more[3])
+
+
+@part
+def _by_closest_points(g, r, d, a, z, limit, by_distance, slip):
+    """Derivatives of P by r (3) and by g (4), and P/L."""
+    length = np.sqrt(dot(r, r))
+    n = r[0] / length, r[1] / length, r[2] / length
+    moved, w = _combined(g, d), _combined(g, a)
+    normal = dot(moved, n)
+    across = moved[0] - normal * n[0], moved[1] - normal * n[1], moved[2] - normal * n[2]
+    u = z[0] + across[0], z[1] + across[1], z[2] + across[2]
+    y, power = np.sqrt(dot(u, u)), dot(u, w)
+    if y >= slip:
+        f, slope = 1.0 / y, -power / (y * y * y)
+    else:
+        f, slope = (2.0 - y / slip) / slip, (-power / (slip * slip * y) if y > 0.0 else 0.0)
+    q = f * w[0] + slope * u[0], f * w[1] + slope * u[1], f * w[2] + slope * u[2]
+    out = dot(q, n)
+    q = q[0] - out * n[0], q[1] - out * n[1], q[2] - out * n[2]
+    by_length, turn = by_distance * f * power, limit / length
+    by_r = (
+        by_length * n[0] - turn * (out * across[0] + normal * q[0]),
+        by_length * n[1] - turn * (out * across[1] + normal * q[1]),
+        by_length * n[2] - turn * (out * across[2] + normal * q[2]),
+    )
+    by_g = (
+        limit * (dot(q, d[0]) + f * dot(u, a[0])),
+        limit * (dot(q, d[1]) + f * dot(u, a[1])),
+        limit * (dot(q, d[2]) + f * dot(u, a[2])),
+        limit * (dot(q, d[3]) + f * dot(u, a[3])),
+    )
+    return by_r, by_g, f * power
+
+
+@part
+def _combined(g, x):
+    """Sum of g_i x_i."""
+    p, a, b, c = x
+    return (
+        g[0] * p[0] + g[1] * a[0] + g[2] * b[0] + g[3] * c[0],
+        g[0] * p[1] + g[1] * a[1] + g[2] * b[1] + g[3] * c[1],
+        g[0] * p[2] + g[1] * a[2] + g[2] * b[2] + g[3] * c[2],
+    )
+
+
+@part
+def _dot_four(c, g):
+    return c[0] * g[0] + c[1] * g[1] + c[2] * g[2] + c[3] * g[3]

@@ -7,30 +7,34 @@ from typing import Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.jit import inlined, kernel, natural, part
-from clothsim.base.vectors import dot, four_points
+from clothsim.base.jit import inlined, kernel, natural
 from clothsim.physics.contact.anchors import (
+    COLUMNS,
     NO_ANCHORS,
     Anchors,
     anchors_at,
     anchors_from,
+    dots,
     relative_positions,
+    rigid_adjoint,
     rigid_displacements,
     tangential,
+    tangential_adjoint,
+    turned_adjoint,
 )
 from clothsim.physics.contact.barrier import Barrier
-from clothsim.physics.contact.barrier_kernels import barrier as barrier_function
-from clothsim.physics.contact.barrier_kernels import cross_squared, cross_squared_gradient, edges, mollifier
-from clothsim.physics.contact.distance import closest_points, tangent_directions
+from clothsim.physics.contact.barrier_kernels import by_lag
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import (
     Elementwise,
-    History,
+    Grip,
+    Gripping,
     Idling,
     Lagged,
     PastSensitivity,
     Report,
+    SeesHistory,
     SeesPast,
     Storing,
 )
@@ -61,7 +65,7 @@ NO_CONTACTS = Contacts((), np.zeros((0, 3)), 1.0, 0.0, np.zeros((0, 3)))
 
 
 @dataclass(frozen=True)
-class FrictionEnergy(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, Storing):
+class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, SeesHistory, SeesPast, Storing):
     """E = sum mu F f0(|u|), u = z + (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
     F [N], n and g: normal force, normal and weights of the closest points of each pair, lagged. f0 is |u| beyond e and
@@ -217,25 +221,109 @@ class FrictionEnergy(Elementwise, Energy, History, Idling, Lagged, Report, SeesP
         fractions = np.minimum(np.linalg.norm(slips, axis=1) / self.elastic_slip, 1.0)
         return float(self.elastic_slip * (self.limits * fractions**2 * (1.0 - fractions / 3.0)).sum())
 
+    def grip(self) -> Grip:
+        """Limits mu F and normals of the lagged contacts, by the rows that they touch."""
+        rows, shares = self.elements.ravel(), (self.limits[:, None] * np.abs(self.weights)).ravel()
+        limits = np.bincount(rows, shares, len(self.labels)).astype(np.float64)
+        normals = np.zeros((len(limits), 3, 3))
+        for i, j in np.ndindex(3, 3):
+            products = np.repeat(self.normals[:, i] * self.normals[:, j], 4)
+            normals[:, i, j] = np.bincount(rows, shares * products, len(limits))
+        normals /= np.where(limits > 0.0, limits, 1.0)[:, None, None]
+        return Grip(limits, normals, self.labels)
+
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (p, 12, 12) [N/m]; positive semi-definite without projection."""
         return ElementHessian(self.elements, _hessian(x, *self._lagged))
 
     def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
-        """By the start of the displacements, and by what is lagged; for contacts that creep."""
+        """By the start of the displacements, and by what is lagged."""
+        return self.history_sensitivity(step, x, adjoint, np.zeros_like(self.carry_over))
+
+    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, carried: Floats) -> PastSensitivity:
+        """By the start of the displacements, by what is lagged, and by the anchors of the step before."""
         blocks = self.hessian(x)
         products = blocks.times(adjoint[blocks.elements].reshape(len(blocks.elements), 12)).reshape(-1, 4, 3)
-        by_start, by_lag = np.zeros_like(x), np.zeros_like(x)
+        by_start = np.zeros_like(x)
         np.subtract.at(by_start, blocks.elements.ravel(), products.reshape(-1, 3))
-        displacements = x - self.contacts.start
+        more = np.zeros((len(self.elements), 7))
+        if not self.elastic_slip:
+            return PastSensitivity(positions=self._by_lag(step, x, adjoint, more), past_positions=by_start)
+        by_x, by_memory, velocities = np.zeros_like(x), None, None
+        if len(self.elements):
+            by_x, by_memory, velocities = self._by_anchors(step, x, adjoint, carried, more)
+        by_lag = self._by_lag(step, x, adjoint, more)
+        return PastSensitivity(positions=by_start + by_lag + by_x, velocities=velocities, memory=by_memory)
+
+    def _by_lag(self, step: Step, x: Floats, adjoint: Floats, more: Floats) -> Floats:
+        """By the positions (N, 3) at which pairs are lagged; more (p, 7): adjoints of their weights and normals."""
+        out, done = np.zeros_like(x), 0
         for barrier in self.contacts.barriers:
-            pairs, least_gap = barrier.distinct(step.positions), self.contacts.least_gap * barrier.d_hat
+            pairs, least_gap = barrier.distinct(step.positions), self.contacts.least_gap
             objects = self.labels[pairs.elements[:, 0]], self.labels[pairs.elements[:, 3]]
-            factors = float(step.memory.get(barrier.name, barrier.stiffness)) * self.static[objects]
-            lists = pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, factors
-            lengths = barrier.offset, barrier.d_hat, least_gap, self.contacts.slip
-            by_lag += _by_lag(step.positions, displacements, adjoint, *lists, *lengths)
-        return PastSensitivity(positions=by_lag, past_positions=by_start)
+            factors, all_slips, all_more = self.static[objects], np.zeros((len(pairs), 3)), np.zeros((len(pairs), 7))
+            acts = self.static[objects] * barrier.normal_forces(step.positions, 1.0, least_gap)[3] > 0.0
+            own = slice(done, done := done + int(acts.sum()))
+            all_slips[acts], all_more[acts] = (self.slips - self.turns)[own], more[own]
+            factors[acts] = np.where(self.slides[own], self.kinetic[objects][acts], factors[acts])
+            factors = float(step.memory.get(barrier.name, barrier.stiffness)) * factors
+            lists = pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, factors, all_slips, all_more
+            lengths = barrier.offset, barrier.d_hat, least_gap * barrier.d_hat, self.contacts.slip
+            out += by_lag(step.positions, x - self.contacts.start, adjoint, *lists, *lengths)
+        return out
+
+    def _by_anchors(
+        self, step: Step, x: Floats, adjoint: Floats, carried: Floats, more: Floats
+    ) -> tuple[Floats, Floats | None, Floats]:
+        """By positions (N, 3), memory and velocities, through slips and turns; fills `more` (p, 7)."""
+        pairs, start, normals = (self.elements, self.weights), self.contacts.start, self.normals
+        _, to_weights, to_normals, to_slips, *to_anchors, _ = np.split(-carried.reshape(len(more), -1), COLUMNS, axis=1)
+        # the power L f u.w by the slip of each pair
+        slip, u = self.contacts.slip, tangential(relative_positions(x - start, *pairs), normals)
+        u, w = u + self.slips - self.turns, relative_positions(adjoint, *pairs)
+        length, power = np.linalg.norm(u, axis=1), dots(u, w)
+        slides, least = length >= slip, np.where(length > 0.0, length, 1.0)
+        f = np.where(slides, 1.0 / least, (2.0 - length / slip) / slip)
+        slope = np.where(slides, -power / least**3, np.where(length > 0.0, -power / (slip**2 * least), 0.0))
+        by_slips = self.limits[:, None] * (f[:, None] * w + slope[:, None] * u)
+        # turns, from the velocities at the start
+        at_start = anchors_at(start, *pairs, normals, self.slips, self.slides, self.triangles_at)
+        end = start + self._predictable(at_start)
+        by_turning, by_normals = tangential_adjoint(at_start.turning(end), normals, -by_slips)
+        by_end, *of_start = at_start.turning_adjoint(end, by_turning)
+        by_x, by_weights = at_start.start_adjoint(
+            start, *(one + other for one, other in zip(to_anchors, of_start, strict=True))
+        )
+        by_rigid, by_displacements = self._predictable_adjoint(at_start, by_end)
+        by_x += by_end + by_rigid
+        # slips, from the anchors of the step before
+        parents, _ = self.anchors.inherited(*pairs, normals, self.labels)
+        known = np.flatnonzero(parents >= 0)
+        memory = np.zeros((0, carried.shape[-1]))
+        if len(known):
+            before = anchors_from(step.memory[NAME], self.triangles_at)
+            to_parents, of_normals = turned_adjoint(
+                self.anchors.slips[parents[known]], normals[known], (by_slips + to_slips)[known]
+            )
+            by_normals[known] += of_normals
+            by_parents = np.zeros_like(before.slips)
+            np.add.at(by_parents, parents[known], to_parents)
+            objects = self.labels[before.elements[:, 0]], self.labels[before.elements[:, 3]]
+            ratios = self.kinetic[objects] / self.static[objects]
+            of_x, memory = before.after_adjoint(step.positions, slip, ratios, by_parents)
+            by_x += of_x
+        more[:, :4], more[:, 4:] = to_weights + by_weights, to_normals + by_normals
+        return by_x, memory if len(memory) else None, step.dt * by_displacements
+
+    def _predictable_adjoint(self, anchors: Anchors, by: Floats) -> tuple[Floats, Floats]:
+        """Adjoints of `_predictable` by the start and by the displacements of the contacts, (N, 3) each."""
+        by_start, by_displacements = np.zeros_like(by), by.copy()
+        cloths = np.unique(self.labels[anchors.elements[anchors.turners[:, 0] < 0]])
+        if len(cloths):
+            rows = np.isin(self.labels, cloths)
+            own = self.contacts.start[rows], self.contacts.displacements[rows], self.labels[rows]
+            by_start[rows], by_displacements[rows] = rigid_adjoint(*own, by[rows])
+        return by_start, by_displacements
 
     def defaults_used(self) -> tuple[str, ...]:
         """Elastic slip or eps_v, and the number of lagged solves a step."""
@@ -330,122 +418,3 @@ def _hessian(x, start, elements, weights, normals, limits, slips, e):
                     for q in range(3):
                         blocks[p, 3 * i + k, 3 * j + q] = weight * block[k, q]
     return blocks
-
-
-# Derivative of lagged friction by the start of a step: displacements, normals, weights and normal forces.
-#
-# With D = sum g_i (x_i - start_i) and w = sum g_i a_i of a pair, a the adjoint, the power of its force is
-#
-#     P = L f(|u|) u.w,    u = (I - n n') D,    f(y) = f0'(y)/y,    n = r/|r|
-#
-# It depends on the start of the displacements, by minus the Hessian; and on the pair's own twelve coordinates y_i at
-# the start of the step, from which the limit L = mu F, the normal n and the weights g are lagged. By r and g, with q =
-# f w + f' (u.w) u/|u| and L by its chain,
-#
-#     P_g_i = L ((I - n n') q . (x_i - start_i) + f u . a_i)
-#     P_r   = L_r f u.w - L ((q.n) u + (D.n)(I - n n') q)/|r|
-#
-# and, as r = sum g_i y_i is the shortest over the feature's tangents t_a with dg = c_a dp_a (`distance`),
-#
-#     P_y_i = g_i P_r - sum_a (t_a . P_r + c_a . P_g) (g_i t_a + c_ai r)    (+ L's mollifier of nearly parallel edges).
-
-
-@kernel
-def _by_lag(at, moves, adjoint, elements, weights, thresholds, n_points, factors, offset, d_hat, least_gap, slip):
-    """Derivative of the power of all pairs by the positions `at` which they are lagged, (N, 3).
-
-    moves: x - start; factors (p,): mu kappa; slip: displacement from which a contact slides; lengths in [m].
-    """
-    out = np.zeros_like(at)
-    for e in range(len(elements)):
-        points = four_points(at, elements, e)
-        g, r = closest_points(points, e >= n_points)
-        limit, by_distance, by_cross = _limit(points, r, weights[e], thresholds[e], offset, d_hat, least_gap)
-        limit, by_distance, by_cross = factors[e] * limit, factors[e] * by_distance, factors[e] * by_cross
-        if not limit > 0.0:
-            continue
-        d, a = four_points(moves, elements, e), four_points(adjoint, elements, e)
-        by_r, by_g, per_limit = _by_closest_points(g, r, d, a, limit, by_distance, slip)
-        (has_first, t, c), (has_second, u, b) = tangent_directions(points, e >= n_points, g)
-        first = dot(t, by_r) + _dot_four(c, by_g) if has_first else 0.0
-        second = dot(u, by_r) + _dot_four(b, by_g) if has_second else 0.0
-        for i in range(4):
-            row = natural(elements[e, i])
-            along = first * c[i] + second * b[i]
-            for k in range(3):
-                out[row, k] += g[i] * (by_r[k] - first * t[k] - second * u[k]) - along * r[k]
-        if by_cross != 0.0:
-            du, dv = cross_squared_gradient(*edges(points))
-            slope = per_limit * by_cross
-            for k in range(3):
-                out[natural(elements[e, 0]), k] -= slope * du[k]
-                out[natural(elements[e, 1]), k] += slope * du[k]
-                out[natural(elements[e, 2]), k] -= slope * dv[k]
-                out[natural(elements[e, 3]), k] += slope * dv[k]
-    return out
-
-
-@part
-def _limit(points, r, weight, threshold, offset, d_hat, least_gap):
-    """-w m db/dd of `barrier_kernels.normal_forces`, its derivatives by |r| and by the squared cross product."""
-    length = np.sqrt(dot(r, r))
-    distance = max(length, offset + least_gap)
-    s, s_hat = distance * distance - offset * offset, d_hat * (2.0 * offset + d_hat)
-    if s >= s_hat:
-        return 0.0, 0.0, 0.0
-    m, dm = 1.0, 0.0
-    if threshold > 0.0:
-        ratio = cross_squared(points) / threshold
-        if ratio < 1.0:
-            m, dm, _ = mollifier(ratio, threshold)
-    _, first, second = barrier_function(s, s_hat, d_hat)
-    slope = -2.0 * weight * first * distance
-    by_distance = -2.0 * weight * m * (first + 2.0 * second * distance * distance) if length == distance else 0.0
-    return m * slope, by_distance, dm * slope
-
-
-@part
-def _by_closest_points(g, r, d, a, limit, by_distance, slip):
-    """Derivatives of P by r (3) and by g (4), and P/L."""
-    length = np.sqrt(dot(r, r))
-    n = r[0] / length, r[1] / length, r[2] / length
-    moved, w = _combined(g, d), _combined(g, a)
-    normal = dot(moved, n)
-    u = moved[0] - normal * n[0], moved[1] - normal * n[1], moved[2] - normal * n[2]
-    y, power = np.sqrt(dot(u, u)), dot(u, w)
-    if y >= slip:
-        f, slope = 1.0 / y, -power / (y * y * y)
-    else:
-        f, slope = (2.0 - y / slip) / slip, (-power / (slip * slip * y) if y > 0.0 else 0.0)
-    q = f * w[0] + slope * u[0], f * w[1] + slope * u[1], f * w[2] + slope * u[2]
-    out = dot(q, n)
-    q = q[0] - out * n[0], q[1] - out * n[1], q[2] - out * n[2]
-    by_length, turn = by_distance * f * power, limit / length
-    by_r = (
-        by_length * n[0] - turn * (out * u[0] + normal * q[0]),
-        by_length * n[1] - turn * (out * u[1] + normal * q[1]),
-        by_length * n[2] - turn * (out * u[2] + normal * q[2]),
-    )
-    by_g = (
-        limit * (dot(q, d[0]) + f * dot(u, a[0])),
-        limit * (dot(q, d[1]) + f * dot(u, a[1])),
-        limit * (dot(q, d[2]) + f * dot(u, a[2])),
-        limit * (dot(q, d[3]) + f * dot(u, a[3])),
-    )
-    return by_r, by_g, f * power
-
-
-@part
-def _combined(g, x):
-    """Sum of g_i x_i."""
-    p, a, b, c = x
-    return (
-        g[0] * p[0] + g[1] * a[0] + g[2] * b[0] + g[3] * c[0],
-        g[0] * p[1] + g[1] * a[1] + g[2] * b[1] + g[3] * c[1],
-        g[0] * p[2] + g[1] * a[2] + g[2] * b[2] + g[3] * c[2],
-    )
-
-
-@part
-def _dot_four(c, g):
-    return c[0] * g[0] + c[1] * g[1] + c[2] * g[2] + c[3] * g[3]

@@ -25,7 +25,7 @@ from clothsim.physics.energies.hessians import LanesHessian, SumHessian
 from clothsim.physics.energies.hinge_bending import HingeBending
 from clothsim.physics.energies.midedge_bending import MidedgeBending
 from clothsim.physics.energies.midedge_softening import SofteningBending
-from clothsim.physics.energies.protocols import Elementwise, Idling
+from clothsim.physics.energies.protocols import ChangingMaterial, Elementwise, Idling
 
 BendingModel: TypeAlias = HingeBending | MidedgeBending
 """Bending models with rest angles that can change."""
@@ -106,6 +106,11 @@ def hinges_of_bending(name: str, bending: Energy) -> BendingModel:
     InputError
         For a bending model without rest angles that can change, or whose energy is not quadratic in the angles.
     """
+    if isinstance(bending, ChangingMaterial):
+        raise InputError(
+            f"effects.{name} changes rest angles, which cloth whose material changes over time does not take.",
+            "Give the keys of the cloth as numbers.",
+        )
     if not isinstance(bending, HingeBending | MidedgeBending):
         raise InputError(
             f"effects.{name} changes rest angles, and {type(bending).__name__} has none that can change.",

@@ -45,7 +45,7 @@ from clothsim.physics.energies.hessians import ElementHessian, ImplicitHessian, 
 from clothsim.physics.energies.hinge_bending import HingeBending
 from clothsim.physics.energies.hinge_moments import BendingModel, HingeMoments, ShiftedAngles, hinges_of_bending
 from clothsim.physics.energies.midedge_bending import MidedgeBending
-from clothsim.physics.energies.protocols import History
+from clothsim.physics.energies.protocols import PastSensitivity, SeesHistory
 
 NAME = "plastic_bending"
 
@@ -91,7 +91,7 @@ EXAMPLE = Example(
 
 
 @dataclass(frozen=True)
-class PlasticBendingEnergy(HingeMoments, History):
+class PlasticBendingEnergy(HingeMoments, SeesHistory):
     """Plastic strains of bending.
 
     Parameters
@@ -171,6 +171,27 @@ class PlasticBendingEnergy(HingeMoments, History):
             return by_hinge
         return SumHessian((by_hinge, self._lost(self.model, x, driving, beyond)))
 
+    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, carried: Floats) -> PastSensitivity:
+        """By the angles at the start and by the flow before, which give p by the return mapping.
+
+        With e' = B dtheta/dx . a the power of the force is -w [p . e' + T(q) . e'/(1 + H)], T(q) = (1 - y/|q|)+ q.
+        """
+        slopes = midedge_kernels.angle_gradients(self.vertices, x)
+        turns = np.where(
+            np.isfinite(self._turns(x)), (slopes * adjoint[self.vertices].reshape(-1, 12)).sum(axis=1), 0.0
+        )
+        rates = (self.strains @ turns).reshape(self.plastic.shape)
+        driving, _ = self._beyond(x)
+        by_plastic = -self.weights[:, None] * (rates - _flow_slope(driving, self.yields, rates))
+        by_plastic -= carried.reshape(self.plastic.shape)
+        before = np.asarray(step.memory.get(NAME, np.zeros(self.plastic.size)), np.float64).reshape(self.plastic.shape)
+        turned = hinge_kernels.angles(self.vertices, step.positions) - self.references
+        driving, _ = _driving(self._strain(turned), before, self.yields, self.hardening)
+        flow = _flow_slope(driving, self.yields, by_plastic)
+        by_angles = self.strains.T @ flow.ravel() / (1 + self.hardening)
+        by_start = hinge_kernels.gradient(self.vertices, np.where(np.isfinite(turned), by_angles, 0.0), step.positions)
+        return PastSensitivity(positions=by_start, memory=(by_plastic - flow).ravel())
+
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The energy itself: its elements have hinges in common."""
         return self
@@ -226,6 +247,15 @@ def flowed(strain: Floats, plastic: Floats, yields: Floats, hardening: float) ->
     sizes = np.linalg.norm(driving, axis=1)[:, None]
     directions = np.divide(driving, sizes, out=np.zeros_like(driving), where=sizes > 0)
     return np.asarray(plastic + directions * (beyond / (1 + hardening))[:, None], np.float64)
+
+
+def _flow_slope(driving: Floats, yields: Floats, vectors: Floats) -> Floats:
+    """d((1 - y/|q|)+ q)/dq times vectors (g, r)."""
+    sizes = np.maximum(np.linalg.norm(driving, axis=1), np.finfo(float).tiny)
+    ratios = (yields / sizes)[:, None]
+    unit = driving / sizes[:, None]
+    along = (unit * vectors).sum(axis=1, keepdims=True) * unit
+    return np.asarray(np.where(ratios < 1.0, (1.0 - ratios) * vectors + ratios * along, 0.0), np.float64)
 
 
 def _driving(strain: Floats, plastic: Floats, yields: Floats, hardening: float) -> tuple[Floats, Floats]:

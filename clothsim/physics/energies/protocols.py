@@ -4,7 +4,7 @@ An energy takes part by deriving from a class of this file; callers ask by `isin
 """
 
 import abc
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, TypeVar, cast
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.physics.energies.base import Energy, Step
+from clothsim.physics.energies.hessians import Hessian
 
 
 class Idling(abc.ABC):
@@ -34,6 +35,33 @@ class Storing(abc.ABC):
     @abc.abstractmethod
     def stored(self, x: Floats) -> float:
         """The stored part at x [J]."""
+
+
+@dataclass(frozen=True)
+class Grip:
+    """What holds each row of x up to a limit.
+
+    Parameters
+    ----------
+    limits : (N,) array
+        Largest tangential forces of its contacts, added [N]; 0 where none holds it.
+    normals : (N, 3, 3) array
+        n n' of its contacts, their mean by limit: I - n n' takes the tangential part of a force.
+    labels : (N,) int array
+        Object of each row.
+    """
+
+    limits: Floats
+    normals: Floats
+    labels: Ints
+
+
+class Gripping(abc.ABC):
+    """An energy that holds up to a limit and then yields, as friction does: which of both is a matter of balance."""
+
+    @abc.abstractmethod
+    def grip(self) -> Grip:
+        """The limits of the step to which it is bound."""
 
 
 class Driven(abc.ABC):
@@ -60,6 +88,40 @@ class Nonconservative(abc.ABC):
     @abc.abstractmethod
     def rows_without_potential(self) -> Ints:
         """The rows of x, (k,); it has a potential where all of them are fixed."""
+
+
+@dataclass(frozen=True)
+class ChangingMaterial(Energy):
+    """The energy of a material that changes over time; in a step it is that of the material at its end.
+
+    Parameters
+    ----------
+    at : function of time
+        The energy with the material at a time [s], the same object for the same material.
+    """
+
+    at: Callable[[float], Energy]
+
+    def begin(self, step: Step) -> Energy:  # type: ignore[override]
+        """The energy of the step's end, which works as one whose material never changes."""
+        return self.at(step.time + step.dt).begin(step)
+
+    def value(self, x: Floats) -> float:
+        """E(x) at time 0 [J]."""
+        return self.at(0.0).value(x)
+
+    def gradient(self, x: Floats) -> Floats:
+        """dE/dx at time 0, (N, 3) [N]."""
+        return self.at(0.0).gradient(x)
+
+    def hessian(self, x: Floats, project: bool = True) -> Hessian:
+        """d2E/dx2 at time 0 [N/m]."""
+        return self.at(0.0).hessian(x, project)
+
+    def work_of_change(self, x: Floats, start: float, end: float) -> float:
+        """Energy at x that the change of the material between two times [s] adds [J]; below 0 where it removes some."""
+        before, after = self.at(start), self.at(end)
+        return 0.0 if after is before else after.value(x) - before.value(x)
 
 
 class Anchored(abc.ABC):
@@ -184,12 +246,15 @@ class PastSensitivity:
         By `Step.velocities`.
     past_positions, past_velocities : array
         By those of `Step.past`.
+    memory : array
+        By the energy's own entry of `Step.memory`, in its shape.
     """
 
     positions: Floats | None = None
     velocities: Floats | None = None
     past_positions: Floats | None = None
     past_velocities: Floats | None = None
+    memory: Floats | None = None
 
 
 class SeesPast(abc.ABC):
@@ -201,6 +266,17 @@ class SeesPast(abc.ABC):
     @abc.abstractmethod
     def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
         """d(adjoint . gradient(x)) by the start of the `step` that the energy is bound to; adjoint (N, 3) [m]."""
+
+
+class SeesHistory(History):
+    """An energy with a closed form of the derivative of its force and of what it carries over, by the start of a step.
+
+    What is discrete in its history (which contact continues which, what slides) is held.
+    """
+
+    @abc.abstractmethod
+    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, carried: Floats) -> PastSensitivity:
+        """d(adjoint . gradient(x) - carried . carry_over); carried: the adjoint of `carry_over`, in its shape."""
 
 
 class DividedForce(abc.ABC):
@@ -218,8 +294,8 @@ class Report:
         """Values chosen where the scene gives none."""
         return ()
 
-    def final_notes(self, x: Floats) -> tuple[str, ...]:
-        """Remarks on the end of a run, with the cloth at x."""
+    def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
+        """Remarks on the end of a run at `time` [s], with the cloth at x."""
         return ()
 
     def tightest(self, x: Floats) -> str:

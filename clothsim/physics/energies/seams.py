@@ -34,7 +34,15 @@ from clothsim.physics.energies.key_values import (
     vertex_numbers,
 )
 from clothsim.physics.energies.links import Links
-from clothsim.physics.energies.protocols import ContactGap, Coupling, Driven, Joining, Report
+from clothsim.physics.energies.protocols import (
+    ContactGap,
+    Coupling,
+    Driven,
+    Joining,
+    PastSensitivity,
+    Report,
+    SeesPast,
+)
 
 WAYS = ("side", "through", "vertices", "panel", "nearest")
 STIFFER = 100.0
@@ -194,7 +202,7 @@ class StitchedSeam:
 
 
 @dataclass(frozen=True)
-class SeamsEnergy(Links, Coupling, Driven, Joining, Report):
+class SeamsEnergy(Links, Coupling, Driven, Joining, Report, SeesPast):
     """Strings of all seams, and hinges across the closed ones.
 
     Parameters
@@ -248,6 +256,20 @@ class SeamsEnergy(Links, Coupling, Driven, Joining, Report):
             bending=those(self.across, np.flatnonzero(closed)),
         )
 
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """By the gaps at the start, of which the lengths of the strings are fractions."""
+        active, lines, distances = self._active(x)
+        gaps = self.lines(step.positions)[active]
+        wide, open_gaps = np.linalg.norm(gaps, axis=1), np.maximum(np.linalg.norm(gaps, axis=1) - self.gap, 0.0)
+        ratios = np.divide(self.lengths[active] - self.gap, open_gaps, out=np.zeros_like(wide), where=open_gaps > 0.0)
+        moves = np.einsum("mj,mjp->mp", self.weights[active], adjoint[self.rows[active]])
+        tension = self.stiffnesses[active] / np.maximum(distances, np.finfo(float).tiny)
+        by_gaps = -ratios * tension * (lines * moves).sum(axis=1) / np.maximum(wide, np.finfo(float).tiny)
+        by_start = np.zeros_like(x)
+        parts = self.weights[active][:, :, None] * (by_gaps[:, None] * gaps)[:, None]
+        np.add.at(by_start, self.rows[active].ravel(), parts.reshape(-1, 3))
+        return PastSensitivity(positions=by_start)
+
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
         stitched = super().value(x)
@@ -284,7 +306,7 @@ class SeamsEnergy(Links, Coupling, Driven, Joining, Report):
         over = f"{bent} hinges across them" if bent else "no hinges across them: they fold freely"
         return (f"{len(self.rows)} stitches of {self.stiffness.max():.3g} N/m at most{gap}; {over}",)
 
-    def final_notes(self, x: Floats) -> tuple[str, ...]:
+    def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
         """The largest gap of each seam at x."""
         gaps = np.split(np.linalg.norm(self.lines(x), axis=1), np.cumsum([seam.stitches for seam in self.seams])[:-1])
         return tuple(

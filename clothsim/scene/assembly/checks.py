@@ -1,6 +1,7 @@
 """Checks of a scene at its start: keys without effect, other units, unusual starts; warnings before a run."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.protocols import ContactGap
+from clothsim.physics.energies.base import Energy, Step
+from clothsim.physics.energies.protocols import ContactGap, is_idle
 from clothsim.scene.scene import Scene
 
 LARGEST, SMALLEST = 10.0, 0.01
@@ -27,7 +28,9 @@ FAST_SPIN = 5.0
 """Degrees in a step from which on a rigid body loses more than 1 % of its spin in a second of steps of .01 s."""
 
 INSIDE = 0.9
-"""Gap at the start, as fraction of d_hat, below which a warning is given."""
+"""Gap at the start, as fraction of d_hat, below which contact is looked at."""
+GRAVITY = 9.81
+"""With this acceleration [m/s2] a fall through d_hat gives the speed up to which a push is harmless."""
 
 
 def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: float) -> tuple[str, ...]:
@@ -43,7 +46,7 @@ def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: 
         *_starts_inside(world, energies),
         *_nested_bodies(world, energies),
         *_wide_activation(world, energies),
-        *_close_starts(world, energies),
+        *_close_starts(world, energies, dt),
     )
 
 
@@ -216,15 +219,30 @@ def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:
     ]
 
 
-def _close_starts(world: World, energies: dict[str, Energy]) -> list[str]:
-    """Contact forces at the start: a gap well inside d_hat is no equilibrium, and its energy is released."""
+def _close_starts(world: World, energies: dict[str, Energy], dt: float) -> list[str]:
+    """Contact at the start that throws: a gap well inside d_hat, where its energy is that of a fall through d_hat."""
     sentences = []
     for name, energy in energies.items():
         if not isinstance(energy, ContactGap):
             continue
         gap, d_hat = energy.minimum_gap(world.start()), energy.d_hat
-        if gap < INSIDE * d_hat:
+        speed = _pushed_to(world, energies, energy, dt) if gap < INSIDE * d_hat else 0.0
+        if speed > np.sqrt(2 * GRAVITY * d_hat):
             sentences.append(
-                f"{name}: the gap at the start is {gap:.2g} m, inside d_hat of {d_hat:g} m: contact pushes at once."
+                f"{name}: the gap at the start is {gap:.2g} m, inside d_hat of {d_hat:g} m: contact pushes at once, "
+                f"what it touches to {speed:.2g} m/s if nothing resists."
             )
     return sentences
+
+
+def _pushed_to(world: World, energies: Mapping[str, Energy], contact: Energy, dt: float) -> float:
+    """Speed that the energy of a contact at the start gives to what it touches, cloth or a rigid body [m/s]."""
+    start = world.start()
+    step = Step(0.0, dt, start, world.start_velocities(), 1.0, np.zeros_like(start))
+    bound = {name: energy.begin(step) for name, energy in energies.items() if not energy.begins_last}
+    gradient = sum((each.gradient(start) for each in bound.values() if not is_idle(each)), np.zeros_like(start))
+    pushing = contact.begin(replace(step, gradient=gradient, bound=bound))
+    touched = pushing.gradient(start)[: world.n_cloth].any(axis=1)
+    rigid = [float(body.masses.sum()) for body in world.rigid]
+    mass = float(world.masses[touched].sum()) or min(rigid, default=0.0)
+    return float(np.sqrt(2 * pushing.value(start) / mass)) if mass else 0.0

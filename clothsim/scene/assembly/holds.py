@@ -2,6 +2,8 @@
 
 A load on a piece that nothing can hold has no equilibrium: a quasi-static run of it is refused, and a run until rest
 goes to its limit. Held is what may come to be held: a body counts that the piece could meet on its way along its load.
+Named is what is nearest: pins and the like before all, the pieces that lie between before the body under them all, and
+a rigid body, which falls itself, where there is nothing else.
 """
 
 from collections import defaultdict
@@ -23,9 +25,11 @@ ROUND_OFF = 1e-9
 """Fraction of the forces on a piece below which their sum counts as zero: internal forces cancel to the last digits."""
 MARGIN, DRIVEN_MARGIN = 0.1, 1.0
 """Width across the load, as fraction of its size, by which a piece may move aside; where wind or pressure drive it."""
+LEVEL = 1e-3
+"""Difference of depth, as fraction of the size across, up to which pieces lie at the same depth."""
 TIMES = 17
 """Times at which a moving body is looked at, over the duration."""
-MOST_LINES = 8
+MOST_LINES, MOST_NAMES = 8, 3
 MANY = 64
 """Pieces from which on bodies are looked at as boxes, and each piece counts as held by the others."""
 
@@ -44,12 +48,15 @@ class Hold:
         What holds it; empty for nothing.
     load : (3,) ndarray
         Sum of the forces on it [N]; 0 where that is round-off.
+    way : tuple of str
+        Bodies that something tied may come to lie on.
     """
 
     cloth: str
     vertex: int
     holders: tuple[str, ...]
     load: Floats
+    way: tuple[str, ...] = ()
 
     @property
     def falls(self) -> bool:
@@ -81,19 +88,35 @@ def holds(
     bodies = _bodies(world, duration, len(pieces) > MANY) if "body_contact" in energies else []
     driven = any(isinstance(energy, Driven) for energy in energies.values())
     loads = [_load(forces[rows]) for rows in pieces]
-    found = []
-    for rows, load in zip(pieces, loads, strict=True):
-        holders = [f"{name} ({number:,})" for name, by in held.items() if (number := int(np.isin(rows, by).sum()))]
-        reach = _Reach.of(start[rows], load, DRIVEN_MARGIN if driven else MARGIN)
-        friction = ", with friction" if "friction" in energies else ""
-        holders += [f"{name} under it{friction}" for name, points in bodies if reach.meets(points)]
-        found.append(holders)
+    margin = DRIVEN_MARGIN if driven else MARGIN
+    reaches = [_Reach.of(start[rows], load, margin) for rows, load in zip(pieces, loads, strict=True)]
+    friction = ", with friction" if "friction" in energies else ""
+    rigid = {body.name for body in world.rigid}
+    found, ways = list[list[str]](), list[tuple[str, ...]]()
+    for rows, reach in zip(pieces, reaches, strict=True):
+        tied = [f"{name} ({number:,})" for name, by in held.items() if (number := int(np.isin(rows, by).sum()))]
+        met = [(name, points) for name, points in bodies if reach.meets(points)]
+        fixed = [each for each in met if each[0] not in rigid]
+        under = [name for name, _ in fixed or met]
+        if not tied and under and "self_contact" in energies and len(pieces) <= MANY:
+            top = min((reach.depth(points)[0] for _, points in fixed), default=np.inf)
+            between = reach.nearest([start[each] for each in pieces if each is not rows], top)
+            others = [each for each in pieces if each is not rows]
+            under = [Hold(*_place(world, others[j]), (), np.zeros(3)).name for j in between] or under
+        found.append(tied or [f"{_listed(under)} under it{friction}"] * bool(under))
+        ways.append(tuple(name for name, _ in fixed) if tied else ())
     if "self_contact" in energies:
-        _add_held_pieces(world, start, pieces, loads, found, DRIVEN_MARGIN if driven else MARGIN)
+        _add_held_pieces(world, start, pieces, reaches, found)
     return tuple(
-        Hold(*_place(world, rows), tuple(holders), load)
-        for rows, holders, load in zip(pieces, found, loads, strict=True)
+        Hold(*_place(world, rows), tuple(holders), load, way)
+        for rows, holders, load, way in zip(pieces, found, loads, ways, strict=True)
     )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first MOST_NAMES names, and how many there are besides."""
+    more = len(names) - MOST_NAMES
+    return ", ".join(names[:MOST_NAMES]) + (f" and {more:,} more" if more > 0 else "")
 
 
 def refuse_unsupported(found: Sequence[Hold], world: World, energies: Mapping[str, Energy]) -> None:
@@ -128,14 +151,15 @@ def missed_bodies(found: Sequence[Hold], world: World, energies: Mapping[str, En
 
 def hold_notes(found: Sequence[Hold]) -> list[str]:
     """A line on each piece that has a load, those of a cloth with the same holders together."""
-    groups: dict[tuple[str, tuple[str, ...]], list[Hold]] = defaultdict(list)
+    groups: dict[tuple[str, tuple[str, ...], tuple[str, ...]], list[Hold]] = defaultdict(list)
     for each in found:
         if each.load.any():
-            groups[each.cloth, each.holders].append(each)
+            groups[each.cloth, each.holders, each.way].append(each)
     lines = []
-    for (cloth, holders), members in groups.items():
+    for (cloth, holders, way), members in groups.items():
         name = members[0].name if len(members) == 1 else f"{len(members):,} pieces of {cloth}"
-        lines.append(f"{name}: held by {', '.join(holders) or 'nothing'}.")
+        besides = f"; on its way: {_listed(way)}" if way else ""
+        lines.append(f"{name}: held by {', '.join(holders) or 'nothing'}{besides}.")
     more = len(lines) - MOST_LINES
     return lines if more <= 0 else [*lines[:MOST_LINES], f"{more:,} more such lines."]
 
@@ -144,12 +168,13 @@ def hold_notes(found: Sequence[Hold]) -> list[str]:
 class _Reach:
     """What a piece could meet on its way along a load: `low` and `high` (3,) in `axes`, of which the last is the load.
 
-    Everything where there is no load.
+    Everything where there is no load. deepest: end of the piece itself along the load [m].
     """
 
     axes: Floats
     low: Floats
     high: Floats
+    deepest: float
 
     @staticmethod
     def of(points: Floats, load: Floats, margin: float) -> "_Reach":
@@ -159,12 +184,28 @@ class _Reach:
         low, high = _box(points @ axes.T)
         aside = margin * float(np.linalg.norm(high - low)) if load.any() else np.inf
         back = aside if np.isinf(aside) else 0.0
-        return _Reach(axes, low - [aside, aside, back], np.array([high[0] + aside, high[1] + aside, np.inf]))
+        far = np.array([high[0] + aside, high[1] + aside, np.inf])
+        return _Reach(axes, low - [aside, aside, back], far, float(high[2]))
 
     def meets(self, points: Floats) -> bool:
         """Whether the box of points overlaps."""
         low, high = _box(points @ self.axes.T)
         return bool((low <= self.high).all() and (high >= self.low).all())
+
+    def depth(self, points: Floats) -> tuple[float, float]:
+        """Least and mean place of points along the load [m]."""
+        along = points @ self.axes[2]
+        return float(along.min()), float(along.mean())
+
+    def nearest(self, pieces: Sequence[Floats], top: float) -> list[int]:
+        """The pieces that lie first under this one, all of each below its middle, and with theirs above `top` [m]."""
+        middle, first = 0.5 * (self.low[2] + self.deepest), dict[int, float]()
+        for j, points in enumerate(pieces):
+            low, mean = self.depth(points)
+            if self.meets(points) and low >= middle and mean <= top:
+                first[j] = low
+        reached = min(first.values(), default=0.0) + LEVEL * (self.high - self.low)[:2].max()
+        return [j for j, low in first.items() if low <= reached]
 
 
 def _box(points: Floats) -> tuple[Floats, Floats]:
@@ -172,7 +213,7 @@ def _box(points: Floats) -> tuple[Floats, Floats]:
 
 
 def _add_held_pieces(
-    world: World, start: Floats, pieces: list[Ints], loads: list[Floats], found: list[list[str]], margin: float
+    world: World, start: Floats, pieces: list[Ints], reaches: "list[_Reach]", found: list[list[str]]
 ) -> None:
     """Give each piece that nothing holds those that are held and in its way, until none is added."""
     names = [Hold(*_place(world, rows), (), np.zeros(3)).name for rows in pieces]
@@ -181,10 +222,9 @@ def _add_held_pieces(
         for k in todo:
             found[k].append("other pieces")
         return
-    reach = {k: _Reach.of(start[pieces[k]], loads[k], margin) for k in todo}
     for _ in pieces:
         met = {
-            k: next((j for j, by in enumerate(found) if by and j != k and reach[k].meets(start[pieces[j]])), None)
+            k: next((j for j, by in enumerate(found) if by and j != k and reaches[k].meets(start[pieces[j]])), None)
             for k in todo
         }
         for k, j in met.items():

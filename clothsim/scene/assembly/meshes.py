@@ -33,6 +33,7 @@ from clothsim.mesh.cloth import Cloth, make_cloth
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.rigid_body import Joint, RigidBody, rigid_body
 from clothsim.mesh.topology import flat_triangles
+from clothsim.physics.energies.key_values import Schedule, schedule
 from clothsim.scene import cloth_arrays
 from clothsim.scene.assembly.shapes import PART, Shape, examined, existing_file, name_of, placed, sewn, wound_alike
 from clothsim.scene.scene import Scene
@@ -85,6 +86,35 @@ FABRIC = (
     *ISOTROPIC, *THREADS, *BENDINGS, *SLOPES, *CURLS, *HYSTERESES, "hysteresis_curvature", *EXTENSIONS,
 )  # fmt: skip
 
+SHRINKAGES = ("shrinkage_warp", "shrinkage_weft")
+OVER_TIME = (
+    "youngs_modulus", "bending_stiffness", *BENDINGS, "warp_stiffness", "weft_stiffness", "shear_stiffness", *CURLS,
+    *SHRINKAGES,
+)  # fmt: skip
+"""Keys of a cloth that may change over time."""
+
+
+def material_schedules(keys: ClothTable, where: str) -> dict[str, Schedule]:
+    """The keys of a cloth that change over time, and any shrinkage.
+
+    Raises
+    ------
+    InputError
+        For a bad key frame, a stiffness of 0 or below, or a shrinkage of 1 or more.
+    """
+    found = {}
+    for name in OVER_TIME:
+        value = getattr(keys, name)
+        if value is None or (isinstance(value, float | int) and (name not in SHRINKAGES or value == 0)):
+            continue
+        each = schedule(f"{where}.{name}", value)
+        if name in SHRINKAGES and (each.values >= 1).any():
+            raise InputError(f"{where}.{name} reaches {each.values.max():g}.", "Keep it below 1: 0.1 is a tenth.")
+        if name not in (*SHRINKAGES, *CURLS) and (each.values <= 0).any():
+            raise InputError(f"{where}.{name} has a key frame of {each.values.min():g}.", "Keep it above 0.")
+        found[name] = each
+    return found
+
 
 def cloth_shape(keys: ClothTable, where: str, directory: Path) -> Shape:
     """The mesh of a [cloth] as generated, in memory or in its file: neither checked, sewn nor placed."""
@@ -121,7 +151,8 @@ def cloth_of(shape: Shape, keys: ClothTable, where: str, start: Floats | None = 
     hold the panels apart. A file with sewn = true is one mesh already, in which seams of three layers are no fault.
     """
     label = name_of(keys, where)
-    fabric, fabric_note = fabric_of(keys, where)
+    at_start = {name: each.at(0.0) for name, each in material_schedules(keys, where).items()}
+    fabric, fabric_note = fabric_of(keys.with_keys(**at_start) if at_start else keys, where)
     own = fabrics_of(f"{where}.fabric_of", shape.groups, keys.fabric_of or {})
     if keys.rest not in ("file", "vt"):
         raise InputError(f"{where}.rest is {keys.rest!r}.", 'Known: "file", "vt".')

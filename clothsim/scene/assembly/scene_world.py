@@ -1,21 +1,33 @@
 """World and energies of a scene: only the effects that it names are built, and imported."""
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.mesh.world import World, make_world, with_local_origin
+from clothsim.geometry.kinematics.deformation_gradient import thread_axes
+from clothsim.keys.mesh_keys import ClothTable
+from clothsim.mesh.cloth import Cloth
+from clothsim.mesh.world import World, make_world, with_local_origin, with_material
 from clothsim.physics.energies.base import Constraint, Energy, Off, PinsConstraint
-from clothsim.physics.energies.key_values import selected_vertices
-from clothsim.physics.energies.protocols import report_of
+from clothsim.physics.energies.key_values import Schedule, over_cloth, selected_vertices
+from clothsim.physics.energies.protocols import ChangingMaterial, report_of
 from clothsim.scene.assembly.checks import refuse_large_error, refuse_start_inside, scene_warnings, size_warnings
 from clothsim.scene.assembly.holds import hold_notes, holds, missed_bodies, refuse_unsupported
 from clothsim.scene.assembly.initial_positions import initial_positions, untangled
-from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, rigid_body_of
+from clothsim.scene.assembly.meshes import (
+    SHRINKAGES,
+    body_of,
+    cloth_of,
+    cloth_shape,
+    fabric_of,
+    material_schedules,
+    rigid_body_of,
+)
 from clothsim.scene.cost import refuse_costly
 from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.named_files import with_arrays
@@ -99,6 +111,7 @@ def build_effects(
     builder looks at no other effect; then `world` is that of `before`.
     """
     notes = list(notes)
+    changes = [material_schedules(keys, where) for keys, where in zip(scene.cloths, _cloth_names(scene), strict=True)]
     energies: dict[str, Energy] = {}
     constraints: dict[str, Constraint] = {}
     off: dict[str, str] = {}
@@ -114,6 +127,9 @@ def build_effects(
         keys = with_arrays(where, scene.effects[name], scene.directory)
         try:
             made = effect.build(world, keys, supplied)
+            if isinstance(made, Energy) and name in OF_MATERIAL and any(changes):
+                build_in = partial(effect.build, keys=keys, supplied={})
+                made = _changing(where, world, scene.cloths, changes, keys, build_in)
         except (TypeError, ValueError) as error:
             raise InputError(
                 f"{where} has a value of the wrong type: {error}.", f"`clothsim keys {where}` lists the types."
@@ -145,6 +161,58 @@ def build_effects(
         *(f"Nothing holds {name}: it falls, and a run until rest goes to its limit." for name in endless),
     ]
     return Built(world, energies, constraints, off, (*notes, *hold_notes(held)), tuple(warnings))
+
+
+OF_MATERIAL = ("membrane", "fibres", "strain_limit", "bending")
+"""Effects that follow a material that changes over time."""
+
+
+def _changing(
+    where: str,
+    world: World,
+    cloths: Sequence[ClothTable],
+    changes: Sequence[Mapping[str, Schedule]],
+    keys: Any,
+    build_in: Callable[[World], Any],
+) -> Energy:
+    """The energy of an effect whose material changes.
+
+    cloths, changes: the sections of the cloths and what changes in each; build_in: the effect in a world.
+    Masses stay as they are: cloth that shrinks becomes denser.
+    """
+    threads = thread_axes(world, np.radians(over_cloth(f"{where}.angle_degrees", keys.angle_degrees, world)))
+    axes = np.split(threads, np.cumsum([len(cloth.triangles) for cloth in world.cloths])[:-1])
+
+    def changed(table: ClothTable, numbers: Mapping[str, float], cloth: Cloth, along: Floats) -> Cloth:
+        fabric = fabric_of(table.with_keys(**numbers), cloth.name)[0]
+        left = np.array([1.0 - numbers.get(key, 0.0) for key in SHRINKAGES])
+        if (left == 1.0).all():
+            return replace(cloth, fabric=fabric)
+        shorter = np.einsum("mij,j,mkj->mik", along, left, along)
+        coordinates = np.einsum("mij,mkj->mki", shorter, cloth.material_coordinates)
+        return replace(cloth, fabric=fabric, material_coordinates=coordinates)
+
+    @lru_cache(maxsize=2)  # the start and the end of a step
+    def of(*numbers: tuple[float, ...]) -> Energy:
+        by_name = [dict(zip(each, values, strict=True)) for each, values in zip(changes, numbers, strict=True)]
+        made = build_in(with_material(world, tuple(map(changed, cloths, by_name, world.cloths, axes))))
+        if not isinstance(made, Energy):  # no key frame is 0, but a function of time may be
+            raise InputError(f"{where} has no stiffness at a time.", "Keep what changes over time above 0.")
+        return made
+
+    def at(time: float) -> Energy:
+        return of(*(tuple(each.at(time) for each in schedules.values()) for schedules in changes))
+
+    if all(each.is_constant for schedules in changes for each in schedules.values()):
+        return at(0.0)
+    if any(world.per_triangle(f"hysteresis_along_{way}").any() for way in ("warp", "weft")):
+        raise InputError("bending_hysteresis does not go with a material that changes.", "Set it to 0.")
+    return ChangingMaterial(at)
+
+
+def _cloth_names(scene: Scene) -> list[str]:
+    """The sections of the cloths, as messages name them."""
+    return [f"cloth[{k}]" if len(scene.cloths) > 1 else "cloth" for k in range(len(scene.cloths))]
 
 
 def _rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) -> dict[str, Energy]:
@@ -223,7 +291,7 @@ def world_of(scene: Scene) -> World:
 def _world(scene: Scene) -> tuple[World, list[str]]:
     notes: list[str] = []
     cloths, bodies = [], []
-    names = [f"cloth[{k}]" if len(scene.cloths) > 1 else "cloth" for k in range(len(scene.cloths))]
+    names = _cloth_names(scene)
     shapes = [cloth_shape(keys, where, scene.directory) for keys, where in zip(scene.cloths, names, strict=True)]
     starts = initial_positions(scene, [len(shape.positions) for shape in shapes])
     for shape, keys, where, start in zip(shapes, scene.cloths, names, starts, strict=True):

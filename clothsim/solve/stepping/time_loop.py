@@ -133,7 +133,7 @@ def _looked_at(integrator: Integrator, report: StepReport, until: float, static:
     side = unstable_side(integrator, model) if near else None
     if side is not None and not static:
         report = displaced(report, side)
-    if side is not None and integrator.leaves_unstable:
+    if side is not None:  # left or kept: no rest either way
         return report, Rest.UNSTABLE
     if changes:
         return report, Rest.CHANGING

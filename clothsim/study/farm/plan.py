@@ -117,7 +117,40 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
     drapes are the same, a value is out of range, or the folder has another plan.
     """
     folder = Path(directory)
-    settings = {
+    settings, lines = _planned(recipe)
+    refuse_other_plan(recipe, folder, settings)
+    if (folder / FARM_NAME).is_file():
+        if open_farm(folder).plan_fault:  # lost or changed since: the same recipe has the same lines
+            write_atomically(folder / JOBS_NAME, lines)
+        return open_farm(folder)
+    try:
+        for name in FOLDERS:
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made a folder: {error.strerror}.", "Choose another with -o.") from error
+    write_atomically(folder / JOBS_NAME, lines)
+    whole = json.dumps({**settings, "sha256": _settings_hash(settings)}, indent=1)
+    write_atomically(folder / FARM_NAME, whole.encode())  # last: a plan that has it is whole
+    return open_farm(folder)
+
+
+def refuse_other_plan(recipe: Recipe, directory: str | Path, settings: Mapping[str, Any] | None = None) -> None:
+    """InputError where a folder has another plan than that of a recipe, or another file in its place.
+
+    settings: those of the plan, where they are known.
+    """
+    folder = Path(directory)
+    if (folder / FARM_NAME).is_file():
+        wanted = _planned(recipe)[0] if settings is None else settings
+        if open_farm(folder).settings["sha256"] != _settings_hash(wanted):
+            raise InputError(f"{folder} has another plan.", "Choose another folder with -o.")
+    elif not (folder / FOLDERS[-1]).is_dir():  # else a plan that was stopped
+        refuse_replacing([folder / JOBS_NAME], overwrite=False)
+
+
+def _planned(recipe: Recipe) -> tuple[dict[str, Any], bytes]:
+    """The settings of the plan of a recipe, and its lines."""
+    settings: dict[str, Any] = {
         "package": __version__,
         "version": recipe.version,
         "count": recipe.count,
@@ -131,25 +164,7 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
         "scene": json.loads(recipe.scene.to_text()),
     }
     lines = "".join(f"{json.dumps(entry)}\n" for entry in _entries(recipe)).encode()
-    settings["jobs"] = file_hash(lines)
-    if (folder / FARM_NAME).is_file():
-        farm = open_farm(folder)
-        if farm.settings["sha256"] != _settings_hash(settings):
-            raise InputError(f"{folder} has another plan.", "Choose another folder with -o.")
-        if farm.plan_fault:  # lost or changed since: the same recipe has the same lines
-            write_atomically(folder / JOBS_NAME, lines)
-        return open_farm(folder)
-    if not (folder / FOLDERS[-1]).is_dir():  # else a plan that was stopped
-        refuse_replacing([folder / JOBS_NAME], overwrite=False)
-    try:
-        for name in FOLDERS:
-            (folder / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be made a folder: {error.strerror}.", "Choose another with -o.") from error
-    write_atomically(folder / JOBS_NAME, lines)
-    whole = json.dumps({**settings, "sha256": _settings_hash(settings)}, indent=1)
-    write_atomically(folder / FARM_NAME, whole.encode())  # last: a plan that has it is whole
-    return open_farm(folder)
+    return {**settings, "jobs": file_hash(lines)}, lines
 
 
 def refuse_unbuildable(recipe: Recipe) -> None:

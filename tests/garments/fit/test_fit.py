@@ -10,7 +10,7 @@ from fitting_cases import capsule_figure, in_file, tube_garment, wider
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.base.record import read_summary
-from clothsim.files.meshes.mesh_file import read_mesh
+from clothsim.files.meshes.mesh_file import read_mesh, read_polygons
 from clothsim.garments import stages
 from clothsim.garments.fit import pipeline as module
 from clothsim.garments.pictures import draw_fit
@@ -40,6 +40,53 @@ def files(tmp_path, monkeypatch):
         "wide": in_file(tmp_path, "wide.obj", wider(BODY, 1.3).positions, BODY.triangles),
         "sheet": in_file(tmp_path, "sheet.obj", *rectangle(size=(0.5, 0.5), cells=(6, 6))),
     }
+
+
+def quads_with_texture(around, along):
+    """Faces of `tube_garment` as quads with a corner of texture each, in OBJ."""
+    lines = [f"v {x} {y} {z}" for x, y, z in SMALL.positions.tolist()]
+    lines += [f"vt {u / around} {v / along}" for v in range(along + 1) for u in range(around + 1)]
+    for v in range(along):
+        for u in range(around):
+            corners = [(u, v), (u + 1, v), (u + 1, v + 1), (u, v + 1)]
+            lines.append(
+                "f " + " ".join(f"{j * around + i % around + 1}/{j * (around + 1) + i + 1}" for i, j in corners)
+            )
+    return "\n".join(lines) + "\n"
+
+
+def corners_at(polygons, faces):
+    """Positions and texture of the corners of chosen quads."""
+    rows = (polygons.starts[:-1][faces][:, None] + np.arange(4)).ravel()
+    both = np.column_stack([polygons.positions[polygons.corners[rows]], polygons.texture[rows]])
+    return set(map(tuple, both.round(6).tolist()))
+
+
+def test_an_exported_fit_keeps_quads_and_texture(files, tmp_path):
+    around, along = 10, 3
+    (tmp_path / "quads.obj").write_text(quads_with_texture(around, along))
+    clothsim.fit(tmp_path / "quads.obj", files["body"], output=tmp_path / "out")
+    own = read_polygons(tmp_path / "quads.obj")
+    run = clothsim.open_run(tmp_path / "out")
+    for name in ("suit.obj", "suit.ply", "suit.usda", "suit.glb"):
+        if name == "suit.usda":
+            pytest.importorskip("pxr", reason="an extra: pip install 'clothsim[usd]'")
+        exported = run.export(tmp_path / name)
+        assert exported.frames == 1  # as it is worn
+        mesh = read_polygons(tmp_path / name)
+        sizes = np.diff(mesh.starts)
+        if name == "suit.glb":
+            assert (sizes == 3).all()
+            assert any(f"{around * along} quads" in note for note in exported.notes)
+            continue
+        assert (sizes == 4).sum() == around * along
+        if name == "suit.ply":  # its vertices are split where the texture is cut
+            continue
+        if name == "suit.obj":
+            assert corners_at(mesh, sizes == 4) == corners_at(
+                replace(own, positions=run.positions(-1)), sizes[sizes == 4] == 4
+            )
+    assert run.export(tmp_path / "drape.glb", fps=25.0).frames > 1
 
 
 def test_a_fit_leaves_what_a_run_leaves_and_its_stages(files, tmp_path, monkeypatch):

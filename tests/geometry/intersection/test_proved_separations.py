@@ -7,7 +7,7 @@ from meshes import grid
 from clothsim.base.jit import kernel
 from clothsim.geometry.intersection import predicates, proved_separations
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.geometry.intersection.proved_separations import Effort, ProvedSeparations
+from clothsim.geometry.intersection.proved_separations import IDLE, Effort, ProvedSeparations
 from clothsim.geometry.intersection.triangle_pair import triangles_intersect
 
 clearance, beyond_vertex, beyond_edge, meet = map(  # compiled, as in use
@@ -244,6 +244,20 @@ def test_bounds_of_a_crumpling_sheet_that_are_doubled_are_caught(broken):
         for bounds in ends_of(proofs) if broken else ():
             bounds[np.isfinite(bounds)] *= 2.0
     assert (missed > 0) == broken
+
+
+def test_searches_of_surfaces_that_are_gone_are_dropped():
+    """They were kept for good: cloth that changes its triangles filled the memory."""
+    proofs, rng = ProvedSeparations(), np.random.default_rng(0)
+    x, triangles = soup(rng, 6)
+    for cut in range(30):
+        checked(proofs, x, triangles)
+        kept = proofs._searches[0]
+        checked(proofs, x, rng.permutation(triangles), triangles[: 1 + cut % 5])
+        proofs.end_state()
+        assert len(proofs._searches) <= 2 + IDLE
+    assert kept is proofs._searches[0]
+    assert kept.is_of(len(x), triangles, None)
 
 
 def test_a_body_that_turns_and_runs_away_with_the_cloth():

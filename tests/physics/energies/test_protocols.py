@@ -29,7 +29,7 @@ def test_an_energy_without_protocols_gets_the_neutral_answers():
     assert lag_iterations([]) == lag_iterations([energy]) == 1
     assert restricted(energy, np.zeros(len(x), bool), x) is energy
     assert report_of(energy) is NO_REPORT
-    assert NO_REPORT.defaults_used() == NO_REPORT.final_notes(x) == ()
+    assert NO_REPORT.defaults_used() == NO_REPORT.final_notes(x, 1.0) == ()
     assert NO_REPORT.tightest(x) == ""
     assert NO_REPORT.counts() == {}
     assert energy.step_limit(x, x, 0.7) == 0.7

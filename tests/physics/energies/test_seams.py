@@ -104,7 +104,7 @@ def test_the_strings_are_shortened_from_start_to_end():
     place = world.start(), np.zeros_like(world.start())
     assert len(closed.couplings(*place)) == 4 + 3
     assert not len(at(energy, world, 0.5).couplings(*place))
-    assert energy.final_notes(world.start()) == ("seam[0] gapes by 1e+03 mm at most",)
+    assert energy.final_notes(world.start(), 1.0) == ("seam[0] gapes by 1e+03 mm at most",)
 
 
 def test_a_closed_seam_bends_where_a_region_holds_none_of_its_stitches():
@@ -137,7 +137,7 @@ def test_a_closed_seam_gapes_by_its_force_over_its_stiffness():
     gaps = energies["seams"].lines(x)
     assert np.abs(gaps[:, 0]).sum() == pytest.approx(weight / 50.0, rel=1e-6)
     largest = 1e3 * np.linalg.norm(gaps, axis=1).max()
-    assert energies["seams"].final_notes(x) == (f"seam[0] gapes by {largest:.3g} mm at most",)
+    assert energies["seams"].final_notes(x, 1.0) == (f"seam[0] gapes by {largest:.3g} mm at most",)
 
 
 RING = {

@@ -110,6 +110,9 @@ def test_two_coefficients_for_one_pair_are_refused():
 def test_a_start_inside_d_hat_is_reported():
     near = {**SMALL, "position": [0, 0, 0.501]}
     assert "inside d_hat of 0.005 m" in contact_notes(near, {"body_contact": {}}, BALL)
+    assert "m/s" in contact_notes(near, {"body_contact": {}, "gravity": {}}, BALL)
+    light = {**SMALL, "position": [0, 0, 0.5042]}  # as a sheet that is laid on a ball: it moves by less than d_hat
+    assert "inside d_hat" not in contact_notes(light, {"body_contact": {}, "gravity": {}}, BALL)
     far = {**SMALL, "position": [0, 0, 0.6]}
     assert "inside d_hat" not in contact_notes(far, {"body_contact": {}}, BALL)
 

@@ -99,6 +99,37 @@ def test_what_holds_each_piece_is_named():
     assert free.load[2] == pytest.approx(-(free.load.dot(free.load) ** 0.5))
 
 
+TOUCHING = LOADED | {"inertia": {}, "body_contact": {}, "self_contact": {}}
+FLOOR = {"name": "floor", "mesh": "slab", "size": [4, 4, 0.1], "position": [0, 0, -0.05]}
+
+
+def test_what_only_lies_under_a_pinned_cloth_is_on_its_way():
+    """A ball that flew at a curtain was said to hold it, and 25 needles stood in a line."""
+    needles = [{**BALL, "name": f"needle {k}", "position": [0, 0, -0.6 * k]} for k in range(5)]
+    effects = TOUCHING | {"pins": {"select": [0]}}
+    made = build(Scene(cloth=SHEET, body=needles, effects=effects, solver={"linear": "superlu"}))
+    (one,) = holds(made.world, made.energies, made.constraints.values(), 2.0)
+    assert (one.holders, len(one.way)) == (("pins (1)",), 5)
+    assert hold_notes([one])[0].endswith("on its way: needle 0, needle 1, needle 2 and 2 more.")
+    ball = {"name": "ball", "mesh": "sphere", "radius": 0.1, "density": 100, "position": [0, 0, -0.6]}
+    made = build(Scene(cloth=SHEET, rigid=ball, body=FLOOR, effects=effects, solver={"linear": "superlu"}))
+    (one,) = holds(made.world, made.energies, made.constraints.values(), 2.0)
+    assert (one.holders, one.way) == (("pins (1)",), ("floor",))
+
+
+def test_what_lies_between_holds_a_piece_rather_than_the_floor():
+    """Every sheet of a stack, and the upper storey of a house of cards, was said to be held by the table."""
+    stack = [{**SHEET, "name": name, "position": [0, 0, z]} for name, z in (("a", 0.1), ("b", 0.3), ("c", 0.2))]
+    aside = {**SHEET, "name": "d", "position": [1.5, 0, 0.4]}
+    made = build(Scene(cloth=[*stack, aside], body=FLOOR, effects=TOUCHING, solver={"linear": "superlu"}))
+    found = holds(made.world, made.energies, made.constraints.values(), 2.0)
+    assert [each.holders[0].partition(" under")[0] for each in found] == ["floor", "c", "a", "floor"]
+    under_the_floor = {**FLOOR, "position": [0, 0, 0.2]}
+    made = build(Scene(cloth=stack[:2], body=under_the_floor, effects=TOUCHING, solver={"linear": "superlu"}))
+    found = holds(made.world, made.energies, made.constraints.values(), 2.0)
+    assert [each.holders for each in found] == [(), ("floor under it",)]
+
+
 def test_a_cloth_that_can_never_rest_is_told_so_by_check():
     scene = {"cloth": SHEET, "effects": LOADED | {"inertia": {}}, "solver": {"linear": "superlu"}}
     until_rest = check(Scene(**scene, run={"until": "rest"}))

@@ -53,5 +53,18 @@ def test_plan_makes_a_pilot_and_writes_nothing_without_a_usable_one(tmp_path, ca
     assert json.loads(capsys.readouterr().out)["pilot"]["index"] == 0
 
 
+def test_a_folder_of_another_plan_is_refused_before_a_pilot_is_made(tmp_path, monkeypatch, capsys):
+    scene = '[cloth]\nmesh = "rectangle"\ncells = [2, 2]\n[effects.gravity]\n[effects.inertia]\n'
+    (tmp_path / "scene.toml").write_text(scene)
+    text = '[farm]\nscene = "scene.toml"\nuntil = "time"\ncount = 1\n[set]\nrun.duration = 0.04\n'
+    (tmp_path / "r.toml").write_text(text)
+    words = ["farm", "plan", str(tmp_path / "r.toml"), "-o", str(tmp_path / "farm")]
+    assert main([*words, "--no-pilot"]) == 0
+    monkeypatch.setattr("clothsim.cli.on_demand.pilot", lambda recipe: pytest.fail("a pilot was made"))
+    (tmp_path / "r.toml").write_text(text.replace("0.04", "0.08"))
+    assert main(words) == 2
+    assert "another plan" in capsys.readouterr().err
+
+
 def test_proposed_durations_have_one_digit():
     assert [enough(time) for time in (2.6, 0.31, 11.0, 1.8, 6.0)] == [4.0, 0.5, 20.0, 3.0, 9.0]
