@@ -108,8 +108,8 @@ def knits_text(compared: Sequence[knits.Compared]) -> str:
     lost = 100 * np.mean([1 - each.measured_width for each in compared])
     return (
         f"{markdown_table(header, rows)}\n\nSimulated / mean of the pulls that were not fitted +- sd of all. "
-        f"{within} of {all_of} simulated forces lie within the spread of the pulls, in the median {100 * off:.0f} % from those not "
-        f"fitted. The width: {lost:.0f} % are lost in the mean, none simulated."
+        f"{within} of {all_of} simulated forces lie within the spread of the pulls, in the median {100 * off:.0f} % "
+        f"from those not fitted. The width: {lost:.0f} % are lost in the mean, none simulated."
     )
 
 
