@@ -45,7 +45,7 @@ def add_to(commands: Any) -> None:
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
     fit.add_argument("--scale-to", metavar="S", help="metres per unit of the body of --to (default: by height)")
-    fit.add_argument("--body-group", metavar="NAME", help="this group of the body files (default: the largest piece)")
+    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
     fit.add_argument("--markers", type=Path, metavar="FILE", help="a point on each body: x y z x y z a line")
