@@ -2,14 +2,14 @@
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.backward_pass import backward_pass
 from clothsim.gradients.differentiable_session import (
@@ -22,7 +22,7 @@ from clothsim.gradients.differentiable_session import (
 )
 from clothsim.gradients.exact_system import MOST_STEPS
 from clothsim.gradients.gradient import Gradient
-from clothsim.gradients.losses import Function, Loss, as_loss
+from clothsim.gradients.losses import Function, Loss, OfMotion, as_loss
 from clothsim.run.certificate import Certificate
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run
 from clothsim.run.results import Run
@@ -31,7 +31,7 @@ from clothsim.run.session import Session, prepare
 from clothsim.scene import paths
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
-from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.stepping import StepReport
 
 
@@ -72,9 +72,12 @@ class Trace:
 
     def cloth_positions(self, frame: int = -1) -> Floats:
         """Return the vertices of all cloths in a frame, in double precision, (n, 3) [m]."""
-        world, number = self.session.built.world, self._state_of(frame)
-        state = self.steps[number - 1].end if number else self.steps[0].start
-        return state.positions[: world.n_cloth] + world.origin
+        world = self.session.built.world
+        return self._state(frame).positions[: world.n_cloth] + world.origin
+
+    def cloth_velocities(self, frame: int = -1) -> Floats:
+        """Return the velocities of all cloth vertices in a frame, (n, 3) [m/s]."""
+        return self._state(frame).velocities[: self.session.built.world.n_cloth]
 
     def gradient(self, loss: Loss | Function | Sequence[Loss]) -> Gradient:
         """Return the gradient of a loss by everything that the run was given.
@@ -93,15 +96,24 @@ class Trace:
             For a loss that does not fit the cloth.
         """
         world = self.session.built.world
-        total, by_positions = 0.0, dict[int, Floats]()
+        total, by_positions, by_velocities = 0.0, dict[int, Floats](), dict[int, Floats]()
         for each in loss if isinstance(loss, Sequence) else [loss]:
             one = as_loss(each)
-            value, derivative = one.evaluate(self.cloth_positions(one.frame), world.triangles)
-            number = self._state_of(one.frame)
+            x, number = self.cloth_positions(one.frame), self._state_of(one.frame)
+            if isinstance(one, OfMotion):
+                value, derivative, by_v = one.of_motion(x, self.cloth_velocities(one.frame))
+                rows = by_velocities.setdefault(number, np.zeros((world.n_vertices, 3)))
+                rows[: world.n_cloth] += by_v
+            else:
+                value, derivative = one.evaluate(x, world.triangles)
             rows = by_positions.setdefault(number, np.zeros((world.n_vertices, 3)))
             rows[: world.n_cloth] += derivative
             total += value
-        return Gradient(self, total, backward_pass(self.session.integrator, self.steps, by_positions))
+        return Gradient(self, total, backward_pass(self.session.integrator, self.steps, by_positions, by_velocities))
+
+    def _state(self, frame: int) -> State:
+        number = self._state_of(frame)
+        return self.steps[number - 1].end if number else self.steps[0].start
 
     def _state_of(self, frame: int) -> int:
         states = self.frame_states
@@ -153,7 +165,12 @@ def with_held(scene: Scene, stiffness: Mapping[str, float]) -> Scene:
     return scene
 
 
-def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: int = MOST_STEPS) -> Trace:
+def traced(
+    scene: Scene,
+    stiffness: Mapping[str, float] | None = None,
+    polish: int = MOST_STEPS,
+    start: Mapping[str, Floats] | None = None,
+) -> Trace:
     """Simulate a scene without output.
 
     Parameters
@@ -164,11 +181,25 @@ def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: i
         Contact stiffnesses to hold [Pa], by effect; None: those of a pilot run.
     polish : int
         As of `simulate_differentiably`.
+    start : mapping, optional
+        `start` and `velocity` of the cloth in place of those of the scene, (n, 3) [m], [m/s].
     """
     scene.refuse_without_cloth("a gradient")
     session = prepare(scene, build(scene, affordable=True))
     session = differentiable_session(with_stiffness(session, stiffness) if stiffness else session, polish)
-    return Trace(session, tuple(forward(session)))
+    return Trace(session, tuple(forward(session, begun(session, start or {}))))
+
+
+def begun(session: Session, given: Mapping[str, Floats]) -> State:
+    """Return the first state of a session with `start` and `velocity` (n, 3) of its cloth, where they are given."""
+    world, state = session.built.world, first_state(session.built.world, session.integrator.dt)
+    parts = {"start": state.positions.copy(), "velocity": state.velocities.copy()}
+    for name, value in given.items():
+        rows = as_points(name, value)
+        if len(rows) != world.n_cloth:
+            raise InputError(f"{name} has {len(rows)} rows, the cloth {world.n_cloth} vertices.")
+        parts[name][: world.n_cloth] = rows - world.origin if name == "start" else rows
+    return replace(state, positions=parts["start"], velocities=parts["velocity"])
 
 
 def simulate_differentiably(

@@ -282,9 +282,9 @@ class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, Sees
         slip, u = self.contacts.slip, tangential(relative_positions(x - start, *pairs), normals)
         u, w = u + self.slips - self.turns, relative_positions(adjoint, *pairs)
         length, power = np.linalg.norm(u, axis=1), dots(u, w)
-        slides, least = length >= slip, np.maximum(length, np.finfo(float).tiny)
+        slides, least = length >= slip, np.where(length > 0.0, length, 1.0)
         f = np.where(slides, 1.0 / least, (2.0 - length / slip) / slip)
-        slope = np.where(slides, -power / least**3, -power / (slip**2 * least))
+        slope = np.where(slides, -power / least**3, np.where(length > 0.0, -power / (slip**2 * least), 0.0))
         by_slips = self.limits[:, None] * (f[:, None] * w + slope[:, None] * u)
         # turns, from the velocities at the start
         at_start = anchors_at(start, *pairs, normals, self.slips, self.slides, self.triangles_at)
