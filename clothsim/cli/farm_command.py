@@ -227,9 +227,11 @@ def _repair(arguments: argparse.Namespace) -> Report:
 
 
 def _pack(arguments: argparse.Namespace) -> Report:
-    refuse_replacing(_packed(arguments.output, arguments.sheet), arguments.overwrite)
+    sheets = [f".{kind}" for kind in ("png", "html") if arguments.sheet]
+    written = on_demand.packed_files(arguments.output)
+    refuse_replacing([*written, *(written[1].with_suffix(ending) for ending in sheets)], arguments.overwrite)
     farm = on_demand.open_farm(arguments.directory)
-    done = on_demand.pack(farm, arguments.output, as_count("--shard", arguments.shard))
+    done = on_demand.pack(farm, arguments.output, as_count("--shard", arguments.shard), arguments.overwrite)
     files = list(done.files)
     if arguments.sheet:
         beside = files[-1]
@@ -241,15 +243,6 @@ def _pack(arguments: argparse.Namespace) -> Report:
     size = sum(file.stat().st_size for file in files)
     text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"
     return Report(content, text)
-
-
-def _packed(target: Path, sheet: bool) -> list[Path]:
-    """The files that a data set is known by."""
-    of_file = target.suffix in (".h5", ".hdf5")
-    beside = target.with_suffix("") if of_file else target / "data"
-    endings = (".jsonl", ".md", ".parquet", *((".png", ".html") if sheet else ()))
-    first = target if of_file else target / "shard-000000.tar"
-    return [first, *(beside.with_suffix(ending) for ending in endings)]
 
 
 @contextmanager
@@ -351,7 +344,7 @@ def _table(rows: list[dict[str, Any]]) -> str:
 def _learn(arguments: argparse.Namespace) -> Report:
     refuse_output(arguments.output, arguments)
     made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, arguments.components)
-    made.model.write(arguments.output)
+    made.model.write(arguments.output, arguments.overwrite)
     names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
     return Report(
         {"model": str(arguments.output), **{name: getattr(made, name) for name in names}},
