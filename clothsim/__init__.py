@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clothsim.garments.fitted import Fit, fit
     from clothsim.gradients.design import Design, design
     from clothsim.gradients.gradient import Gradient
+    from clothsim.gradients.layer import Layer, layer
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
     from clothsim.keys.effect_tables import Band, Cord, Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex

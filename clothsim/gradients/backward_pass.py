@@ -214,6 +214,8 @@ class StepBack:
         a, and dL by the prescribed rows, as of `Adjoints`.
     newton, doubt : float
         As of `Adjoints`.
+    carried : mapping
+        dL by what energies carry over from the step, by effect.
     """
 
     state: StateAdjoint
@@ -221,6 +223,7 @@ class StepBack:
     prescribed: Floats
     newton: float
     doubt: float
+    carried: Mapping[str, Floats]
 
 
 @dataclass(frozen=True)
@@ -286,8 +289,8 @@ def backward_pass(
     for k in range(len(steps) - 1, -1, -1):
         for near in steps[max(k - 1, 0) : k + 1]:
             remember(integrator, near)
-        carried.append(state.memory)
         back = step_back(integrator, steps[k], state, f"after step {k + 1}", system)
+        carried.append(back.carried)
         state = back.state.plus(by_positions.get(k), by_velocities.get(k))
         held[k], forces[k], newton[k], doubt[k] = back.prescribed, back.forces[:n], back.newton, back.doubt
     return Adjoints(forces, held, state.positions, state.velocities, newton, doubt, tuple(reversed(carried)))
@@ -333,7 +336,7 @@ def step_back(
         old * seen["past_velocities"],
         {name: -part for name, part in memory.items()},
     )
-    return StepBack(state, a, held, -float(np.vdot(a, left)), doubt)
+    return StepBack(state, a, held, -float(np.vdot(a, left)), doubt, by_end.memory)
 
 
 def _beyond(bound: Potential, x: Floats, dx: Floats, a: Floats) -> float:

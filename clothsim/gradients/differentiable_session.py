@@ -186,9 +186,9 @@ def held_energies(energies: Mapping[str, Energy], stiffness: Mapping[str, float]
     }
 
 
-def forward(session: Session) -> Iterator[RecordedStep]:
-    """Take the steps of a session one by one, without output; ClothsimError where one fails."""
-    run, state = session.scene.run_settings, first_state(session.built.world, session.integrator.dt)
+def forward(session: Session, state: State) -> Iterator[RecordedStep]:
+    """Take the steps of a session one by one from its first state, without output; ClothsimError where one fails."""
+    run = session.scene.run_settings
     for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
         if report.failure is not None:
             raise ClothsimError(report.failure.sentence, report.failure.remedy)

@@ -18,8 +18,9 @@ from clothsim.gradients.backward_pass import Adjoints
 from clothsim.gradients.differentiable_session import bound_to, held_energies
 from clothsim.gradients.parameters import SECOND_ORDER, Variant, Variation, full_path, scene_derivative
 from clothsim.mesh.cloth import Cloth, triangle_planes
-from clothsim.mesh.world import make_world
+from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.protocols import ContactGap, Lagged
+from clothsim.run.session import Session
 from clothsim.scene.assembly.scene_world import build_effects
 from clothsim.scene.paths import entry_of, parts_of
 
@@ -70,11 +71,30 @@ def rest_along(run: "Trace", adjoints: Adjoints, cloth: int, field: Floats) -> f
     return variation.derivative(session.integrator, run.steps, adjoints)
 
 
+def with_rest(session: Session, rest: Floats) -> Session:
+    """Return the session with other rest positions (n, 3) [m] of its one cloth, the start held."""
+    world = session.built.world
+    refuse_other_rest(world)
+    own = world.cloths[0]
+    if rest.shape != own.rest_positions.shape:
+        raise InputError(f"cloth.rest has the shape {rest.shape}, the cloth {own.rest_positions.shape}.")
+    varied = make_world([_displaced(own, rest - own.rest_positions)], world.prescribed_bodies, world.rigid)
+    made = build_effects(session.scene, replace(varied, origin=world.origin))
+    potential = replace(session.integrator.potential, energies=made.energies)
+    integrator = replace(session.integrator, world=made.world, constraints=made.constraints, potential=potential)
+    return replace(session, built=made, integrator=integrator)
+
+
+def refuse_other_rest(world: World) -> None:
+    """InputError where the rest shape is not that of one cloth with rest positions."""
+    if len(world.cloths) != 1 or world.cloths[0].flat:
+        raise InputError("cloth.rest is for one cloth with rest positions.", "Take Gradient.rest_along for a field.")
+
+
 def rest_derivative(run: "Trace", adjoints: Adjoints) -> Floats:
     """Return dL by the rest positions of a single cloth that is no flat pattern, (n, 3): 12 n sets of energies."""
     cloths = run.session.built.world.cloths
-    if len(cloths) != 1 or cloths[0].flat:
-        raise InputError("cloth.rest is for one cloth with rest positions.", "Take Gradient.rest_along for a field.")
+    refuse_other_rest(run.session.built.world)
     out = np.zeros(cloths[0].rest_positions.shape)
     for index in np.ndindex(out.shape):
         field = np.zeros(out.shape)

@@ -2,14 +2,14 @@
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.backward_pass import backward_pass
 from clothsim.gradients.differentiable_session import (
@@ -31,7 +31,7 @@ from clothsim.run.session import Session, prepare
 from clothsim.scene import paths
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
-from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.stepping import StepReport
 
 
@@ -153,7 +153,12 @@ def with_held(scene: Scene, stiffness: Mapping[str, float]) -> Scene:
     return scene
 
 
-def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: int = MOST_STEPS) -> Trace:
+def traced(
+    scene: Scene,
+    stiffness: Mapping[str, float] | None = None,
+    polish: int = MOST_STEPS,
+    start: Mapping[str, Floats] | None = None,
+) -> Trace:
     """Simulate a scene without output.
 
     Parameters
@@ -164,11 +169,25 @@ def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: i
         Contact stiffnesses to hold [Pa], by effect; None: those of a pilot run.
     polish : int
         As of `simulate_differentiably`.
+    start : mapping, optional
+        `start` and `velocity` of the cloth in place of those of the scene, (n, 3) [m], [m/s].
     """
     scene.refuse_without_cloth("a gradient")
     session = prepare(scene, build(scene, affordable=True))
     session = differentiable_session(with_stiffness(session, stiffness) if stiffness else session, polish)
-    return Trace(session, tuple(forward(session)))
+    return Trace(session, tuple(forward(session, begun(session, start or {}))))
+
+
+def begun(session: Session, given: Mapping[str, Floats]) -> State:
+    """Return the first state of a session with `start` and `velocity` (n, 3) of its cloth, where they are given."""
+    world, state = session.built.world, first_state(session.built.world, session.integrator.dt)
+    parts = {"start": state.positions.copy(), "velocity": state.velocities.copy()}
+    for name, value in given.items():
+        rows = as_points(name, value)
+        if len(rows) != world.n_cloth:
+            raise InputError(f"{name} has {len(rows)} rows, the cloth {world.n_cloth} vertices.")
+        parts[name][: world.n_cloth] = rows - world.origin if name == "start" else rows
+    return replace(state, positions=parts["start"], velocities=parts["velocity"])
 
 
 def simulate_differentiably(

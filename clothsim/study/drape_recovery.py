@@ -26,13 +26,13 @@ ASSUMED: dict[str, float] = {"thickness": 0.4e-3, "youngs_modulus": 0.75e6, "poi
 """E2 300 N/m; a shear stiffness of .8 gf/(cm degree), a KES value of plain weaves."""
 WARP, WEFT, BIAS = 1.25, 0.8, 1.04
 """Bending stiffnesses over the geometric mean of warp and weft: medians of 618 fabrics (Feng et al. 2022)."""
-LENGTHS = np.array([11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.0]) * 1e-3
-COEFFICIENTS = np.array([0.261, 0.346, 0.439, 0.531, 0.623, 0.723, 0.778, 0.836, 0.901])
+LENGTHS = np.array([8.0, 9.5, 11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.0]) * 1e-3
+COEFFICIENTS = np.array([0.149, 0.208, 0.261, 0.346, 0.439, 0.531, 0.623, 0.723, 0.778, 0.836, 0.901])
 """Drape coefficients of simulated bending lengths [m], the first guess (docs/results/reality.md)."""
 REPEATABILITY = 0.02
 """Standard deviation of the coefficient of one outline where one is given: of lays of 9 fabrics .006 to .039."""
 MESH_ERROR = 0.02
-"""Of the coefficient on meshes of 4 to 6 mm (docs/results/fabrics.md)."""
+"""Of the coefficient on meshes of `mesh_size` (docs/results/fabrics.md)."""
 CLOSE, MOST_STEPS = 0.004, 5
 """Difference of the coefficient at which the search ends, and its bound on steps."""
 FIRST_CURL, LEAST_SLOPE = 2.0, 2e-4
@@ -112,6 +112,11 @@ def cloth_of(bending_length: float, curl: float = 0.0, own: Mapping[str, float] 
     return {"fabric": "cotton", **known, **bending, **curled}
 
 
+def mesh_size(bending_length: float) -> float:
+    """Distance of neighbouring vertices [m] for a bending length [m]: a soft cloth jams on a coarser mesh."""
+    return 3e-3 if bending_length < 10e-3 else 4e-3 if bending_length < 16e-3 else 6e-3
+
+
 def read_outlines(file: Path) -> tuple[Floats, Floats]:
     """Coefficients (n,) of the outlines of a file, and the side that was up at each, 1 or -1 (n,).
 
@@ -145,9 +150,8 @@ def recover_drape(
     own: Mapping[str, float] | None = None,
     prior: bool = False,
     count: int = LAYS,
-    size: float = 6e-3,
     tell: Callable[[str], None] | None = None,
-    simulate: Callable[[Mapping[str, Any]], Sequence[float]] | None = None,
+    simulate: Callable[[Mapping[str, Any], float], Sequence[float]] | None = None,
 ) -> DrapeRecovery:
     """Find D/(rho g) and curl of a cloth from drape coefficients.
 
@@ -161,12 +165,11 @@ def recover_drape(
         Weigh D with those of 618 fabrics of that weight (`bending_prior`).
     count : int
         Simulated lays of each side and step.
-    size : float
-        Distance of neighbouring vertices [m].
     tell : callable, optional
         Gets a line for each step.
     simulate : callable, optional
-        From keys of [cloth] to the coefficients of lays, in place of simulated ones.
+        From keys of [cloth] and the distance of neighbouring vertices [m] to the coefficients of lays, in place of
+        simulated ones.
 
     Raises
     ------
@@ -181,7 +184,7 @@ def recover_drape(
     if prior and density is None:
         raise InputError("The prior is one for a weight.", "Set density in kg/m2.")
     tell = tell or (lambda line: None)
-    lay = simulate or (lambda cloth: [each.shape.coefficient for each in lays(cloth, count, size)])
+    lay = simulate or (lambda cloth, size: [each.shape.coefficient for each in lays(cloth, count, size)])
     sides = [float(coefficients[side == s].mean()) for s in (1, -1) if (side == s).any()]
     target, half = float(np.mean(sides)), 0.5 * (sides[0] - sides[-1])
     both, taken = len(sides) == 2, 0
@@ -191,7 +194,8 @@ def recover_drape(
     spread = 0.0
     for step in range(MOST_STEPS):
         ups = (1, -1) if both and curl else (1,)
-        found = [np.array(lay(cloth_of(float(np.exp(x / 3)), up * curl, own))) for up in ups]
+        c = float(np.exp(x / 3))
+        found = [np.array(lay(cloth_of(c, up * curl, own), mesh_size(c))) for up in ups]
         taken += sum(map(len, found))
         mean, apart = float(np.mean(found)), 0.5 * float(found[0].mean() - found[-1].mean())
         spread = float(np.concatenate(found).std() / np.sqrt(taken / (step + 1)))

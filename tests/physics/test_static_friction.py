@@ -8,7 +8,7 @@ import clothsim
 G = 9.81
 
 
-def slope(tangent, friction, duration=2.0, cells=(2, 2), velocity=0.0, motion=None, integrator="backward_euler", **run):
+def slope(tangent, friction, duration=2.0, cells=(2, 2), velocity=0.0, motion=None, solver=None, **run):
     """A card of 30 x 20 cm on a table of two triangles, across their edge; the table is tilted about y.
 
     Returns the times, the positions along and across the slope (k, n, 3) [m] and the summary.
@@ -37,7 +37,7 @@ def slope(tangent, friction, duration=2.0, cells=(2, 2), velocity=0.0, motion=No
         },
         effects={"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}}
         | {"body_contact": {"d_hat": 2e-3}, "friction": friction},
-        solver={"dt": 0.02, "threads": 1, "linear": "superlu", "integrator": integrator},
+        solver={"dt": 0.02, "threads": 1, "linear": "superlu", "integrator": "backward_euler"} | (solver or {}),
         run={"duration": duration, "frames_per_second": 10},
     )
     found = clothsim.simulate(scene, **run)
@@ -47,7 +47,7 @@ def slope(tangent, friction, duration=2.0, cells=(2, 2), velocity=0.0, motion=No
 @pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
 @pytest.mark.parametrize("share", [0.8, 0.99])
 def test_below_mu_nothing_moves_after_the_first_second(tmp_path, share, integrator):
-    times, x, summary = slope(share * 0.5, {"coefficient": 0.5}, integrator=integrator, output=tmp_path)
+    times, x, summary = slope(share * 0.5, {"coefficient": 0.5}, solver={"integrator": integrator}, output=tmp_path)
     after = x[times > 1.0 - 1e-9]
     assert np.abs(after - after[0]).max() < 1e-12
     if integrator == "backward_euler":
@@ -92,6 +92,20 @@ def test_a_moving_table_takes_the_card_along(tmp_path):
     beside = np.stack([c * x[:, :, 0] + s * x[:, :, 1], c * x[:, :, 1] - s * x[:, :, 0], x[:, :, 2]], axis=-1)
     after = beside[times > 1.0 - 1e-9]
     assert np.abs(after - after[0]).max() < 1e-6
+
+
+@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
+def test_a_card_on_a_table_that_tilts_slips_at_mu(tmp_path, integrator):
+    """Past that slope it is driven by g sqrt(1 + mu^2) w t; it was held longer, and had slid a third as far."""
+    mu, start, rate, duration = 0.3, 15.5, 5.0, 0.5
+    motion = {"rotate_degrees_per_second": [0, rate, 0], "centre": [0, 0, 0]}
+    tilted, solver = np.tan(np.radians(start)), {"integrator": integrator, "dt": 0.01}
+    times, x, _ = slope(tilted, {"coefficient": mu}, duration, motion=motion, solver=solver, output=tmp_path)
+    turned = np.radians(rate) * times
+    along = x[:, :, 0].mean(axis=1) * np.cos(turned) - x[:, :, 2].mean(axis=1) * np.sin(turned)
+    late = duration - (np.degrees(np.arctan(mu)) - start) / rate
+    slid = G * np.sqrt(1 + mu**2) * np.radians(rate) * late**3 / 6
+    assert along[-1] - along[1] == pytest.approx(slid, rel=0.05)
 
 
 def test_a_resumed_run_has_the_same_bits(tmp_path):

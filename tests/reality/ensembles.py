@@ -11,23 +11,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.study.drape_recovery import cloth_of
+from clothsim.study.drape_recovery import cloth_of, mesh_size
 from clothsim.study.standard_tests.cusick import lays
 
-BENDING_LENGTHS = (11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.0)
+BENDING_LENGTHS = (8.0, 9.5, 11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.0)
 """(D/(rho g))^(1/3) of the ensembles [mm]."""
-
-
-def mesh_size(length: float) -> float:
-    """Distance of vertices [m] for a bending length [mm]: a soft cloth jams on the coarser mesh."""
-    return 3e-3 if length < 10 else 4e-3 if length < 16 else 6e-3
 
 
 def simulated(count: int, tell: Callable[[str], None]) -> list[list[list[float]]]:
     """Coefficient, n_eff and sd r [m] of `count` lays of each bending length."""
     table = []
     for length in BENDING_LENGTHS:
-        done = lays(cloth_of(1e-3 * length), count, mesh_size(length))
+        done = lays(cloth_of(1e-3 * length), count, mesh_size(1e-3 * length))
         table.append([[each.shape.coefficient, each.shape.folds, each.shape.depth] for each in done])
         mean = np.mean(table[-1], axis=0)
         rest = sum(each.at_rest for each in done)

@@ -11,7 +11,7 @@ from clothsim.study import drape_recovery
 from clothsim.study.drape_recovery import GRAVITY, read_outlines, recover_drape
 
 
-def laid(cloth):
+def laid(cloth, size):
     """Coefficients of three lays: .55 at a bending length of 17.5 mm, .17 a unit of log D, .01 for a curl of 1/m."""
     over_weight = np.sqrt(cloth["bending_warp"] * cloth["bending_weft"]) / (cloth["density"] * GRAVITY)
     mean = 0.55 + 0.17 * np.log(over_weight / 0.0175**3) + 0.01 * cloth.get("rest_curvature_warp", 0.0)
@@ -46,7 +46,7 @@ def test_a_prior_tells_warp_and_weft_apart_within_its_own_spread():
 
 
 def test_a_cloth_beyond_the_tester_is_said():
-    found = recover_drape(np.array([0.9]), np.ones(1), simulate=lambda cloth: [0.5, 0.5])
+    found = recover_drape(np.array([0.9]), np.ones(1), simulate=lambda cloth, size: [0.5, 0.5])
     assert any(note.startswith("NOT reached") for note in found.notes)
 
 
@@ -68,7 +68,7 @@ def test_the_command_leaves_what_was_assumed(tmp_path, capsys, monkeypatch):
         def __init__(self, value):
             self.shape = type("Shape", (), {"coefficient": value})
 
-    monkeypatch.setattr(drape_recovery, "lays", lambda cloth, *_: [Laid(value) for value in laid(cloth)])
+    monkeypatch.setattr(drape_recovery, "lays", lambda cloth, count, size: [Laid(value) for value in laid(cloth, size)])
     np.savez(tmp_path / "outline.npz", radii=np.full(360, 0.128))
     words = ["recover", "--test", "cusick", str(tmp_path / "outline.npz"), "--json", "-o", str(tmp_path / "out")]
     assert main(words) == 0

@@ -161,3 +161,9 @@ class Case:
             lambda h: self.loss(with_value(self.scene, path, value + h * direction)),
             [size * scale for size in sizes],
         )
+
+
+def halved_errors(derivative, loss, h):
+    """Relative differences of a derivative to the central differences of `loss` with h and with h/2."""
+    assert derivative != 0.0
+    return [abs((loss(each) - loss(-each)) / (2 * each) - derivative) / abs(derivative) for each in (h, h / 2)]

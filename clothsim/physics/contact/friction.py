@@ -28,6 +28,8 @@ from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import (
     Elementwise,
+    Grip,
+    Gripping,
     Idling,
     Lagged,
     PastSensitivity,
@@ -63,7 +65,7 @@ NO_CONTACTS = Contacts((), np.zeros((0, 3)), 1.0, 0.0, np.zeros((0, 3)))
 
 
 @dataclass(frozen=True)
-class FrictionEnergy(Elementwise, Energy, Idling, Lagged, Report, SeesHistory, SeesPast, Storing):
+class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, SeesHistory, SeesPast, Storing):
     """E = sum mu F f0(|u|), u = z + (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
     F [N], n and g: normal force, normal and weights of the closest points of each pair, lagged. f0 is |u| beyond e and
@@ -219,6 +221,17 @@ class FrictionEnergy(Elementwise, Energy, Idling, Lagged, Report, SeesHistory, S
         fractions = np.minimum(np.linalg.norm(slips, axis=1) / self.elastic_slip, 1.0)
         return float(self.elastic_slip * (self.limits * fractions**2 * (1.0 - fractions / 3.0)).sum())
 
+    def grip(self) -> Grip:
+        """Limits mu F and normals of the lagged contacts, by the rows that they touch."""
+        rows, shares = self.elements.ravel(), (self.limits[:, None] * np.abs(self.weights)).ravel()
+        limits = np.bincount(rows, shares, len(self.labels)).astype(np.float64)
+        normals = np.zeros((len(limits), 3, 3))
+        for i, j in np.ndindex(3, 3):
+            products = np.repeat(self.normals[:, i] * self.normals[:, j], 4)
+            normals[:, i, j] = np.bincount(rows, shares * products, len(limits))
+        normals /= np.where(limits > 0.0, limits, 1.0)[:, None, None]
+        return Grip(limits, normals, self.labels)
+
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (p, 12, 12) [N/m]; positive semi-definite without projection."""
         return ElementHessian(self.elements, _hessian(x, *self._lagged))
@@ -269,9 +282,9 @@ class FrictionEnergy(Elementwise, Energy, Idling, Lagged, Report, SeesHistory, S
         slip, u = self.contacts.slip, tangential(relative_positions(x - start, *pairs), normals)
         u, w = u + self.slips - self.turns, relative_positions(adjoint, *pairs)
         length, power = np.linalg.norm(u, axis=1), dots(u, w)
-        slides, least = length >= slip, np.maximum(length, np.finfo(float).tiny)
+        slides, least = length >= slip, np.where(length > 0.0, length, 1.0)
         f = np.where(slides, 1.0 / least, (2.0 - length / slip) / slip)
-        slope = np.where(slides, -power / least**3, -power / (slip**2 * least))
+        slope = np.where(slides, -power / least**3, np.where(length > 0.0, -power / (slip**2 * least), 0.0))
         by_slips = self.limits[:, None] * (f[:, None] * w + slope[:, None] * u)
         # turns, from the velocities at the start
         at_start = anchors_at(start, *pairs, normals, self.slips, self.slides, self.triangles_at)

@@ -37,6 +37,33 @@ class Storing(abc.ABC):
         """The stored part at x [J]."""
 
 
+@dataclass(frozen=True)
+class Grip:
+    """What holds each row of x up to a limit.
+
+    Parameters
+    ----------
+    limits : (N,) array
+        Largest tangential forces of its contacts, added [N]; 0 where none holds it.
+    normals : (N, 3, 3) array
+        n n' of its contacts, their mean by limit: I - n n' takes the tangential part of a force.
+    labels : (N,) int array
+        Object of each row.
+    """
+
+    limits: Floats
+    normals: Floats
+    labels: Ints
+
+
+class Gripping(abc.ABC):
+    """An energy that holds up to a limit and then yields, as friction does: which of both is a matter of balance."""
+
+    @abc.abstractmethod
+    def grip(self) -> Grip:
+        """The limits of the step to which it is bound."""
+
+
 class Driven(abc.ABC):
     """An energy that may do external work, as wind does: a rise of the total energy is then no error."""
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats
+from clothsim.physics.energies.protocols import Grip
 from clothsim.solve.linear.dependent_rows import NO_DEPENDENT_ROWS, DependentRows
 from clothsim.solve.newton.potential import Potential
 
@@ -260,6 +261,14 @@ at a tolerance of 1e-3 m/s, .06 at .01 and .21 at .1; of unbalanced ones .6 to 1
 """
 NO_FORCE_LEFT = 0.01
 """The same of a solve that cannot go on though its steps are short: with more, forces are why it fails."""
+MOST_SLIPPING = 0.01
+"""Tangential force that may be left on an object whose friction holds it, over the limit mu F of that friction.
+
+Where friction holds, its Hessian 2 (1 - u/e) mu F / e is that of a spring of length e = 0.01 mm, a hundred times m/h^2.
+So a Newton step of a card that is over the threshold is far shorter than what the force r that is left would move it,
+h^2 r / m, and below any tolerance: a card was held up to 1.11 mu, for r was compared with the largest force that a
+vertex has. What is left acts against friction alone, hence r <= 0.01 mu F: no slope of more than 1.01 mu is held.
+"""
 MOST_UNBALANCED = 20
 """Iterations with steps below the tolerance after which forces that do not balance end the solve."""
 
@@ -277,11 +286,14 @@ class ForceBalance:
         gives the heaviest vertex the tolerance as its speed within the step: what is below that is no imbalance.
     row : int
         Row of x with the residual.
+    slipping : float
+        `slipping_force` that is left over the limit of friction.
     """
 
     residual: float
     scale: float
     row: int
+    slipping: float = 0.0
 
     @property
     def relative(self) -> float:
@@ -291,6 +303,11 @@ class ForceBalance:
     def within(self, fraction: float) -> bool:
         """True where the residual is at most this fraction of the force scale."""
         return self.residual <= fraction * self.scale
+
+    @property
+    def holds(self) -> bool:
+        """True where friction balances the rest of the forces to MOST_SLIPPING."""
+        return self.slipping <= MOST_SLIPPING
 
 
 def force_balance(
@@ -315,8 +332,44 @@ def force_balance(
     dependent : DependentRows
         Rows whose forces act on the unknowns that they follow.
     """
-    largest = np.abs(dependent.reduced(potential.gradient(x))[free]).max(axis=1, initial=0.0)
+    left = dependent.reduced(potential.gradient(x))
+    largest = np.abs(left[free]).max(axis=1, initial=0.0)
     if not len(largest):
         return ForceBalance(0.0, least, 0)
     worst = int(largest.argmax())
-    return ForceBalance(float(largest[worst]), potential.largest_force(x) + least, int(free[worst]))
+    slipping = max((slipping_force(grip, left, free, least, dependent) for grip in potential.grips()), default=0.0)
+    return ForceBalance(float(largest[worst]), potential.largest_force(x) + least, int(free[worst]), slipping)
+
+
+def slipping_force(
+    grip: Grip, left: Floats, free: np.ndarray, least: float, dependent: DependentRows = NO_DEPENDENT_ROWS
+) -> float:
+    """Return the tangential force left on an object over the limit of its friction, the largest of all objects.
+
+    sum |(I - n n') r| / (sum mu F + k least), over the k free rows in contact of a cloth. A rigid body counts as one
+    row with the net force, which its rigidity has no part in.
+
+    Parameters
+    ----------
+    grip : Grip
+        Limits mu F [N] and normals n by row.
+    left : (N, 3) float64
+        Forces r that are left, reduced to the unknowns [N].
+    free, least, dependent
+        As of `force_balance`.
+    """
+    acting, limits = np.zeros_like(left), np.zeros(len(left))
+    acting[free], limits[free] = left[free], grip.limits[free]
+    normals = grip.normals
+    for part in dependent.parts:
+        held, body = part.rows.start, grip.limits[part.rows]
+        acting[held], limits[held] = left[part.unknowns].sum(axis=0), body.sum()
+        normals = normals.copy()
+        normals[held] = np.einsum("d,dij->ij", body, normals[part.rows]) / max(limits[held], np.finfo(float).tiny)
+    rows = np.flatnonzero(limits > 0.0)
+    tangential = acting[rows] - np.einsum("dij,dj->di", normals[rows], acting[rows])
+    forces, most, counts = (
+        np.bincount(grip.labels[rows], each)
+        for each in (np.linalg.norm(tangential, axis=1), limits[rows], np.ones(len(rows)))
+    )
+    return float((forces / np.where(counts > 0.0, most + counts * least, 1.0)).max(initial=0.0))

@@ -301,8 +301,8 @@ class Newton:
             if done:
                 forces = self._force_balance(x, model)
                 residual, unbalanced = forces.residual, unbalanced + 1
-                demanded = self.balance.force_fraction(count == iterations, BALANCED)
-                if by_motion or forces.within(demanded) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
+                balanced = forces.holds and forces.within(self.balance.force_fraction(count == iterations, BALANCED))
+                if by_motion or balanced or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
                     how = outcome(Ending.CONVERGED) if by_motion else _balanced_or_not(forces, x)
                     left = float(lengths.max()) if by_motion else speed * self.dt
                     return ended(how, count + 1, contraction(speed, before) * left, forces.relative)

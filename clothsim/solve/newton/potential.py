@@ -19,6 +19,8 @@ from clothsim.physics.energies.protocols import (
     BarrierGap,
     ContactGap,
     Coupling,
+    Grip,
+    Gripping,
     History,
     Lagged,
     is_idle,
@@ -198,6 +200,10 @@ class Potential:
     def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
         """Return the largest relative change by the step dx of a gap below `within`, a fraction of d_hat."""
         return max((energy.gap_change(x, dx, within) for energy in self._acting_as(BarrierGap)), default=0.0)
+
+    def grips(self) -> list[Grip]:
+        """Return what holds the rows of x up to a limit (friction)."""
+        return [energy.grip() for energy in self._acting_as(Gripping)]
 
     def _acting_as(self, protocol: type[P]) -> Iterator[P]:
         """The acting energies with an optional protocol, each timed in turn."""

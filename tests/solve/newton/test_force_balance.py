@@ -7,7 +7,9 @@ from meshes import deformed, small_world
 from small_scenes import small_scene
 
 from clothsim import simulate
-from clothsim.solve.newton.convergence import BALANCED, force_balance
+from clothsim.physics.energies.protocols import Grip
+from clothsim.solve.linear.dependent_rows import Dependence, DependentRows
+from clothsim.solve.newton.convergence import BALANCED, force_balance, slipping_force
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers
 
@@ -37,6 +39,27 @@ def test_no_free_vertex_is_in_balance():
     forces, _ = balance_at(deformed(small_world()), free=FREE[:0])
     assert forces.relative == 0.0
     assert forces.within(0.0)
+
+
+def test_what_is_left_tangentially_counts_against_the_friction_of_each_object():
+    limits, normals = np.array([2.0, 2.0, 0.0, 8.0]), np.zeros((4, 3, 3))
+    normals[:, 2, 2] = 1.0
+    left = np.array([[0.3, 0, 9], [0, -0.4, 9], [5, 5, 5], [0.8, 0, -9]])
+    grip = Grip(limits, normals, np.array([0, 0, 0, 1]))
+    assert slipping_force(grip, left, np.arange(4), 0.0) == pytest.approx(0.7 / 4)
+    assert slipping_force(grip, left, np.arange(1, 4), 0.0) == pytest.approx(0.4 / 2)  # a row that is held has no part
+    assert slipping_force(grip, left, np.arange(4), 2.0) == pytest.approx(0.7 / 8)
+    assert slipping_force(grip, 0 * left, np.arange(4), 0.0) == 0.0
+
+
+def test_a_rigid_body_slips_by_its_net_force():
+    """Rows 0 and 1 are its coordinates, pulled apart by its rigidity; it touches at row 3 of its surface 2, 3."""
+    dependent = DependentRows((Dependence(slice(2, 4), slice(0, 2), np.eye(2)),), 4)
+    normals = np.zeros((4, 3, 3))
+    normals[3, 2, 2] = 1.0
+    grip = Grip(np.array([0.0, 0, 0, 5.0]), normals, np.array([-1, -1, 0, 0]))
+    left = np.array([[100.0, 0, 3], [-99.0, 0, 4], [0, 0, 0], [0, 0, 0]])
+    assert slipping_force(grip, left, np.arange(2), 0.0, dependent) == pytest.approx(1 / 5)
 
 
 SPHERE = {

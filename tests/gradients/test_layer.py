@@ -1,0 +1,120 @@
+"""The layer: steps as functions of a state and of parameters, against central differences with h halved."""
+
+import numpy as np
+import pytest
+from adjoint_cases import CONTACT, ELASTIC, FALLING, falling_scene, halved_errors
+
+import clothsim
+from clothsim.base.errors import InputError
+from clothsim.gradients.layer import LayerState
+
+FRICTION = {"friction": {"coefficient": 0.5}}
+STRIP = FALLING | {"size": [0.3, 0.1], "cells": [3, 1], "position": [0.0, 0.0, 0.0], "velocity": [0.1, 0.0, 0.3]}
+HUNG = ELASTIC | {"pins": {"select": [0, 4]}, "fibres": {"warp": 20.0}}
+
+
+@pytest.fixture(scope="module")
+def strip():
+    return clothsim.layer(falling_scene(HUNG, STRIP, body=(), integrator="bdf2", dt=0.01))
+
+
+@pytest.fixture(scope="module")
+def landing():
+    """A sheet that has met a ball: in contact with friction by anchors."""
+    return clothsim.layer(falling_scene(ELASTIC | CONTACT | FRICTION, integrator="bdf2"))
+
+
+def weights(shape, seed=0):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def test_a_step_without_a_past_in_contact_with_friction(landing):
+    state = landing.rollout(landing.start, None, 4).states[-1]
+    x, v = state.x, state.v
+    assert isinstance(state, LayerState)
+    by_x, by_v = weights(x.shape), 0.02 * weights(x.shape, 1)
+    found = landing.vjp(x, v, by_x, by_v)
+    assert found[2] == {}
+
+    def loss(x, v):
+        end = landing(x, v)
+        return np.vdot(by_x, end[0]) + np.vdot(by_v, end[1])
+
+    d = weights(x.shape, 2)
+    assert halved_errors(np.vdot(found[0], d), lambda h: loss(x + h * d, v), 1e-7)[1] < 1e-6
+    coarse, fine = halved_errors(np.vdot(found[1], d), lambda h: loss(x, v + h * d), 2e-4)
+    assert fine < 1e-4
+    assert 3.0 < coarse / fine < 5.0
+
+
+def test_a_rollout_of_16_steps(strip):
+    n, start = len(strip.start.x), strip.start
+    pins = start.x[strip.pinned] + [0.0, 0.01, 0.005]
+    at = {
+        "cloth.youngs_modulus": np.array(8e4),
+        "effects.fibres.warp": 10.0 + np.arange(6.0),  # a number for each triangle
+        "pins": pins,
+        "force": 1e-3 * weights((n, 3), 3),
+    }
+    rollout = strip.rollout(start, at, 16)
+    by_x, by_v = weights(rollout.x.shape), 0.02 * weights(rollout.x.shape, 1)
+    by_start, by = rollout.vjp(by_x, by_v)
+
+    def loss(parameters=at, x=start.x, v=start.v):
+        moved = strip.rollout(strip.state(x, v), parameters, 16)
+        return np.vdot(by_x, moved.x) + np.vdot(by_v, moved.v)
+
+    assert loss() == pytest.approx(np.vdot(by_x, rollout.x) + np.vdot(by_v, rollout.v), rel=1e-12)
+    for name, value in at.items():
+        d = np.abs(value).max() * weights(np.shape(value), 4)
+        errors = halved_errors(
+            np.vdot(by[name], d), lambda h, d=d, name=name, value=value: loss(at | {name: value + h * d}), 1e-4
+        )
+        assert errors[1] < 1e-6, name
+    d = weights((n, 3), 5)
+    assert halved_errors(np.vdot(by_start.positions[:n], d), lambda h: loss(x=start.x + h * d), 1e-6)[1] < 1e-6
+    assert halved_errors(np.vdot(by_start.velocities[:n], d), lambda h: loss(v=start.v + h * d), 1e-5)[1] < 1e-6
+
+
+def test_rest_positions(strip):
+    start, d = strip.start, weights(strip.start.x.shape, 1)
+    d[:, 2] = 0.0
+    by_x = weights((4, *d.shape))
+    rest = strip.session.built.world.cloths[0].rest_positions
+    rollout = lambda h: strip.rollout(start, {"cloth.rest": rest + h * d}, 3)  # noqa: E731
+    found = rollout(0.0).vjp(by_x)[1]["cloth.rest"]
+    assert halved_errors(np.vdot(found, d), lambda h: np.vdot(by_x, rollout(h).x), 1e-6)[1] < 1e-6
+
+
+def test_steps_with_parameters_of_their_own_and_steps_one_by_one(landing):
+    """What remembers (the step before, anchors) is taken over: two rollouts of two steps are one of four."""
+    forces = 1e-3 * weights((4, *landing.start.x.shape))
+    given = [{"force": force} for force in forces]
+    state = landing.rollout(landing.start, None, 3).states[-1]
+    whole, first = landing.rollout(state, given, 4), landing.rollout(state, given[:2], 2)
+    second = landing.rollout(first.states[-1], given[2:], 2)
+    assert np.array_equal(whole.x[-1], second.x[-1])
+    by_x, by_v = weights(whole.x.shape), 0.02 * weights(whole.x.shape, 1)
+    by_start, by = whole.vjp(by_x, by_v)
+    by_middle, by_second = second.vjp(by_x[2:], by_v[2:])
+    none = np.zeros_like(by_x[:1])
+    again, by_first = first.vjp(*(np.concatenate([each[:2], none]) for each in (by_x, by_v)), by_end=by_middle)
+    assert "friction" in by_middle.memory
+    np.testing.assert_allclose(again.positions, by_start.positions, rtol=1e-9, atol=1e-9 * abs(by_x).max())
+    for one, other in zip(by, [*by_first, *by_second], strict=True):
+        np.testing.assert_allclose(one["force"], other["force"], rtol=1e-9, atol=1e-9 * np.abs(one["force"]).max())
+    shift = lambda h: [given[0], {"force": forces[1] + h * forces[0]}, *given[2:]]  # noqa: E731
+    loss = lambda h: float(np.vdot(by_x, (r := landing.rollout(state, shift(h), 4)).x) + np.vdot(by_v, r.v))  # noqa: E731
+    assert halved_errors(np.vdot(by[1]["force"], forces[0]), loss, 1e-3)[1] < 1e-6
+
+
+def test_what_is_no_parameter(strip):
+    start = strip.start
+    for wrong in ({"cloth.mesh": 1.0}, {"pins": np.zeros((3, 3))}, {"force": np.zeros(3)}, [{}] * 3):
+        with pytest.raises(InputError):
+            strip.rollout(start, wrong, 2)
+    for x in (start.x[:3], np.full_like(start.x, np.nan)):
+        with pytest.raises(InputError):
+            strip.state(x, start.v)
+    with pytest.raises(InputError):
+        strip.rollout(start, None, 2).vjp(np.zeros((2, 8, 3)))
