@@ -1,5 +1,7 @@
 """The layer: steps as functions of a state and of parameters, against central differences with h halved."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from adjoint_cases import CONTACT, ELASTIC, FALLING, falling_scene, halved_errors
@@ -118,3 +120,18 @@ def test_what_is_no_parameter(strip):
             strip.state(x, start.v)
     with pytest.raises(InputError):
         strip.rollout(start, None, 2).vjp(np.zeros((2, 8, 3)))
+
+
+def test_the_training_loop_of_the_docs_in_small(capsys):
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "layer.md").read_text(encoding="utf-8")
+    program = next(block for block in page.split("```python") if "minimize(" in block).split("```")[0]
+    small = program.replace('"maxiter": 12', '"maxiter": 1').replace('"cells": [4, 4]', '"cells": [3, 3]')
+    small = small.replace('"select": [4, 24]', '"select": [3, 15]').replace(
+        "steps, drop, held = 16", "steps, drop, held = 8"
+    )
+    assert small.count("\n") < 30
+    exec(compile(small, "layer.md", "exec"), made := {})
+    off = [float(line.split()[0]) for line in capsys.readouterr().out.splitlines()]
+    assert len(off) > 1
+    assert off[-1] < 0.7 * off[0]
+    assert made["learned"].fun < 0.5 * made["loss"](np.zeros(8))[0]

@@ -1,4 +1,4 @@
-"""`python -m tests.reality --data FOLDER`: simulated drapes of every measured fabric, scored against simple rivals."""
+"""`python -m tests.reality --data FOLDER`: drapes of every measured fabric, scored against simple rivals; knits."""
 
 import argparse
 import datetime
@@ -11,11 +11,12 @@ import numpy as np
 
 from clothsim.base.file_writing import write_atomically
 from tests.benchmarks.stored_tables import markdown_table, write_between
+from tests.reality import knits
 from tests.reality.borders import NAME, Lays, measured_lays
 from tests.reality.ensembles import BENDING_LENGTHS, of_coefficient, simulated
 from tests.reality.score import Scored, scored
 
-MARK = "reality"
+MARK, KNITS_MARK = "reality", "knits"
 RECORD = Path(__file__).parents[2] / "docs" / "results" / "reality.json"
 HEADER = (
     "fabric", "lays", "c [mm]", "coefficient [%]", "n_eff", "sd r [mm]", "simulated", "with spread", "fitted lay",
@@ -45,8 +46,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     scores = scored(lays, [ensemble for _, ensemble in fits])
     text = page(lays, fits, scores, stored)
     print(text)
+    of_knits = ""
+    if (arguments.data / knits.NAME).is_file():
+        of_knits = knits_text(knits.compared_knits(arguments.data))
+        print(f"\n{of_knits}")
     if arguments.page:
         write_between(arguments.page, MARK, text)
+        if of_knits:
+            write_between(arguments.page, KNITS_MARK, of_knits)
     return 0
 
 
@@ -83,6 +90,27 @@ def page(lays: Sequence[Lays], fits: Sequence[tuple[float, np.ndarray]], scores:
         f"fold slope {_slopes(lays):+.2f} points a fold in the cloth and {_slopes_of(stored):+.2f} simulated.",
     ]
     return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
+
+
+def knits_text(compared: Sequence[knits.Compared]) -> str:
+    """The table of knits in Markdown, and what it comes to."""
+    rows = []
+    for each in compared:
+        spread = each.measured.std(axis=0, ddof=1)
+        forces = [
+            f"{a:.3g} / {b:.3g} +- {sd:.1g}" for a, b, sd in zip(each.simulated, each.held_out, spread, strict=True)
+        ]
+        ends = f"{100 * each.strains[0]:.0f} to {100 * each.strains[-1]:.0f}"
+        rows.append([each.name.replace("_", " "), ends, *forces, f"{each.width:.2f} / {each.measured_width:.2f}"])
+    within, all_of = sum(each.within for each in compared), sum(len(each.strains) for each in compared)
+    off = np.median([abs(a / b - 1) for each in compared for a, b in zip(each.simulated, each.held_out, strict=True)])
+    header = ("knit", "stretch [%]", *(f"force {k} [N]" for k in range(1, knits.STRETCHES + 1)), "width at the last")
+    lost = 100 * np.mean([1 - each.measured_width for each in compared])
+    return (
+        f"{markdown_table(header, rows)}\n\nSimulated / mean of the pulls that were not fitted +- sd of all. "
+        f"{within} of {all_of} simulated forces lie within the spread of the pulls, in the median {100 * off:.0f} % "
+        f"from those not fitted. The width: {lost:.0f} % are lost in the mean, none simulated."
+    )
 
 
 def _slopes(lays: Sequence[Lays]) -> float:

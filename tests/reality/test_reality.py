@@ -8,6 +8,7 @@ import pytest
 from tests.reality.__main__ import RECORD, main
 from tests.reality.borders import Lays
 from tests.reality.ensembles import BENDING_LENGTHS, of_coefficient
+from tests.reality.knits import Pulls, compared, table_of
 from tests.reality.score import energy_score, scored
 
 
@@ -44,6 +45,20 @@ def test_an_ensemble_has_the_coefficient_that_was_asked_for():
 def test_without_data_it_says_so(tmp_path, capsys):
     assert main(["--data", str(tmp_path)]) == 0
     assert "cusick_borders.npz" in capsys.readouterr().out
+
+
+def test_a_specimen_of_pulls_alike_has_their_force_between_its_clamps():
+    rng = np.random.default_rng(2)
+    strains = np.tile(np.linspace(0, 0.4, 60), (5, 1))
+    forces = 20 * strains**2 * (1 + 0.02 * rng.standard_normal((5, 1)))
+    pulls = Pulls("knit_x", 0.06, 0.1, strains, forces, 1 - 0.5 * strains)
+    found = compared(pulls, table_of(pulls))
+    assert found.simulated == pytest.approx(
+        forces[:3].mean(axis=0)[-1] * (found.strains / 0.4) ** 2, rel=0.02, abs=0.02
+    )
+    assert found.measured_width == pytest.approx(0.81)
+    assert found.width == pytest.approx(1.0, abs=0.01)
+    assert found.within >= 3
 
 
 def test_the_stored_ensembles_are_those_of_the_lengths_and_stiffer_cloth_covers_more():
