@@ -160,7 +160,7 @@ def _sample(arguments: argparse.Namespace) -> Report | int:
     verified = on_demand.verify(farm, SAMPLE_FRACTION)
     if not verified.good:
         raise InputError(f"{arguments.output} is not signed off.", f"See `clothsim farm verify {arguments.output}`.")
-    packed = on_demand.pack(farm, arguments.output / SAMPLE_DATA)
+    packed = on_demand.pack(farm, arguments.output / SAMPLE_DATA, overwrite=True)  # its own, of the same drapes
     file = packed.files[0]
     text = f"{worked.text}\n{verified.whole} drapes verified, {verified.repeated} made again; {packed.drapes} in {file}"
     return Report({**worked.document, "verified": verified.whole, "packed": packed.drapes, "file": str(file)}, text)
