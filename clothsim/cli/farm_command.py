@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     from clothsim.study.farm.status import Status
 
 _LEARN = """\
-Learn the drapes of a farm as a function of its varied numbers, for [seed] from = "model".
+Learn a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model".
 
   clothsim learn drapes -o model.npz
 
-The error is that of drapes that were held out, beside the error of the mean drape.
+Its error on held-out drapes is printed, beside those of the nearest and of the mean drape.
 """
 
 
@@ -53,28 +53,28 @@ def add_to(commands: Any) -> None:
     plan = actions.add_parser("plan", help="write the scene and values of every drape")
     plan.add_argument("recipe", type=Path, metavar="RECIPE", help="a TOML file with [farm] and [vary]")
     plan.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the farm")
-    plan.add_argument("--no-pilot", action="store_true", help="make no drape first to see whether it is usable")
+    plan.add_argument("--no-pilot", action="store_true", help="make no drape first to test the recipe")
     plan.set_defaults(handler=_plan)
     work = actions.add_parser("work", help="make the drapes that are left")
     work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     how = work.add_mutually_exclusive_group()
     how.add_argument("--workers", metavar="N", help="processes of Dask on this machine (default: this process)")
     how.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler: tcp://host:8786")
-    work.add_argument("--attempts", default="3", metavar="N", help="before a drape is published as killed (default 3)")
-    work.add_argument("--stale", default="60s", metavar="TIME", help="without a heartbeat a claim ends (default 60s)")
+    work.add_argument("--attempts", default="3", metavar="N", help="tries before a drape counts as killed (default 3)")
+    work.add_argument("--stale", default="60s", metavar="TIME", help="a claim without heartbeat ends (default 60s)")
     work.set_defaults(handler=_work)
     status = actions.add_parser("status", help="count what is done, failed and left")
     status.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
-    status.add_argument("--watch", action="store_true", help="again every 2 s, until all is done")
+    status.add_argument("--watch", action="store_true", help="print it every 2 s until all drapes are done")
     status.set_defaults(handler=_status)
     verify = actions.add_parser("verify", help="check all files, make some drapes again")
     verify.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
-    verify.add_argument("--fraction", default="0.01", metavar="X", help="drapes to make again (default .01; 0: none)")
+    verify.add_argument("--fraction", default="0.01", metavar="X", help="drapes to make again (default 0.01; 0: none)")
     verify.add_argument("--share", dest="fraction", action=Renamed, now="--fraction")
     verify.set_defaults(handler=_verify)
     mend = actions.add_parser("repair", help="take torn and killed drapes back into the plan")
     mend.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
-    mend.add_argument("--cause", action="append", metavar="NAME", help="another cause than killed, such as refused")
+    mend.add_argument("--cause", action="append", metavar="NAME", help="also drapes of this cause, as refused")
     mend.set_defaults(handler=_repair)
     pack = actions.add_parser("pack", help="write a data set: one HDF5 file, or a folder of WebDataset shards")
     pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
@@ -94,7 +94,7 @@ def add_to(commands: Any) -> None:
     learn = commands.add_parser("learn", description=_LEARN)
     learn.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
-    learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default .25)")
+    learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default 0.25)")
     learn.add_argument("--components", type=int, default=16, metavar="K", help="principal components (default 16)")
     add_overwrite(learn)
     add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
@@ -104,24 +104,25 @@ FAULT = 1
 """Exit code where a drape is torn or differs."""
 
 _FARM = """\
-Make many drapes of one recipe: each is published once, whoever is killed. DIR is a folder, shared by all machines.
+Make many drapes of one recipe. Each is published exactly once, even where processes are killed. DIR is a folder that
+all machines share.
 
   clothsim farm plan recipe.toml -o drapes
-  clothsim farm work drapes                    as often as there are cores, on any machine
+  clothsim farm work drapes                    once for each core, on any machine
   clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
   clothsim farm status drapes --watch
-  clothsim farm verify drapes                  every file by its hash, some drapes made again; signs off
-  clothsim farm repair drapes                  what is torn or was killed goes back into the plan
+  clothsim farm verify drapes                  compare all files with their hashes, make some drapes again, sign off
+  clothsim farm repair drapes                  put torn and killed drapes back into the plan
   clothsim farm pack drapes -o data.h5         or a folder, for shards
 """
 
 
 _SWEEP = """\
-Run a scene with every combination of the values of some keys, and list the verdicts: a farm in one process.
+Run a scene with every combination of the values of some keys, and list the results: a farm in one process.
 
-  clothsim sweep sphere --vary cloth.fabric=cotton,denim --vary solver.dt=.02,.01 -o sweep
+  clothsim sweep sphere --vary cloth.fabric=cotton,denim --vary solver.dt=0.02,0.01 -o sweep
 
-A stopped sweep goes on; `clothsim farm work DIR` helps it from another process.
+The same command continues a stopped sweep; `clothsim farm work DIR` helps it from another process.
 """
 
 
@@ -200,15 +201,15 @@ def _verify(arguments: argparse.Namespace) -> Report:
     lines = [f"{done.whole} drapes are whole, {len(done.torn)} torn."]
     if done.repeated + done.elsewhere:
         lines.append(
-            f"{done.repeated} made again on this kind of processor, {done.same} with the same bytes; {done.elsewhere} "
-            f"from another kind. Largest distance {1e3 * done.largest:.3g} mm."
+            f"{done.repeated} drapes made again on this kind of processor, {done.same} with the same bytes; "
+            f"{done.elsewhere} on another kind. Largest distance {1e3 * done.largest:.3g} mm."
         )
     lines += [*done.torn.values(), *(f"Drape {name} comes out differently." for name in done.different)]
     if done.plan:
         lines.append(f"{done.plan} {on_demand.REPLAN}")
     lines.append("Signed off." if done.good else "Not signed off.")
     if done.torn:
-        lines.append("`clothsim farm repair DIR`, then `clothsim farm work DIR` makes these drapes again.")
+        lines.append("To make these drapes again: `clothsim farm repair DIR`, then `clothsim farm work DIR`.")
     return Report(asdict(done), "\n".join(lines), 0 if done.good else FAULT)
 
 
@@ -226,9 +227,11 @@ def _repair(arguments: argparse.Namespace) -> Report:
 
 
 def _pack(arguments: argparse.Namespace) -> Report:
-    refuse_replacing(_packed(arguments.output, arguments.sheet), arguments.overwrite)
+    sheets = [f".{kind}" for kind in ("png", "html") if arguments.sheet]
+    written = on_demand.packed_files(arguments.output)
+    refuse_replacing([*written, *(written[1].with_suffix(ending) for ending in sheets)], arguments.overwrite)
     farm = on_demand.open_farm(arguments.directory)
-    done = on_demand.pack(farm, arguments.output, as_count("--shard", arguments.shard))
+    done = on_demand.pack(farm, arguments.output, as_count("--shard", arguments.shard), arguments.overwrite)
     files = list(done.files)
     if arguments.sheet:
         beside = files[-1]
@@ -240,15 +243,6 @@ def _pack(arguments: argparse.Namespace) -> Report:
     size = sum(file.stat().st_size for file in files)
     text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"
     return Report(content, text)
-
-
-def _packed(target: Path, sheet: bool) -> list[Path]:
-    """The files that a data set is known by."""
-    of_file = target.suffix in (".h5", ".hdf5")
-    beside = target.with_suffix("") if of_file else target / "data"
-    endings = (".jsonl", ".md", ".parquet", *((".png", ".html") if sheet else ()))
-    first = target if of_file else target / "shard-000000.tar"
-    return [first, *(beside.with_suffix(ending) for ending in endings)]
 
 
 @contextmanager
@@ -285,13 +279,13 @@ def _line(farm: "Farm") -> Any:
 def _text(state: "Status") -> str:
     lines = [
         f"{state.published} of {state.planned} drapes published, {state.usable} usable; {state.claimed} being made"
-        + (f", {state.stale} left by processes that ended" if state.stale else "")
+        + (f", {state.stale} abandoned by processes that ended" if state.stale else "")
         + "."
     ]
     lines += [f"  {count} {cause}" for cause, count in sorted(state.causes.items())]
-    lines += [f"  {rate:.0f} usable ones in an hour of one core ({name})" for name, rate in state.per_core_hour.items()]
+    lines += [f"  {rate:.0f} usable drapes an hour and core ({name})" for name, rate in state.per_core_hour.items()]
     if {"torn", "killed"} & state.causes.keys():
-        lines.append("  `clothsim farm repair DIR` takes torn and killed ones back into the plan.")
+        lines.append("  `clothsim farm repair DIR` puts torn and killed drapes back into the plan.")
     return "\n".join(lines)
 
 
@@ -307,7 +301,7 @@ def _sweep(arguments: argparse.Namespace) -> Report | int:
         try:
             on_demand.work(farm)
         except KeyboardInterrupt:
-            print(f"Stopped: the same command, or `clothsim farm work {farm.directory}`, goes on.", file=sys.stderr)
+            print(f"Stopped. The same command, or `clothsim farm work {farm.directory}`, continues.", file=sys.stderr)
             return 130
     rows = on_demand.write_manifest(farm)
     code = 0 if all(row["usable"] for row in rows) else 1
@@ -350,7 +344,7 @@ def _table(rows: list[dict[str, Any]]) -> str:
 def _learn(arguments: argparse.Namespace) -> Report:
     refuse_output(arguments.output, arguments)
     made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, arguments.components)
-    made.model.write(arguments.output)
+    made.model.write(arguments.output, arguments.overwrite)
     names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
     return Report(
         {"model": str(arguments.output), **{name: getattr(made, name) for name in names}},

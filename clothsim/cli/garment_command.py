@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _DRESS = """\
 Sew a pattern (specification.json of GarmentCode and others, or a DXF of AAMA) on a body under contact,
 weld its seams and drape it.
-Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
+Leaves the files of a run, garment.obj with the pattern as texture coordinates, and pictures.
 
   clothsim dress shirt_specification.json --on body.obj -o worn
   clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
@@ -48,10 +48,10 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
-    fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
+    fit.add_argument("--markers", type=Path, metavar="FILE", help="a point on each body: x y z x y z a line")
     fit.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
     size = fit.add_mutually_exclusive_group()
-    size.add_argument("--own-size", action="store_true", help="keep the size that it was cut in")
+    size.add_argument("--own-size", action="store_true", help="keep the size in which it was cut")
     size.add_argument("--resize", action="store_true", help="grade it along girths and lengths (the default)")
     size.add_argument("--grade", dest="resize", action=Renamed, now="--resize", nargs=0, const=True)
     add_overwrite(fit, "replace an earlier run in the directory")
@@ -67,7 +67,7 @@ def add_to(commands: Any) -> None:
     dress.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the pattern's name)"
     )
-    dress.add_argument("--size", default="2cm", metavar="L", help="size of the mesh: 2cm, 15mm, .01 [m] (default 2cm)")
+    dress.add_argument("--size", default="2cm", metavar="L", help="size of the mesh: 2cm, 15mm, 0.01 [m] (default 2cm)")
     dress.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
     dress.add_argument(
         "--fabric-of",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from clothsim.study.farm.claims import worker_of
     from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
     from clothsim.study.farm.dask_work import LostWorkersError, work_with_dask
-    from clothsim.study.farm.pack import pack
+    from clothsim.study.farm.pack import pack, packed_files
     from clothsim.study.farm.pilot import pilot
     from clothsim.study.farm.plan import open_farm, plan, refuse_other_plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe

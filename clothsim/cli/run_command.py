@@ -32,7 +32,7 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
 _RUN = """\
-Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture; where it failed, failure.png too.
+Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture; failure.png where it fails.
 
   clothsim run scenes/sphere.toml -o drape --movie
 """
@@ -49,13 +49,13 @@ def add_to(commands: Any) -> None:
     run = commands.add_parser("run", description=_RUN)
     run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name)")
-    run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
+    run.add_argument("--frames-per-second", metavar="N", help="frames to keep per second, instead of the scene's")
     add_set(run, "change a key: body.mesh=PATH")
-    run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with the error of this run")
+    run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with an estimate of the error")
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm")
-    run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
+    run.add_argument("--estimate", action="store_true", help="estimate the error by two coarser runs")
     add_overwrite(run, "replace an earlier run in the output directory")
-    run.add_argument("--force", action="store_true", help="run whatever it costs, and from inside a body")
+    run.add_argument("--force", action="store_true", help="run whatever it costs, also from inside a body")
     run.add_argument("--view", action="store_true", help="show it in a browser while it runs (clothsim[view])")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", description=_RESUME)
@@ -93,7 +93,7 @@ def page_of(directory: Path) -> Iterator[None]:
         try:
             yield
             if sys.stderr.isatty() and page.poll() is None:
-                print("The page stays until Ctrl-C.", file=sys.stderr, flush=True)
+                print("The page stays open until Ctrl-C.", file=sys.stderr, flush=True)
                 page.wait()
         except KeyboardInterrupt:
             pass
@@ -208,7 +208,7 @@ def existing_files_note(directory: Path) -> str:
         return ""
     if any((directory / name).is_file() for name in (on_demand.RECORD_NAME, files.TRAJECTORY_NAME)):
         return f"{directory} holds an earlier run, which is replaced."
-    return f"{directory} holds other files, which stay."
+    return f"{directory} holds other files, which are kept."
 
 
 def resumption_note(directory: Path) -> str:

@@ -37,9 +37,10 @@ NO_ANSWER = 1
 """Exit code of a study whose budget, or end by SIGTERM, left runs out that its answer needs."""
 
 _DESCRIPTION = """\
-Measure the error of a scene's last frame, its sources, and the cost of a smaller one: runs the scene finer and coarser,
-one process a core, and leaves study.md, study.json and study.png. A repeated call continues with the stored points.
-No error is stated before dt and cells were refined: with too small a budget the answer is how much is needed (exit 1).
+Measure the error of a scene's last frame, the sources of that error, and what a smaller one would cost. Runs the scene
+with finer and coarser settings, one process for each core, and leaves study.md, study.json and study.png. A repeated
+call continues from the stored runs. Where the budget is too small to refine dt and cells, no error is given: the answer
+is the budget that is needed (exit code 1).
 
   clothsim study scenes/study_strip.toml -o accuracy --budget 120s
 """
@@ -54,7 +55,7 @@ def add_to(commands: Any) -> None:
     )
     study.add_argument("--parameters", metavar="NAMES", help="dt,cells,tolerance,d_hat,eps_v,iterations (default: all)")
     study.add_argument("--knobs", dest="parameters", action=Renamed, now="--parameters")
-    study.add_argument("--goal", metavar="GOAL", help="which triangles make its error: hem, height, girth=0.8, ...")
+    study.add_argument("--goal", metavar="GOAL", help="show which triangles cause its error: hem, girth=0.8, ...")
     study.add_argument("--budget", default="120s", metavar="TIME", help="CPU time of all its processes: 90s, 10min")
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
     add_set(study)
@@ -85,7 +86,7 @@ def _study(arguments: argparse.Namespace) -> Report:
         lines += on_demand.goal_lines(done.result["goal"])
     left = len(done.result["left_out"])
     if left:
-        lines.append(f"{left} points exceeded the budget or are not valid: study.md names them.")
+        lines.append(f"{left} runs exceeded the budget or are not valid: study.md names them.")
     files = ", ".join(name for name in FILES if (directory / name).is_file())
     document = on_demand.read_summary(done.directory / "study.json") if arguments.json else None
     code = NO_ANSWER if done.result["headline"]["status"] == on_demand.UNFINISHED else 0

@@ -17,8 +17,9 @@ from clothsim.base.inputs import renamed
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import Fabric, refuse_earlier_run
 from clothsim.files import read_pattern
-from clothsim.garments.dress.closing import stretch_range
+from clothsim.garments.dress.closing import stretch_range, worst_gap
 from clothsim.garments.dress.grading import Grading, graded
+from clothsim.garments.dress.limbs import Wearer, sewing_pose
 from clothsim.garments.dress.measurements import measurement_entries
 from clothsim.garments.dress.pipeline import STAGES, DressState, DressTask
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
@@ -29,7 +30,7 @@ from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, run_stages
 from clothsim.garments.tightness import Tightness, tight_entries
 from clothsim.garments.waistband import parts_for_edges
-from clothsim.patterns import joined_vertices, mesh_pattern, write_specification
+from clothsim.patterns import PatternMesh, joined_vertices, mesh_pattern, write_specification
 from clothsim.render import draw_pattern, laid_out
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
@@ -275,22 +276,22 @@ def dress(
     joined_vertices(mesh)  # an error now, not after the closing
     surface = _surface(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
-    mesh, leg_notes = turned_to_legs(mesh, body, surface)
     make_directory(directory)
     task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce)
-    begun = DressState(
-        as_placed(mesh),
-        (),
-        notes=(
-            *mesh.pattern.notes,
-            *(grading.notes if grading else ()),
-            *placing_notes,
-            *arm_notes,
-            *leg_notes,
-            *body.notes,
-        ),
+    notes = (
+        *mesh.pattern.notes,
+        *(grading.notes if grading else ()),
+        *placing_notes,
+        *arm_notes,
+        *body.notes,
     )
-    done = run_stages(STAGES, task, begun)
+    begun, done = _sewn(task, mesh, Wearer(body, surface), notes)
+    posed, said = sewing_pose(done.on, done.between) if done.failure else (done.on, "")
+    if said:
+        again = f"sewn again with {said}: at first, {done.reason[:1].lower()}{done.reason[1:]}"
+        first, (begun, done) = (begun, done), _sewn(task, turned_to_arms(mesh, posed.body)[0], posed, (*notes, again))
+        if done.failure and _widest_gap(done) > _widest_gap(first[1]):
+            begun, done = first
     worn = Dress(
         directory,
         done.status,
@@ -309,6 +310,18 @@ def dress(
     )
     write_results(worn, name, size, perf_counter() - started)
     return worn
+
+
+def _sewn(task: DressTask, mesh: PatternMesh, on: Wearer, notes: tuple[str, ...]) -> tuple[DressState, DressState]:
+    """The panels as placed on a body in a pose, and the garment after all stages."""
+    mesh, leg_notes = turned_to_legs(mesh, on.body, on.surface)
+    begun = DressState(as_placed(mesh), on, (), notes=(*notes, *leg_notes))
+    return begun, run_stages(STAGES, task, begun)
+
+
+def _widest_gap(done: DressState) -> float:
+    """Largest gap of the seams [m]."""
+    return worst_gap(done.state)[0]
 
 
 def _directory(output: str | Path | None, overwrite: bool, inputs: tuple[object, ...]) -> Path:

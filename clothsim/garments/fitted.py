@@ -220,7 +220,7 @@ def fit(
         if made_for is not None or scale is not None or part is not None or weld:
             raise InputError(
                 f"{garment} is a scene: its body, unit, part and seams are its own.",
-                "Leave --from, --scale, --part and --weld out, or give the garment's file.",
+                "Leave --made-for, --scale, --part and --weld out, or give the garment's file.",
             )
         worn, source = worn_in_scene(garment)
         base = garment
@@ -341,7 +341,7 @@ def _refuse_a_body(worn: Garment, *bodies: BodyMesh) -> None:
         if np.array_equal(worn.positions, body.positions):
             raise InputError(
                 f"{worn.name} and {body.name} are the same mesh: a body does not wear itself.",
-                "Name the garment first, then --from and --to its bodies; --part takes some vertices of a file only.",
+                "Name the garment first, then its bodies by --made-for and --to; --part takes some vertices of a file.",
             )
 
 

@@ -49,6 +49,38 @@ class Custom(Loss):
 
 
 @dataclass(frozen=True)
+class OfMotion(Loss):
+    """A loss of the user's own of positions and velocities.
+
+    Parameters
+    ----------
+    function : callable
+        Positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives by both, (n, 3) each.
+    frame : int
+        The frame.
+    """
+
+    function: Callable[[Floats, Floats], tuple[float, Floats, Floats]]
+    frame: int = -1
+
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return the loss of the cloth at rest."""
+        value, by_x, _ = self.of_motion(positions, np.zeros_like(positions))
+        return value, by_x
+
+    def of_motion(self, positions: Floats, velocities: Floats) -> tuple[float, Floats, Floats]:
+        """Return what the function returns. InputError where that is no number with two arrays (n, 3)."""
+        try:
+            value, *given = self.function(positions, velocities)
+            by_x, by_v = (as_points("The derivative of the loss", each) for each in given)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"The loss cannot be called: {error}.", "Return (value, dL/dx, dL/dv).") from error
+        if by_x.shape != positions.shape or by_v.shape != positions.shape:
+            raise InputError(f"The loss has derivatives of {len(by_x)} and {len(by_v)} rows, not {len(positions)}.")
+        return float(value), by_x, by_v
+
+
+@dataclass(frozen=True)
 class Distance(Loss):
     """Mean squared distance of the vertices to a target with the same numbering [m2].
 

@@ -22,7 +22,7 @@ from clothsim.gradients.differentiable_session import (
 )
 from clothsim.gradients.exact_system import MOST_STEPS
 from clothsim.gradients.gradient import Gradient
-from clothsim.gradients.losses import Function, Loss, as_loss
+from clothsim.gradients.losses import Function, Loss, OfMotion, as_loss
 from clothsim.run.certificate import Certificate
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run
 from clothsim.run.results import Run
@@ -72,9 +72,12 @@ class Trace:
 
     def cloth_positions(self, frame: int = -1) -> Floats:
         """Return the vertices of all cloths in a frame, in double precision, (n, 3) [m]."""
-        world, number = self.session.built.world, self._state_of(frame)
-        state = self.steps[number - 1].end if number else self.steps[0].start
-        return state.positions[: world.n_cloth] + world.origin
+        world = self.session.built.world
+        return self._state(frame).positions[: world.n_cloth] + world.origin
+
+    def cloth_velocities(self, frame: int = -1) -> Floats:
+        """Return the velocities of all cloth vertices in a frame, (n, 3) [m/s]."""
+        return self._state(frame).velocities[: self.session.built.world.n_cloth]
 
     def gradient(self, loss: Loss | Function | Sequence[Loss]) -> Gradient:
         """Return the gradient of a loss by everything that the run was given.
@@ -93,15 +96,24 @@ class Trace:
             For a loss that does not fit the cloth.
         """
         world = self.session.built.world
-        total, by_positions = 0.0, dict[int, Floats]()
+        total, by_positions, by_velocities = 0.0, dict[int, Floats](), dict[int, Floats]()
         for each in loss if isinstance(loss, Sequence) else [loss]:
             one = as_loss(each)
-            value, derivative = one.evaluate(self.cloth_positions(one.frame), world.triangles)
-            number = self._state_of(one.frame)
+            x, number = self.cloth_positions(one.frame), self._state_of(one.frame)
+            if isinstance(one, OfMotion):
+                value, derivative, by_v = one.of_motion(x, self.cloth_velocities(one.frame))
+                rows = by_velocities.setdefault(number, np.zeros((world.n_vertices, 3)))
+                rows[: world.n_cloth] += by_v
+            else:
+                value, derivative = one.evaluate(x, world.triangles)
             rows = by_positions.setdefault(number, np.zeros((world.n_vertices, 3)))
             rows[: world.n_cloth] += derivative
             total += value
-        return Gradient(self, total, backward_pass(self.session.integrator, self.steps, by_positions))
+        return Gradient(self, total, backward_pass(self.session.integrator, self.steps, by_positions, by_velocities))
+
+    def _state(self, frame: int) -> State:
+        number = self._state_of(frame)
+        return self.steps[number - 1].end if number else self.steps[0].start
 
     def _state_of(self, frame: int) -> int:
         states = self.frame_states

@@ -74,7 +74,8 @@ class Solver(KeyTable):
             "tolerance are chosen for it", "m", above=0, shown="none: dt is fixed"),
     ] = 0.0  # fmt: skip
     estimate: Annotated[
-        bool, Key("Estimate the error by another run with dt x 2, half the cells of generated meshes, d_hat x 2")
+        bool,
+        Key("Estimate the error by two more runs, with dt, cells of generated meshes and d_hat coarser by 2 and 4"),
     ] = False
     budget: Annotated[float, Key("Processor time of all runs that error may take", "s", above=0)] = 600.0
 

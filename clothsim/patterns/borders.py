@@ -164,6 +164,89 @@ def refuse_self_crossing(panel: Panel, border: Border) -> None:
     )
 
 
+MENDED = 2.5e-3
+"""Largest displacement of a sample that mends a border [m]."""
+BRIDGE = 1e-3
+"""Width of the cloth that is left between a mended corner and an edge [m]."""
+OPENING = np.radians(2.5)
+"""Angle that is left between two edges at a corner where they would cross beside it [rad]."""
+MENDINGS = 4
+"""Bound on the places of a panel that are mended."""
+
+
+def mended(panel: Panel, border: Border) -> tuple[Border, str]:
+    """Border without crossings of a millimetre, and a note on what moved; as it is, with "", where that is not enough.
+
+    Pattern programs draw darts and slits a fraction of a millimetre past the edge that they end at, and necklines that
+    leave their corner just outside the shoulder. The corner is drawn back, or the curve is bent inside.
+    """
+    points, said = border.points, []
+    for _ in range(MENDINGS):
+        crossing = crossing_sides(points)
+        if not len(crossing):
+            break
+        sides = crossing[0]
+        edges = np.searchsorted(border.starts, sides, side="right") - 1
+        apart = (edges[1] - edges[0]) % len(panel.edges)
+        beside = apart in (1, len(panel.edges) - 1)
+        moved = _opened(panel, border, points, edges, sides) if beside else _drawn_back(border, points, sides)
+        largest = float(np.linalg.norm(moved - points, axis=1).max())
+        if not 0 < largest <= MENDED:
+            return border, ""
+        points = moved
+        said.append(f"edges {edges[0]} and {edges[1]} by {1e3 * largest:.1g} mm")
+    if not said or len(crossing_sides(points)):
+        return border, ""
+    return replace(border, points=points), f"{panel.name} crossed itself and was mended: {', '.join(said)}"
+
+
+def _opened(panel: Panel, border: Border, points: Floats, edges: Ints, sides: Ints) -> Floats:
+    """Samples of which those of the more curved of two neighbouring edges are bent away from the other's line."""
+    first, second = (int(edge) for edge in (edges if (edges[1] - edges[0]) == 1 else edges[::-1]))
+    before, after = border.along(first)[::-1], border.along(second)  # both from their common corner
+    bows = [_bow(points[rows]) for rows in (before, after)]
+    line, curve = (after, before) if bows[0] > bows[1] else (before, after)
+    corner = points[line[0]]
+    along = points[line[-1]] - corner
+    along = along / np.linalg.norm(along)
+    offset = points[curve] - corner
+    reach = offset @ along
+    beyond = offset @ np.array([-along[1], along[0]])
+    inner = np.sign(beyond[np.argmax(np.abs(beyond))])
+    until = np.flatnonzero((beyond * inner > 0) & (np.abs(beyond) > np.tan(OPENING) * np.abs(reach)))
+    near = np.arange(1, until[0] if len(until) else 1)
+    lack = np.tan(OPENING) * np.abs(reach[near]) - inner * beyond[near]
+    moved = points.copy()
+    moved[curve[near]] += (inner * np.maximum(lack, 0.0))[:, None] * np.array([-along[1], along[0]])
+    return moved
+
+
+def _bow(points: Floats) -> float:
+    """Largest distance of points (k, 2) from their chord [m]."""
+    chord = points[-1] - points[0]
+    offset = points - points[0]
+    return float(np.abs(chord[0] * offset[:, 1] - chord[1] * offset[:, 0]).max() / np.linalg.norm(chord))
+
+
+def _drawn_back(border: Border, points: Floats, sides: Ints) -> Floats:
+    """Samples of which the corner that reached across another edge is drawn back inside, by BRIDGE."""
+    count, moved = len(points), points.copy()
+    found: list[tuple[float, int, Floats]] = []
+    for own, other in (sides, sides[::-1]):
+        a, b = points[other], points[(other + 1) % count]
+        normal = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
+        for row in (own, (own + 1) % count):
+            if row not in border.starts or row in (other, (other + 1) % count):
+                continue
+            behind = points[[row - 1, (row + 1) % count]].mean(axis=0)  # the neighbours are on the side that it left
+            inner = np.sign((behind - a) @ normal)
+            found.append((BRIDGE - inner * float((points[row] - a) @ normal), int(row), inner * normal))
+    if found:
+        lack, row, direction = min(found, key=lambda each: abs(each[0]))
+        moved[row] += max(lack, 0.0) * direction
+    return moved
+
+
 def crossing_sides(points: Floats) -> Ints:
     """Pairs (k, 2) of sides of a closed polygon that meet although they are no neighbours.
 

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.patterns.borders import Border, borders, refuse_self_crossing, without_slivers
+from clothsim.patterns.borders import Border, borders, mended, refuse_self_crossing, without_slivers
 from clothsim.patterns.curves import scaled_curve
 from clothsim.patterns.pattern import Pattern, Side, Stitch, gather_notes, turned_panels
 
@@ -288,7 +288,10 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     refuse_too_fine(pattern, spacing)
     pattern = without_slivers(pattern, spacing)
     sampled = borders(pattern, spacing)
+    said = []
     for panel in pattern.panels.values():
+        sampled[panel.name], note = mended(panel, sampled[panel.name])
+        said += [note] if note else []
         refuse_self_crossing(panel, sampled[panel.name])
     parts, n, m = [], 0, 0
     vertices: dict[str, slice] = {}
@@ -305,7 +308,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         n, m = vertices[name].stop, faces[name].stop
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
-    pattern = replace(pattern, notes=(*pattern.notes, *gather_notes(pattern, spacing)))
+    pattern = replace(pattern, notes=(*pattern.notes, *said, *gather_notes(pattern, spacing)))
     fractions = {side: sampled[side.panel].fractions[side.edge] for side in edges}
     return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams, fractions)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
@@ -291,7 +292,12 @@ class Run(Sequence[Frame]):
         return forces_of(self.record(), str(self.directory))
 
     def plot(
-        self, frame: int = -1, path: str | Path | None = None, field: str | None = None, **settings: Any
+        self,
+        frame: int = -1,
+        path: str | Path | None = None,
+        field: str | None = None,
+        overwrite: bool = False,
+        **settings: Any,
     ) -> np.ndarray | Path:
         """Draw one frame, coloured by its stretch or by another field.
 
@@ -303,6 +309,8 @@ class Run(Sequence[Frame]):
             A PNG file to be written.
         field : str, optional
             A name as of `field`; tensors are drawn by their norm, rotations by their angle, directions as strokes.
+        overwrite : bool
+            Replace the file of that name; else it is an InputError where there is one.
         **settings
             size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions (view also
             "front", "back", "left", "right", "top"), renderer "vtk", "ray" or "auto", style "fields", "print" or
@@ -317,6 +325,7 @@ class Run(Sequence[Frame]):
         if path is None:
             colours = {} if field is None else field_settings(self, field)
             return frame_picture(self.trajectory, frame, **{"up": self.up, **settings, **colours})
+        refuse_replacing([Path(path)], overwrite)
         draw_run(self, Path(path), frame, field, **settings)
         return Path(path)
 
@@ -325,6 +334,7 @@ class Run(Sequence[Frame]):
         path: str | Path,
         progress: Callable[[int, int], None] = lambda done, total: None,
         field: str | None = None,
+        overwrite: bool = False,
         **settings: Any,
     ) -> Path:
         """Write a movie of all frames, in real time unless a rate is given.
@@ -337,6 +347,8 @@ class Run(Sequence[Frame]):
             Called with the frames drawn and all frames after each of them.
         field : str, optional
             As of `plot`.
+        overwrite : bool
+            As of `plot`.
         **settings
             As of `plot`, frames_per_second, samples (per pixel and direction; 1 is faster and rougher), and follow
             (the camera moves with the cloth).
@@ -344,13 +356,13 @@ class Run(Sequence[Frame]):
         Returns
         -------
         Path
-            The file; a .gif of the same name where ffmpeg is not installed.
+            The file. MissingPackageError for a .mp4 where ffmpeg is not installed.
         """
         refuse_unknown("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
-        target.unlink(missing_ok=True)
+        refuse_replacing([target], overwrite)
         draw_run(self, target, field=field, progress=progress, **settings)
-        return target if target.is_file() else target.with_suffix(".gif")
+        return target
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":
         """Write the frames for other programs, in the format that the ending of the file names.

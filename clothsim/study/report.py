@@ -26,7 +26,7 @@ def answer(result: Mapping[str, Any]) -> list[str]:
         own, smallest = reference["own_error"], reference["smallest_error"]
         lines.append(
             f"The reference itself is uncertain by {in_mm(own)}, more than a tenth of the smallest error "
-            f"({in_mm(smallest)}): errors below {in_mm(10 * own)} are known only to that."
+            f"({in_mm(smallest)}): smaller errors than {in_mm(10 * own)} are known to {in_mm(own)} only."
         )
     return lines
 
@@ -43,12 +43,12 @@ def _statement(result: Mapping[str, Any]) -> str:
         missing = " and ".join(headline["missing"])
         reasons = "; ".join(result["missing_knobs"].get(name, "not asked for") for name in headline["missing"])
         return (
-            f"How wrong this scene is, is not known: {missing} cannot be refined ({reasons}). Without what that adds "
-            f"it is {between} wrong. It takes {seconds}."
+            f"The error of this scene is not known: {missing} cannot be refined ({reasons}). Without the part of "
+            f"{missing} it is {between}. The scene takes {seconds}."
         )
     return (
-        f"How wrong this scene is, is not known to a factor of two: {between}; the certificate of the run estimates "
-        f"{in_mm(headline['certificate'])} for its time steps. It takes {seconds}."
+        f"The error of this scene is not known to a factor of two. It is {between}; the certificate of the run "
+        f"estimates {in_mm(headline['certificate'])} for its time steps. The scene takes {seconds}."
     )
 
 
@@ -68,7 +68,7 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
     missing += [f"the finer run of {name} is no data point" for name in failed]
     missing += [words[name] for name in headline["missing"] if name in words]
     why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
-    return [f"How wrong this scene is, is not known {why}: {'; '.join(missing)}.", *_more(headline)]
+    return [f"The error of this scene could not be found {why}: {'; '.join(missing)}.", *_more(headline)]
 
 
 def _searched(result: Mapping[str, Any]) -> list[str]:
@@ -78,7 +78,7 @@ def _searched(result: Mapping[str, Any]) -> list[str]:
         return []
     estimate = in_mm(searched["total"] / MM) if searched["known"] else "an unknown error"
     asked, seconds = in_mm(searched["asked"] / MM), in_seconds(searched["seconds"])
-    return [f"Its settings are those that solver.error took for {asked}, with {estimate} estimated, in {seconds}."]
+    return [f"Its settings are those that solver.error chose for {asked}, with {estimate} estimated, in {seconds}."]
 
 
 def _more(headline: Mapping[str, Any]) -> list[str]:
@@ -100,7 +100,7 @@ def _so_far(headline: Mapping[str, Any]) -> list[str]:
 def _half(result: Mapping[str, Any]) -> list[str]:
     better, base = result["half_the_error"], result["base"]
     if better is None:
-        return ["What half of that error would cost is not known: the runs inside the budget do not resolve it."]
+        return ["The cost of half that error is not known: the runs within the budget do not resolve it."]
     times = better["seconds"] / max(base["seconds"], 1e-9)
     source = "" if better["measured_error"] is not None else ", predicted, not run"
     return [
@@ -118,18 +118,18 @@ def _sources(result: Mapping[str, Any]) -> list[str]:
         lines.append(f"Most of it comes from {worst}: {in_mm(adds[worst])}.")
     unknown = [name for name in result["knobs"] if name not in adds]
     if unknown:
-        lines.append(f"What {' and '.join(unknown)} add is not in that: no finer run of them is a data point.")
+        lines.append(f"The part of {' and '.join(unknown)} is not included: no finer run of them is a data point.")
     names, distance = result["together"], result["reference"]["distance_of_base"]
     if names and result["remainder"] > SAME * distance:
         lines.append(
-            f"{', '.join(names[:-1])} and {names[-1]} do not add up: refined together they show {in_mm(distance)}, and "
-            "what several of them show alone is counted once."
+            f"The errors of {', '.join(names[:-1])} and {names[-1]} do not add up: refined together they show "
+            f"{in_mm(distance)}, and what several of them show alone is counted once."
         )
     model = result["bending_model"]
     if model is not None:
         lines.append(
-            f"What its bending model adds is not in that: {model['model']}, which tends to the fabric's own stiffness, "
-            f"moves the result by {in_mm(model['moves'])} and takes {in_seconds(model['seconds'])}."
+            f"The error of the bending model is not included: {model['model']}, which converges to the fabric's "
+            f"stiffness, moves the result by {in_mm(model['moves'])} and takes {in_seconds(model['seconds'])}."
         )
     return lines
 

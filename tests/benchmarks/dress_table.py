@@ -8,6 +8,7 @@ DIR/table.md and DIR/sheet.png show all that are there. --page replaces what is 
 import argparse
 import json
 import os
+import random
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -54,16 +55,31 @@ def short_name(file: str) -> str:
 
 
 FILES = {short_name(file): file for file in PATTERN_FILES}
+DESIGNS = {f"d{number:03}": f"random160/r{number:03}.json" for number in range(160)}
+"""Random designs that nothing was tuned on, by name in the table; each names the body that it was drawn for."""
+
+
+def drawn(seed: int, count: int) -> list[str]:
+    """Names of `count` random designs, drawn by a seed."""
+    return sorted(random.Random(seed).sample([*DESIGNS], count))
+
+
+def file_and_body(name: str) -> tuple[str, str]:
+    """File of a pattern, and the shared body that it was made for: with the legs apart it is the one without."""
+    if name in FILES:
+        return FILES[name], body_of(FILES[name])
+    made_for = json.loads((DATA / "patterns" / DESIGNS[name]).read_text(encoding="utf-8"))["made_for"]
+    return DESIGNS[name], str(made_for).removesuffix("_apart")
 
 
 def measured(name: str, size: float, folder: Path) -> dict[str, Any]:
     """Dress one pattern in `folder` and return its row; "refused" where the input is refused."""
-    body = body_of(FILES[name])
+    file, body = file_and_body(name)
     row: dict[str, Any] = {"pattern": name, "body": body, "size": size}
     started = process_time()
     try:
         on = DATA / "bodies" / f"{body}.obj"
-        done = clothsim.dress(DATA / "patterns" / FILES[name], on, folder, size=size, overwrite=True)
+        done = clothsim.dress(DATA / "patterns" / file, on, folder, size=size, overwrite=True)
     except ClothsimError as error:
         return {**row, "status": "refused", "reason": str(error), "cpu_seconds": process_time() - started}
     row |= {"cpu_seconds": process_time() - started, **garment_entries(done)}
@@ -105,7 +121,7 @@ def run_one(name: str, size: str, output: Path, limit: int) -> dict[str, Any]:
     if code:
         last = (folder / "log.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
         reason = f"The process ended with {code} (limit {limit} CPU s): {' '.join(last)}"
-        row = {"pattern": name, "body": body_of(FILES[name]), "size": as_length("--size", size), "status": "stopped"}
+        row = {"pattern": name, "body": file_and_body(name)[1], "size": as_length("--size", size), "status": "stopped"}
         store(output, {**row, "reason": reason})
     return read_row(output, name)
 
@@ -175,26 +191,28 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run what is missing and write the table."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.dress_table", description=__doc__.splitlines()[0])
     parser.add_argument("--size", default="2cm", metavar="L")
-    parser.add_argument("--only", nargs="+", default=[*FILES], choices=[*FILES], metavar="NAME", help=", ".join(FILES))
+    known = [*FILES, *DESIGNS]
+    parser.add_argument("--only", nargs="+", choices=known, metavar="NAME", help="default: the 25 patterns")
+    parser.add_argument("--draw", nargs=2, type=int, metavar=("SEED", "COUNT"), help="random designs in their place")
     parser.add_argument("-o", "--output", type=Path, default=Path("results/dress_table"), metavar="DIR")
     parser.add_argument(
         "--limit", type=int, default=1800, metavar="S", help="CPU seconds of one pattern (default 1800)"
     )
     parser.add_argument("--redo", action="store_true", help="run those again that are there")
     parser.add_argument("--page", type=Path, metavar="FILE", help="replace the table of this page")
-    parser.add_argument("--one", choices=[*FILES], help=argparse.SUPPRESS)
+    parser.add_argument("--one", choices=known, help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
     output, size = arguments.output, as_length("--size", arguments.size)
     if arguments.one:
         store(output, measured(arguments.one, size, output / arguments.one))
         return 0
     output.mkdir(parents=True, exist_ok=True)
-    for name in arguments.only:
+    for name in arguments.only or (drawn(*arguments.draw) if arguments.draw else FILES):
         row = read_row(output, name)
         if arguments.redo or row.get("size") != size:
             row = run_one(name, arguments.size, output, arguments.limit)
         print(" | ".join(cells(row)), flush=True)
-    rows = [row for row in (read_row(output, name) for name in FILES) if row]
+    rows = [row for row in (read_row(output, name) for name in known) if row]
     text = "\n\n".join([markdown_table(HEADER, map(cells, rows)), summary(rows)])
     write_atomically(output / "table.md", (text + "\n").encode())
     print(f"{summary(rows)}\n{output / 'table.md'}, {contact_sheet(rows, output)}")

@@ -143,7 +143,7 @@ def test_an_earlier_run_is_replaced_and_other_files_stay(capsys, tmp_path):
     (tmp_path / "free").mkdir()
     (tmp_path / "free/thesis.txt").write_text("all my work")
     main(["run", "free.toml", "--no-picture"])
-    assert "free holds other files, which stay" in capsys.readouterr().out
+    assert "free holds other files, which are kept" in capsys.readouterr().out
     assert "--overwrite" in refused(capsys, "run", "free.toml", "--no-picture")[1]
     main(["run", "free.toml", "--no-picture", "--frames-per-second", "25", "--overwrite"])
     assert "free holds an earlier run, which is replaced." in capsys.readouterr().out

@@ -1,5 +1,7 @@
 """The layer: steps as functions of a state and of parameters, against central differences with h halved."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from adjoint_cases import CONTACT, ELASTIC, FALLING, falling_scene, halved_errors
@@ -60,20 +62,18 @@ def test_a_rollout_of_16_steps(strip):
     by_x, by_v = weights(rollout.x.shape), 0.02 * weights(rollout.x.shape, 1)
     by_start, by = rollout.vjp(by_x, by_v)
 
-    def loss(parameters=at, x=start.x, v=start.v):
-        moved = strip.rollout(strip.state(x, v), parameters, 16)
-        return np.vdot(by_x, moved.x) + np.vdot(by_v, moved.v)
+    given = at | {"x": start.x, "v": start.v}
+    by = by | {"x": by_start.positions[:n], "v": by_start.velocities[:n]}
+    directions = {name: weights(np.shape(value), 4) for name, value in given.items()}
+    # each part of the loss's change is 1, so that none hides another
+    directions = {name: d / np.vdot(by[name], d) for name, d in directions.items()}
 
-    assert loss() == pytest.approx(np.vdot(by_x, rollout.x) + np.vdot(by_v, rollout.v), rel=1e-12)
-    for name, value in at.items():
-        d = np.abs(value).max() * weights(np.shape(value), 4)
-        errors = halved_errors(
-            np.vdot(by[name], d), lambda h, d=d, name=name, value=value: loss(at | {name: value + h * d}), 1e-4
-        )
-        assert errors[1] < 1e-6, name
-    d = weights((n, 3), 5)
-    assert halved_errors(np.vdot(by_start.positions[:n], d), lambda h: loss(x=start.x + h * d), 1e-6)[1] < 1e-6
-    assert halved_errors(np.vdot(by_start.velocities[:n], d), lambda h: loss(v=start.v + h * d), 1e-5)[1] < 1e-6
+    def loss(h):
+        moved = {name: value + h * directions[name] for name, value in given.items()}
+        again = strip.rollout(strip.state(moved.pop("x"), moved.pop("v")), moved, 16)
+        return np.vdot(by_x, again.x) + np.vdot(by_v, again.v)
+
+    assert halved_errors(float(len(given)), loss, 1e-5)[1] < 1e-6
 
 
 def test_rest_positions(strip):
@@ -118,3 +118,18 @@ def test_what_is_no_parameter(strip):
             strip.state(x, start.v)
     with pytest.raises(InputError):
         strip.rollout(start, None, 2).vjp(np.zeros((2, 8, 3)))
+
+
+def test_the_training_loop_of_the_docs_in_small(capsys):
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "layer.md").read_text(encoding="utf-8")
+    program = next(block for block in page.split("```python") if "minimize(" in block).split("```")[0]
+    small = program.replace('"maxiter": 12', '"maxiter": 1').replace('"cells": [4, 4]', '"cells": [3, 3]')
+    small = small.replace('"select": [4, 24]', '"select": [3, 15]').replace(
+        "steps, drop, held = 16", "steps, drop, held = 8"
+    )
+    assert small.count("\n") < 30
+    exec(compile(small, "layer.md", "exec"), made := {})
+    off = [float(line.split()[0]) for line in capsys.readouterr().out.splitlines()]
+    assert len(off) > 1
+    assert off[-1] < 0.7 * off[0]
+    assert made["learned"].fun < 0.5 * made["loss"](np.zeros(8))[0]

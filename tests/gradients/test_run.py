@@ -6,11 +6,11 @@ import sys
 
 import numpy as np
 import pytest
-from adjoint_cases import CONTACT, ELASTIC, FALLING, FRICTION, falling_scene
+from adjoint_cases import CONTACT, ELASTIC, FALLING, FRICTION, falling_scene, halved_errors
 
 import clothsim
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.losses import Custom, Distance, Height
+from clothsim.gradients.losses import Custom, Distance, Height, OfMotion
 from clothsim.gradients.parameters import value_at
 from clothsim.gradients.run import DifferentiableRun, simulate_differentiably, traced
 from clothsim.scene.paths import override
@@ -44,6 +44,21 @@ def test_losses_of_frames_add_up(run):
     np.testing.assert_allclose(both, run.gradient(first)["start"] + run.gradient(last)["start"], atol=1e-12)
     with pytest.raises(InputError):
         run.gradient(Height(frame=99))
+
+
+def test_a_loss_of_velocities(run):
+    """The kinetic energy in a frame, by the velocities at the start."""
+    loss = OfMotion(lambda x, v: (0.5 * float((v**2).sum()), np.zeros_like(x), v), frame=1)
+    trace, d = run.trace, WEIGHTS
+    found, start = run.gradient(loss), trace.steps[0].start.velocities[: len(d)]
+
+    def value(h):
+        return traced(trace.session.scene, start={"velocity": start + h * d}).gradient(loss).value
+
+    assert found.value == pytest.approx(0.5 * (trace.cloth_velocities(1) ** 2).sum())
+    assert halved_errors(np.vdot(found["velocity"], d), value, 1e-5)[1] < 1e-6
+    with pytest.raises(InputError):
+        run.gradient(OfMotion(lambda x, v: (0.0, x)))
 
 
 def test_euler_identity(run):

@@ -150,6 +150,10 @@ def test_it_draws_its_frames(directory):
     assert (picture.shape, picture.dtype) == ((80, 64, 3), np.uint8)
     assert picture.std() > 0
     file = run.plot(0, directory / "first.png", **small)
+    for drawing in (run.plot, run.movie):
+        with pytest.raises(InputError, match="exists"):
+            drawing(path=file, **small)
+    assert run.plot(0, file, overwrite=True, **small) == file
     with Image.open(file) as image:
         assert np.array_equal(np.asarray(image), picture)
     drawn = []

@@ -52,6 +52,9 @@ def test_one_flipped_bit_of_a_drape_makes_no_model(farm):
 
 def test_a_model_reads_as_it_was_written(learned, tmp_path):
     again = read_model(learned.model.write(tmp_path / "model.npz"))
+    with pytest.raises(InputError, match="exists"):
+        learned.model.write(tmp_path / "model.npz")
+    assert learned.model.write(tmp_path / "model.npz", overwrite=True).is_file()
     asked = 0.5 * (learned.model.low + learned.model.high)
     assert again.family == learned.model.family
     assert np.array_equal(again.positions(asked), learned.model.positions(asked))

@@ -17,6 +17,7 @@ import numpy as np
 from clothsim import Body, Run, Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import build
+from clothsim.garments.dress.limbs import Wearer, limbs_between
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
 from clothsim.garments.inputs import BodyMesh
@@ -252,22 +253,26 @@ class ClosingResult:
         Rounds, seconds and largest gap.
     runs : tuple of Run
         The rounds.
+    between : tuple of str
+        Limbs of the body between the sides of seams that stay open.
     """
 
     state: SewingState
     failure: str
     description: str
     runs: tuple[Run, ...]
+    between: tuple[str, ...] = ()
 
 
 def close(
-    state: SewingState, body: BodyMesh, surface: BodySurface, fabrics: Fabrics, folder: Path, listener: Listener | None
+    state: SewingState, wearer: Wearer, fabrics: Fabrics, folder: Path, listener: Listener | None
 ) -> ClosingResult:
     """Draw all open seams together. InputError for a start that cannot be simulated.
 
     After each round the pairs that are closed are welded: at the corners of several panels springs against contact
     would keep one another apart.
     """
+    body, surface = wearer.body, wearer.surface
     runs: list[Run] = []
     waiting, further = deque(sewing_phases(state)), deque(stiffer_phases(state))
     largest, name, limit = 0.0, "", np.inf
@@ -286,16 +291,25 @@ def close(
         runs.append(run)
         state = state.moved_to(run.positions(-1))
         if run.status != "completed":
-            return ClosingResult(state, f"While the seams were closed: {run.reason}", "", tuple(runs))
+            between = limbs_between(state, _open_seams(state), wearer, mean_edge(state))
+            return ClosingResult(state, f"While the seams were closed: {run.reason}", "", tuple(runs), between)
         state = welded_where_closed(state, limit, surface)
         largest, name = worst_gap(state)
     seconds = sum(float(run.times[-1]) for run in runs)
     welded = f"pairs within {1e3 * limit:.2g} mm welded, largest gap left {1e3 * largest:.2g} mm"
     description = f"{len(runs)} rounds, {seconds:.2g} s; {welded}"
-    failure = ""
+    failure, between = "", ()
     if largest > limit:
-        failure = f"Seam {name} stays open by {1e3 * largest:.3g} mm (closed: {1e3 * limit:.2g} mm)."
-    return ClosingResult(state, failure, description, tuple(runs))
+        own = [seam for seam in state.mesh.seams if seam.name == name]
+        here, between = (limbs_between(state, seams, wearer, limit) for seams in (own, _open_seams(state)))
+        what = f"between them: {', '.join(f'the {limb}' for limb in here)}" if here else "between them: no limb, cloth"
+        failure = f"Seam {name} stays open by {1e3 * largest:.3g} mm (closed: {1e3 * limit:.2g} mm), {what}."
+    return ClosingResult(state, failure, description, tuple(runs), between)
+
+
+def _open_seams(state: SewingState) -> list[Seam]:
+    """Seams with a pair that is not welded."""
+    return [state.mesh.seams[k] for k in state.open_seams]
 
 
 def worst_gap(state: SewingState) -> tuple[float, str]:

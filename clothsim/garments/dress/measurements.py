@@ -15,12 +15,11 @@ from clothsim import Pattern
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import Fabric, border_edges, components
 from clothsim.garments.dress.closing import is_on_top
+from clothsim.garments.dress.limbs import goes_round
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh
 
-SECTORS = 24
-"""Directions from the axis of the body in all of which a line round it lies."""
 LINES = 100
 """Level lines of a garment among which the length at a level is interpolated."""
 
@@ -72,13 +71,6 @@ def girth_along_cloth(state: SewingState, body: BodyMesh, level: float, highest:
             heights.append(float(np.average((ends @ body.up).mean(axis=1), weights=sides)))
             lengths.append(float(sides.sum()))
     return _interpolate_length(np.array(heights), np.array(lengths), level, highest)
-
-
-def goes_round(segments: Floats) -> bool:
-    """True where segments (s, 2, 2) lie in every direction from the origin, in sectors of 360 / SECTORS degrees."""
-    points = segments[:, :1] + np.linspace(0, 1, 4)[:, None] * (segments[:, 1:] - segments[:, :1])
-    angle = np.arctan2(points[..., 1], points[..., 0]).ravel()
-    return len(np.unique(np.floor(angle / (2 * np.pi) * SECTORS).astype(np.int64) % SECTORS)) == SECTORS
 
 
 def across(body: BodyMesh) -> list[int]:

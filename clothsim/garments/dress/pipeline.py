@@ -25,15 +25,19 @@ from clothsim.garments.dress.corrections import (
     sleeves_cleared,
     touching_seams,
 )
+from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
+from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import (
+    MOTION_SECONDS,
     Announcement,
     Listener,
     PlannedStage,
     Stage,
     StageCallback,
     dress_drape,
+    fit_motion,
     named_stage,
     simulate_stage,
     staged,
@@ -62,15 +66,20 @@ class DressTask:
 
 @dataclass(frozen=True)
 class DressState:
-    """The garment so far; status and reason: as of `Dress`."""
+    """The garment so far, and the body that it is sewn on, in its pose; status and reason: as of `Dress`.
+
+    between: limbs of the body between the sides of seams that stay open.
+    """
 
     state: SewingState
+    on: Wearer
     stages: tuple[Stage, ...]
     status: str = "completed"
     reason: str = ""
     notes: tuple[str, ...] = ()
     run: Run | None = None
     closing: tuple[Run, ...] = ()
+    between: tuple[str, ...] = ()
     tight: Mapping[str, Tightness] = field(default_factory=dict)
 
     @property
@@ -88,7 +97,7 @@ def _add_stage(
 ) -> DressState:
     """The garment after a stage."""
     made = lambda: (state.positions, description)  # noqa: E731
-    stage = staged(name, state.triangles, task.surface, made, task.on_stage, started)
+    stage = staged(name, state.triangles, done.on.surface, made, task.on_stage, started)
     return replace(done, state=state, stages=(*done.stages, stage))
 
 
@@ -97,8 +106,8 @@ def _place(task: DressTask, done: DressState) -> DressState:
     started, state = perf_counter(), done.state
     touching = touching_seams(state)
     state = state.weld(touching)
-    state, lift_note = lifted(state, task.body, task.surface)
-    state, sleeve_notes = sleeves_cleared(state, task.body)
+    state, lift_note = lifted(state, done.on.body, done.on.surface)
+    state, sleeve_notes = sleeves_cleared(state, done.on.body)
     done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else []), *sleeve_notes))
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
     size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
@@ -108,35 +117,35 @@ def _place(task: DressTask, done: DressState) -> DressState:
 def _separate(task: DressTask, done: DressState) -> DressState:
     """Panels moved apart where they intersect one another or the body."""
     started = perf_counter()
-    state, description = separated(done.state, task.body, task.surface)
+    state, description = separated(done.state, done.on.body, done.on.surface)
     done = _add_stage(task, done, "separate", state, description, started)
     counts = done.stages[-1].counts
     if counts.clean:
         return done
-    names = ", ".join(panels_in_contact(state, task.surface))
+    names = ", ".join(panels_in_contact(state, done.on.surface))
     return done.failed(f"Placed panels intersect, and no way out was found: {names} ({counts}).")
 
 
 def _approach(task: DressTask, done: DressState) -> DressState:
     """Panels moved toward the body."""
     started = perf_counter()
-    return _add_stage(task, done, "approach", *approached(done.state, task.body, task.surface), started)
+    return _add_stage(task, done, "approach", *approached(done.state, done.on.body, done.on.surface), started)
 
 
 def _close(task: DressTask, done: DressState) -> DressState:
     """Seams drawn together under contact."""
     started = perf_counter()
     try:
-        closing = close(done.state, task.body, task.surface, task.fabrics, task.directory, task.progress)
+        closing = close(done.state, done.on, task.fabrics, task.directory, task.progress)
     except InputError as error:
         return done.failed(f"The closing could not start: {error.sentence}")
     done = _add_stage(task, done, "close", closing.state, closing.description, started)
-    return replace(done.failed(closing.failure), closing=closing.runs)
+    return replace(done.failed(closing.failure), closing=closing.runs, between=closing.between)
 
 
 def _weld(task: DressTask, done: DressState) -> DressState:
     """Seams welded; those whose weld would intersect stay springs, and are named."""
-    started, state = perf_counter(), welded_where_closed(done.state, np.inf, task.surface)
+    started, state = perf_counter(), welded_where_closed(done.state, np.inf, done.on.surface)
     springs = [state.mesh.seams[k].name for k in state.open_seams]
     if springs:
         note = f"stay springs, as their weld would intersect: {', '.join(springs)}"
@@ -145,6 +154,20 @@ def _weld(task: DressTask, done: DressState) -> DressState:
     return _add_stage(
         task, done, "weld", state, f"{welded}, {len(springs)} stay springs" if springs else welded, started
     )
+
+
+def _return(task: DressTask, done: DressState) -> DressState:
+    """The body moved back to its own pose under the garment."""
+    started = perf_counter()
+    try:
+        run = returned_body(done.state, done.on, task.fabrics, task.directory / "return", task.progress)
+    except InputError as error:
+        return done.failed(f"The body could not move back to its pose: {error.sentence}")
+    if run.status != "completed":
+        return done.failed(f"While the body moved back to its pose: {run.reason}")
+    done = replace(done, on=Wearer(task.body, task.surface))
+    state = done.state.moved_to(run.positions(-1))
+    return _add_stage(task, done, "return", state, f"the body is back in its pose after {run.times[-1]:.2g} s", started)
 
 
 def _drape(task: DressTask, done: DressState) -> DressState:
@@ -201,6 +224,7 @@ STAGES = (
     PlannedStage("approach", _approach, lambda task, done: bool(done.state.open_seams)),
     PlannedStage("close", _close, lambda task, done: bool(done.state.open_seams)),
     PlannedStage("weld", _weld),
+    PlannedStage("return", _return, lambda task, done: done.on.body is not task.body),
     PlannedStage("drape", _drape),
 )
 """Stages of dressing."""
@@ -234,7 +258,8 @@ def drape_sewn(
 ) -> Run:
     """Run of the garment under gravity until it rests.
 
-    One that hangs on the shoulders is shaken down before, in the folder `shaken`; that is left out where it sinks.
+    One that hangs on the shoulders is shaken down before, in the folder `shaken`; that is left out where it sinks, or
+    does not complete.
 
     Raises
     ------
@@ -244,13 +269,28 @@ def drape_sewn(
     if hangs_on_shoulders(state.positions, body):
         first = named_stage("shake down, before the drape", listener)
         shaken = _drape_with_friction(state, body, fabrics, folder / "shaken", SLIPPERY, first, announce)
-        if shaken.status != "completed":
-            return shaken
         sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
-        if sank < SANK * np.ptp(body.positions @ body.up):
+        if shaken.status == "completed" and sank < SANK * np.ptp(body.positions @ body.up):
             state = state.moved_to(shaken.positions(-1))
     last = named_stage("drape, the last stage", listener)
     return _drape_with_friction(state, body, fabrics, folder, FRICTION, last, announce)
+
+
+def returned_body(state: SewingState, posed: Wearer, fabrics: Fabrics, folder: Path, listener: Listener | None) -> Run:
+    """Run of the garment under a body that moves from the pose in which it was sewn to its own.
+
+    Raises
+    ------
+    InputError
+        A start that cannot be simulated.
+    """
+    rate = (len(posed.way) - 1) / MOTION_SECONDS
+    moving = Body(posed.way[0], posed.body.triangles, frames=posed.way, frames_per_second=rate, name="body")
+    stiffness = carrying_stiffness(fabrics.main, posed.way[-1])
+    scene = fit_motion(stiffness, open_seam_tables(state), self_contact=True, slips=False).scene(
+        cloth=sewn_cloth(state, fabrics), body=moving
+    )
+    return simulate_stage(scene, folder, named_stage("body back to its pose", listener))
 
 
 def hangs_on_shoulders(positions: Floats, body: BodyMesh) -> bool:

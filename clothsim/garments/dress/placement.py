@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.garments.dress.limbs import form_a_tube
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, PatternMesh
 from transfer.body_frame import body_frame
@@ -232,7 +233,8 @@ def turned_to_legs(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> t
     """Mesh whose legs are turned to those of the body, and a note for each that was turned.
 
     Where springs of the seams of a leg come close to the body, its front and its back turn in the body's frontal plane,
-    each by the angle that brings the middle of its hem over the leg. A turn that frees no spring is not made.
+    each by the angle that brings the middle of its hem over the leg. A turn that frees no spring is not made. Panels
+    that form no tube, as the gores of a skirt, are of no leg.
     """
     front = front_of(body)
     right = np.cross(body.up, front)
@@ -246,7 +248,7 @@ def turned_to_legs(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> t
         }
         names = [name for name, points in place.items() if (side * points @ right).min() > -ACROSS]
         pairs = _leg_seam_pairs(mesh, names)
-        if not len(pairs):
+        if not len(pairs) or not form_a_tube(mesh, names, body.up):
             continue
         middles = mesh.positions[pairs].mean(axis=1)
         crotch = middles[np.argmin(np.abs((middles - middle) @ right))]

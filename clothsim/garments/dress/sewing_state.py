@@ -103,11 +103,16 @@ def count_crossing_body(ends: Floats, surface: BodySurface) -> int:
 
 def crosses_body(ends: Floats, surface: BodySurface) -> NDArray[np.bool_]:
     """True for each segment (k, 2, 3) that meets the body, (k,)."""
+    return np.asarray(body_hits(ends, surface) >= 0)
+
+
+def body_hits(ends: Floats, surface: BodySurface) -> Ints:
+    """First triangle of the body that each segment (k, 2, 3) meets, (k,); -1 for none."""
     along = ends[:, 1] - ends[:, 0]
     lengths = np.linalg.norm(along, axis=1)
     directions = along / np.maximum(lengths, np.finfo(float).tiny)[:, None]
-    distance, _ = surface.exits(ends[:, 0], directions)
-    return np.asarray(distance < lengths)
+    distance, triangles = surface.exits(ends[:, 0], directions)
+    return np.asarray(np.where(distance < lengths, triangles, -1), np.int64)
 
 
 @dataclass(frozen=True)

@@ -430,7 +430,7 @@ def _falling_reason(run: Run, body: str) -> str:
         return ""
     return (
         f"The garment does not stay on {body}: at the end of its drape it still moves at {fastest:.2g} m/s. "
-        "Does it lie on the body that it was made for (--from, --scale)?"
+        "Does it lie on the body that it was made for (--made-for, --scale)?"
     )
 
 

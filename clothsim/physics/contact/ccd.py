@@ -156,6 +156,9 @@ ZERO = (0.0, 0.0, 0.0)
 MAX_INCREMENTS = 256
 """Increments per pair; after the last one the fraction reached is returned: safe, but too small."""
 
+RESOLVED = 64 * float(np.finfo(np.float64).eps)
+"""Least gap over the largest coordinate of a pair: closer, round-off decides on which side of a face a point lies."""
+
 TOLERANCE = 0.01
 """Fraction of the usable gap, d(0) - floor, that may remain when a pair ends."""
 
@@ -184,7 +187,8 @@ def point_triangle_limit(
     -------
     float
         t, never too large; a pair gives up at most TOLERANCE of its usable gap. 0 where a moving pair starts at the
-        offset or closer, or moves by NaN: the caller must report it.
+        offset or closer, or so little farther that round-off hides it (RESOLVED), or moves by NaN: the caller must
+        report it.
     """
     return _collision_free_fraction(x, dx, pairs, False, offset, slack, d_hat, limit)
 
@@ -203,17 +207,31 @@ def _collision_free_fraction(
     """Least fraction over all pairs."""
     for i in range(pairs.shape[0]):
         y, dy = _differences(x, pairs[i]), _differences(dx, pairs[i])
-        limit = _pair_limit(y, dy, is_edges, offset, slack, d_hat, limit)
+        least = RESOLVED * _largest_coordinate(x, pairs[i])
+        limit = _pair_limit(y, dy, is_edges, offset, slack, d_hat, least, limit)
         if limit <= 0.0:
             return 0.0
     return limit
 
 
 @part
+def _largest_coordinate(x: Floats, rows: Ints) -> float:
+    """Largest magnitude of a coordinate of four rows of x [m]."""
+    largest = 0.0
+    for row in rows:
+        for k in range(3):
+            largest = max(largest, abs(x[row, k]))
+    return largest
+
+
+@part
 def _pair_limit(
-    y: Points, dy: Points, is_edges: bool, offset: float, slack: float, d_hat: float, limit: float
+    y: Points, dy: Points, is_edges: bool, offset: float, slack: float, d_hat: float, least: float, limit: float
 ) -> float:
-    """Fraction for one pair, at most `limit`; otherwise independent of it, so the order of the pairs is arbitrary."""
+    """Fraction for one pair, at most `limit`; otherwise independent of it, so the order of the pairs is arbitrary.
+
+    least: gap that is told from none [m].
+    """
     dw = _vertex_differences(dy, is_edges)
     speed = _speed(dw, is_edges)
     if speed == 0.0:
@@ -223,9 +241,9 @@ def _pair_limit(
     if boxes_apart(y, is_edges, offset + (1.0 - slack) * d_hat + speed):  # the highest possible floor: most pairs
         return limit
     m, distance = _separating_direction(y, dy, is_edges)
-    clearance = (1.0 - slack) * min(distance - offset, d_hat)
-    if not clearance > 0.0:
+    if not distance - offset > least:
         return 0.0
+    clearance = (1.0 - slack) * min(distance - offset, d_hat)
     floor = offset + clearance
     usable = distance - floor
     t = 0.0

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.file_writing import replacing
+from clothsim.base.file_writing import refuse_replacing, replacing
 from clothsim.geometry.intersection.crossings import Crossing, crossings
 from clothsim.mesh.generators.mannequin.generator import JOINTS, template
 from clothsim.mesh.topology import components
@@ -83,8 +83,9 @@ class DrapeModel:
         features = np.concatenate([[1.0], (clipped - self.centre) / self.scale])
         return (self.mean + self.basis @ (features @ self.weights)).reshape(-1, 3)
 
-    def write(self, path: Path) -> Path:
-        """Write the model as .npz, for `read_model`."""
+    def write(self, path: Path, overwrite: bool = False) -> Path:
+        """Write the model as .npz, for `read_model`. InputError where there is such a file, without `overwrite`."""
+        refuse_replacing([path], overwrite)
         arrays: dict[str, Any] = {name: np.asarray(value) for name, value in asdict(self).items()}
         with replacing(path) as beside, beside.open("wb") as target:
             np.savez_compressed(target, **arrays)

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.base.file_writing import replacing, write_atomically
+from clothsim.base.file_writing import refuse_replacing, replacing, write_atomically
 from clothsim.base.text import text_table
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.reading import (
@@ -104,7 +104,15 @@ class Packed:
     left_out: int
 
 
-def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
+def packed_files(target: Path) -> list[Path]:
+    """The files that a data set is known by: the data, then what lies beside them by the same name."""
+    of_file = target.suffix in (".h5", ".hdf5")
+    beside = target.with_suffix("") if of_file else target / "data"
+    first = target if of_file else target / "shard-000000.tar"
+    return [first, *(beside.with_suffix(ending) for ending in (".jsonl", ".md", ".parquet"))]
+
+
+def pack(farm: Farm, target: str | Path, shard: int = SHARD, overwrite: bool = False) -> Packed:
     """Write the usable drapes of a farm for other programs.
 
     Parameters
@@ -114,6 +122,8 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
         "data.h5": one file; any other name: a folder of shards.
     shard : int
         Drapes of a shard.
+    overwrite : bool
+        Replace files of the same names.
 
     Returns
     -------
@@ -122,7 +132,8 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
     Raises
     ------
     InputError
-        Where no drape is usable, or the farm is not verified, or not what was verified (`demand_verified`).
+        Where a file is there already, no drape is usable, or the farm is not verified, or not what was verified
+        (`demand_verified`).
 
     Notes
     -----
@@ -131,6 +142,7 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
     ID.cloth.npy, ID.summary.json, ID.params.json, and the meshes in meshes.tar; the same bytes whenever they are made
     of the same drapes.
     """
+    refuse_replacing(packed_files(Path(target)), overwrite)
     demand_verified(farm)
     rows = manifest(farm)
     used = [row for row in rows if row["usable"]]

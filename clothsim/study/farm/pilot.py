@@ -39,9 +39,9 @@ def pilot(recipe: Recipe) -> Pilot:
         if isinstance(found, Pilot):
             return found
         lacks.append(found)
-    others = f" Nor are the next {len(lacks) - 1}." if len(lacks) > 1 else ""
+    others = f" The next {len(lacks) - 1} are not usable either." if len(lacks) > 1 else ""
     raise InputError(
-        f"No pilot drape is usable, nothing is planned. {lacks[0].sentence}{others}",
+        f"No pilot drape is usable, so nothing is planned. {lacks[0].sentence}{others}",
         lacks[0].remedy or "Change the recipe, or plan it as it is: --no-pilot.",
     )
 

@@ -312,3 +312,16 @@ def test_the_separated_fraction_of_one_term_is_its_root(order, span):
     (w if turning == power == 2 else dw)[:, 0] = -c / 2.0
     found = _separated_fraction(tuples(m), tuples(w), tuples(dw), True, 0.0, span)
     assert found == pytest.approx(span / np.sqrt(1.004), rel=1e-12)
+
+
+def test_a_gap_that_round_off_hides_is_no_way_through():
+    """In a press for rubbish (B26b) a wall went through a vertex 1.4e-16 m before it: its fraction was 1."""
+    x = np.array([[-0.08, 0.08, 5e-4], [0, -0.165, 0.195], [0, 0.165, -0.135], [0, 0.165, 0.195]])
+    gap = np.array([1.5e-16, 1.5e-16, 1.2e-16])
+    x[1:, 0] = x[0, 0] - gap
+    dx = np.zeros_like(x)
+    dx[1:, 0] = 6.6e-8
+    pair = np.array([[0, 1, 2, 3]])
+    assert point_triangle_limit(x, dx, pair, 0.0, 0.9, 2e-3, 1.0) == 0.0
+    x[1:, 0] = x[0, 0] - 1e-13
+    assert 0.85e-13 < 6.6e-8 * point_triangle_limit(x, dx, pair, 0.0, 0.9, 2e-3, 1.0) < 1e-13

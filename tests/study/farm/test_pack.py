@@ -51,6 +51,10 @@ def test_hdf5(farm, tmp_path):
         assert len(file["meshes"]) == 3  # two sheets and a ball, once each
     assert len((tmp_path / "data.jsonl").read_text().splitlines()) == 4
     assert "CC0-1.0" in (tmp_path / "data.md").read_text()
+    for name in ("data.h5", "data.hdf5"):
+        with pytest.raises(InputError, match="exists"):
+            pack(farm, tmp_path / name)
+    assert pack(farm, tmp_path / "data.h5", overwrite=True).drapes == 4
 
 
 def test_shards_are_plain_tar_and_the_same_bytes_twice(farm, tmp_path):

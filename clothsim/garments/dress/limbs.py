@@ -1,0 +1,187 @@
+"""Limbs: which one is between the sides of a seam, which panels are the tube of a leg, poses to sew in.
+
+Strings that run through a limb draw both sides of a seam to the far side of it, or leave the seam open: an inseam
+between thighs that nearly touch, a wide skirt beside forearms. The garment is then sewn anew with the legs parted or
+the arms raised, and these come back under contact, as a person steps into trousers.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import components
+from clothsim.garments.dress.sewing_state import SewingState, body_hits
+from clothsim.garments.inputs import BodyMesh
+from clothsim.patterns import PatternMesh, Seam
+from transfer.errors import TransferError
+from transfer.part_warp import arm_axis, part_weights
+from transfer.signed_distance import BodySurface, body_surface
+
+
+class Wearer(NamedTuple):
+    """A body in a pose, its surface, and its way back to its own pose, (k, n, 3) [m]; none where it is in that."""
+
+    body: BodyMesh
+    surface: BodySurface
+    way: Floats = np.zeros((0, 0, 3))
+
+
+SIDES = ("left", "right")
+HAND, FOREARM = 0.25, 0.6
+"""Distances from the tip of an arm to the ends of its hand and of its forearm, as fractions of that of the armpit."""
+TORSO = "torso"
+
+
+def limb_names(body: BodyMesh) -> np.ndarray:
+    """Name of the limb that each vertex of a body is of, (n,); "body" where it is no standing body."""
+    names = np.full(len(body.positions), "body", dtype="<U13")
+    try:
+        parts = body.parts
+    except TransferError:
+        return names
+    local = parts.frame.local(body.positions)
+    names[:] = TORSO
+    names[local[:, 1] > parts.landmarks["neck"]] = "head"
+    weights = part_weights(parts, local)
+    for k, side in enumerate(SIDES):
+        names[weights.legs[k] > 0.5] = f"{side} leg"
+        names[weights.arms[k] > 0.5] = f"{side} arm"
+        names[parts.hands[k] < FOREARM] = f"{side} forearm"
+        names[parts.hands[k] < HAND] = f"{side} hand"
+    return names
+
+
+def limbs_between(state: SewingState, seams: Iterable[Seam], wearer: Wearer, farther: float) -> tuple[str, ...]:
+    """Limbs that strings of some seams run through, longer than `farther` [m], those that most run through first."""
+    pairs = np.concatenate([np.zeros((0, 2), np.int64), *(state.pairs(seam) for seam in seams)])
+    ends = state.positions[pairs[state.distances(pairs) > farther]]
+    hit = body_hits(ends, wearer.surface) if len(ends) else np.zeros(0, np.int64)
+    names = limb_names(wearer.body)[wearer.body.triangles[hit[hit >= 0], 0]]
+    found, counts = np.unique(names, return_counts=True)
+    return tuple(str(found[k]) for k in np.argsort(-counts, kind="stable"))
+
+
+SECTORS = 24
+"""Directions from the axis of the body, or of a leg, in all of which a line round it lies."""
+
+
+SAMPLES = 16
+"""Points of a segment that are seen from the axis."""
+
+
+def goes_round(segments: Floats) -> bool:
+    """True where segments (s, 2, 2) lie in every direction from the origin, in sectors of 360 / SECTORS degrees."""
+    points = segments[:, :1] + np.linspace(0, 1, SAMPLES)[:, None] * (segments[:, 1:] - segments[:, :1])
+    angle = np.arctan2(points[..., 1], points[..., 0]).ravel()
+    return len(np.unique(np.floor(angle / (2 * np.pi) * SECTORS).astype(np.int64) % SECTORS)) == SECTORS
+
+
+TUBE_LEVELS = (0.1, 0.2, 0.3, 0.45)
+"""Levels at which panels are cut to see whether they close, as fractions of their height."""
+
+
+def form_a_tube(mesh: PatternMesh, names: list[str], up: Floats) -> bool:
+    """True where panels as placed, with the strings between them, go round their own middle at a level.
+
+    Those of a trouser leg do, with its inseam; the gores of a skirt on one side of the body do not.
+    """
+    inside = set(names)
+    pairs = [seam.pairs for seam in mesh.seams if {side.panel for side in seam.stitch.sides} <= inside]
+    if not pairs:
+        return False
+    triangles = np.concatenate([mesh.triangles[mesh.faces[name]] for name in names])
+    heights, across = mesh.positions @ up, np.flatnonzero(up == 0)
+    low, high = heights[triangles].min(), heights[triangles].max()
+    sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
+    for fraction in TUBE_LEVELS:
+        above = heights[sides] - (low + fraction * (high - low))
+        cut = above[..., 0] * above[..., 1] < 0
+        share = (above[cut][:, 0] / (above[cut][:, 0] - above[cut][:, 1]))[:, None]
+        ends = mesh.positions[sides[cut]]
+        cloth = ((1 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 2, 3)  # two sides of a triangle are cut
+        lines = np.concatenate([cloth, _strings_at(mesh, pairs, heights, low + fraction * (high - low))])[..., across]
+        if len(lines) and goes_round(lines - lines.reshape(-1, 2).mean(axis=0)):
+            return True
+    return False
+
+
+def _strings_at(mesh: PatternMesh, pairs: list[Ints], heights: Floats, level: float) -> Floats:
+    """Ends (k, 2, 3) [m] of the string of each seam that is nearest to a level, of those that reach it."""
+    found = [np.zeros((0, 2, 3))]
+    for rows in pairs:
+        middles = heights[rows].mean(axis=1)
+        if middles.min() <= level <= middles.max():
+            found.append(mesh.positions[rows[[np.argmin(np.abs(middles - level))]]])
+    return np.concatenate(found)
+
+
+PARTING = np.radians(12.0)
+"""Angle by which each leg is turned outward [rad]."""
+ROOT = 0.1
+"""Height below the crotch in which the turn grows, as a fraction of the crotch's."""
+LEAST_RAISE = np.radians(10.0)
+"""Arms that hang less below the horizontal stay [rad]."""
+STATIONS = 7
+"""Poses on the way back."""
+
+
+def sewing_pose(wearer: Wearer, limbs: Iterable[str]) -> tuple[Wearer, str]:
+    """The body with those limbs out of the way that seams were open about, and what was done; "" where nothing helps.
+
+    Legs are parted, also where the torso is between, as at a crotch; arms are raised to the horizontal.
+    """
+    found = " ".join(limbs)
+    legs = PARTING if "leg" in found or TORSO in found else 0.0
+    arms = _raise_of_arms(wearer.body) if "arm" in found or "hand" in found else 0.0
+    said = [
+        *([f"the legs parted by {np.degrees(legs):.0f} degrees each"] if legs else []),
+        *([f"the arms raised by {np.degrees(arms):.0f} degrees"] if arms else []),
+    ]
+    if not said:
+        return wearer, ""
+    way = np.stack([_posed(wearer.body, t * legs, t * arms) for t in np.linspace(1.0, 0.0, STATIONS)])
+    body = replace(wearer.body, positions=way[0])
+    return Wearer(body, body_surface(body.positions, body.triangles), way), " and ".join(said)
+
+
+def _raise_of_arms(body: BodyMesh) -> float:
+    """Angle by which the arms hang below the horizontal [rad]; 0 where it is small, or where there are none."""
+    try:
+        parts = body.parts
+    except TransferError:
+        return 0.0
+    axes = np.array([arm_axis(parts, side) for side in (0, 1)])
+    along = axes[:, 0] - axes[:, -1]
+    angle = float(np.arctan2(-along[:, 1], np.abs(along[:, 0])).mean())
+    return angle if angle > LEAST_RAISE else 0.0
+
+
+def _posed(body: BodyMesh, legs: float, arms: float) -> Floats:
+    """Vertices of a body whose legs are turned outward and whose arms upward by angles [rad], (n, 3) [m].
+
+    A leg is sheared: each vertex moves sideward by what its depth below the crotch asks for, so that horizontal
+    sections stay as they are and a leg never meets itself. An arm turns about its shoulder, by less where it blends
+    with the trunk.
+    """
+    parts = body.parts
+    local = parts.frame.local(body.positions)
+    weights = part_weights(parts, local)
+    crotch = parts.landmarks["crotch"]
+    depth = np.maximum(crotch - local[:, 1], 0.0)
+    reach = np.where(depth < ROOT * crotch, depth**2 / (2 * ROOT * crotch), depth - ROOT * crotch / 2)
+    side = np.sign(local[:, 0])
+    low = body.triangles[(depth > 0)[body.triangles].all(axis=1)]
+    label = components(low, len(local))
+    for name in np.unique(label[low]):  # a thigh may reach across the middle of the body
+        side[label == name] = np.sign(np.median(local[label == name, 0]))
+    moved = local.copy()
+    moved[:, 0] += np.tan(legs) * side * reach * (1.0 - weights.arms.sum(axis=0).clip(0.0, 1.0))
+    for k, outward in enumerate((1.0, -1.0)):
+        pivot = arm_axis(parts, k)[-1]
+        turn = Rotation.from_rotvec((outward * arms * weights.arms[k])[:, None] * np.array([0.0, 0.0, 1.0]))
+        moved = turn.apply(moved - pivot) + pivot
+    return np.ascontiguousarray(parts.frame.world(moved))

@@ -1,0 +1,114 @@
+"""Limbs: names on a body, what is between the sides of a seam, tubes of legs, the body posed for sewing and back."""
+
+import numpy as np
+import pytest
+from capsule_bodies import signed_volume
+from sewing_patterns import panel, specification, stitch
+from sewn_tubes import tube
+
+from clothsim.engine import intersecting_pairs
+from clothsim.garments.dress.limbs import (
+    Wearer,
+    form_a_tube,
+    goes_round,
+    limb_names,
+    limbs_between,
+    sewing_pose,
+)
+from clothsim.garments.dress.pipeline import returned_body
+from clothsim.garments.dress.sewing_state import Fabrics, as_placed
+from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.penetration import counted
+from clothsim.mesh.generators.table import GENERATORS
+from clothsim.patterns.pattern_mesh import mesh_pattern
+from clothsim.patterns.specification import pattern_of
+from transfer.signed_distance import body_surface
+
+UP = np.array([0.0, 1.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def wearer() -> Wearer:
+    """The mannequin of the package, y upward."""
+    positions, triangles = GENERATORS["mannequin"]()
+    body = BodyMesh("mannequin", positions[:, [0, 2, 1]] * [1, 1, -1], triangles, 1.0, ())
+    return Wearer(body, body_surface(body.positions, body.triangles))
+
+
+def test_limbs_are_named_by_where_they_are(wearer):
+    names, points = limb_names(wearer.body), wearer.body.positions
+    assert names[points[:, 1].argmax()] == "head"
+    assert sorted(names[[points[:, 0].argmin(), points[:, 0].argmax()]]) == ["left hand", "right hand"]
+    low = points[:, 1] < 0.3
+    assert set(names[low]) == {"left leg", "right leg"}
+    assert len(np.unique(np.sign(points[low][names[low] == "left leg", 0]))) == 1
+
+
+def test_a_body_that_does_not_stand_has_no_limbs():
+    ball = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+    body = BodyMesh("ball", ball, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]), 1.0, ())
+    assert set(limb_names(body)) == {"body"}
+
+
+def two_panels(x: float, y: float):
+    """Panels of 10 by 20 cm before and behind the body about a place [cm], sewn along one side."""
+    panels = {"front": panel(translation=[x, y, 40]), "back": panel(translation=[x, y, -40])}
+    return mesh_pattern(pattern_of(specification(panels, [stitch(("front", 3), ("back", 3), "right_wrong")])), 0.05)
+
+
+def test_what_is_between_the_sides_of_a_seam_is_named(wearer):
+    body = wearer.body
+    leg = 100 * body.positions[(body.positions[:, 1] < 0.4) & (body.positions[:, 0] > 0)].mean(axis=0)
+    state = as_placed(two_panels(leg[0], leg[1]))
+    (found,) = limbs_between(state, state.mesh.seams, wearer, 0.0)
+    assert found.endswith("leg")
+    assert limbs_between(state, state.mesh.seams, wearer, 1.0) == ()  # no string is as long
+    clear = as_placed(two_panels(150, 100))
+    assert limbs_between(clear, clear.mesh.seams, wearer, 0.0) == ()
+
+
+def test_front_and_back_of_a_leg_are_a_tube_and_gores_are_none():
+    flat = [[0, 0], [20, 0], [20, 80], [0, 80]]
+    panels = {"front": panel(flat, translation=[2, 0, 20]), "back": panel(flat, translation=[2, 0, -20])}
+    both = [stitch(("front", k), ("back", k), "right_wrong") for k in (1, 3)]
+    leg = mesh_pattern(pattern_of(specification(panels, both)), 0.05)
+    gores = mesh_pattern(pattern_of(specification(panels, both[:1])), 0.05)
+    assert form_a_tube(leg, ["front", "back"], UP)
+    assert not form_a_tube(gores, ["front", "back"], UP)
+
+
+def test_segments_round_the_origin():
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], float)
+    sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    assert goes_round(sides)
+    assert not goes_round(sides[:3])
+    assert not goes_round(sides + 3)
+
+
+@pytest.mark.parametrize(("limbs", "moved"), [(["left leg"], "leg"), (["right hand"], "arm"), (["torso"], "leg")])
+def test_limbs_move_out_of_the_way_and_back(wearer, limbs, moved):
+    posed, said = sewing_pose(wearer, limbs)
+    assert moved in said
+    assert np.allclose(posed.way[-1], wearer.body.positions, atol=1e-12)
+    assert np.array_equal(posed.way[0], posed.body.positions)
+    shift = np.linalg.norm(posed.way[0] - posed.way[-1], axis=1)
+    names = limb_names(wearer.body)
+    trunk = (names == "head") | ((names == "torso") & (np.abs(wearer.body.positions[:, 0]) < 0.05))
+    assert shift[trunk].max() < 0.02
+    of_limb = {"leg": ["left leg"], "arm": ["left hand", "left forearm"]}[moved]
+    assert shift[np.isin(names, of_limb)].max() > 0.1
+    for frame in posed.way[[0, 3]]:
+        assert signed_volume(frame, wearer.body.triangles) > 0
+        assert not len(intersecting_pairs(frame, wearer.body.triangles))
+
+
+def test_nothing_helps_where_no_limb_is_between(wearer):
+    assert sewing_pose(wearer, []) == (wearer, "")
+
+
+def test_a_garment_goes_back_with_the_body(wearer, tmp_path):
+    posed, _ = sewing_pose(wearer, ["left leg"])
+    state = tube(0.3, 0.6, 0.66)
+    run = returned_body(state, posed, Fabrics("cotton"), tmp_path, None)
+    assert run.status == "completed"
+    assert counted(run.positions(-1), state.triangles, wearer.surface).clean
