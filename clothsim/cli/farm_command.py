@@ -13,6 +13,7 @@ from time import sleep
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.text import text_table
@@ -50,19 +51,7 @@ def add_to(commands: Any) -> None:
     """Add the commands to the parser."""
     farm = commands.add_parser("farm", description=_FARM)
     actions = farm.add_subparsers(metavar="ACTION", dest="action", parser_class=Parser, required=True)
-    plan = actions.add_parser("plan", help="write the scene and values of every drape")
-    plan.add_argument("recipe", type=Path, metavar="RECIPE", help="a TOML file with [farm] and [vary]")
-    plan.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the farm")
-    plan.add_argument("--no-pilot", action="store_true", help="make no drape first to test the recipe")
-    plan.set_defaults(handler=_plan)
-    work = actions.add_parser("work", help="make the drapes that are left")
-    work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
-    how = work.add_mutually_exclusive_group()
-    how.add_argument("--workers", metavar="N", help="processes of Dask on this machine (default: this process)")
-    how.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler: tcp://host:8786")
-    work.add_argument("--attempts", default="3", metavar="N", help="tries before a drape counts as killed (default 3)")
-    work.add_argument("--stale", default="60s", metavar="TIME", help="a claim without heartbeat ends (default 60s)")
-    work.set_defaults(handler=_work)
+    plan, sample, work = _add_making(actions)
     status = actions.add_parser("status", help="count what is done, failed and left")
     status.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     status.add_argument("--watch", action="store_true", help="print it every 2 s until all drapes are done")
@@ -83,7 +72,7 @@ def add_to(commands: Any) -> None:
     pack.add_argument("--sheet", action="store_true", help="leave contact sheets (PNG, HTML) beside it")
     add_overwrite(pack)
     pack.set_defaults(handler=_pack)
-    for action in (plan, work, status, verify, mend, pack):
+    for action in (plan, sample, work, status, verify, mend, pack):
         add_output_options(action, json="print the result as JSON", quiet="print nothing but errors")
     sweep = commands.add_parser("sweep", description=_SWEEP)
     sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
@@ -100,6 +89,31 @@ def add_to(commands: Any) -> None:
     add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
 
 
+def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
+    """Add the actions that make drapes: plan, sample, work."""
+    plan = actions.add_parser("plan", help="write the scene and values of every drape")
+    plan.add_argument("recipe", type=Path, metavar="RECIPE", help=_RECIPE)
+    plan.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the farm")
+    plan.add_argument("--no-pilot", action="store_true", help="make no drape first to test the recipe")
+    plan.set_defaults(handler=_plan)
+    sample = actions.add_parser("sample", help="plan, make, verify and pack the drapes of a recipe, in one process")
+    sample.add_argument("recipe", type=Path, metavar="RECIPE", help=_RECIPE)
+    sample.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", required=True, help="folder; its data.h5 is the set"
+    )
+    sample.set_defaults(handler=_sample, workers=None, scheduler=None, attempts="3", stale="60s")
+    work = actions.add_parser("work", help="make the drapes that are left")
+    work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    how = work.add_mutually_exclusive_group()
+    how.add_argument("--workers", metavar="N", help="processes of Dask on this machine (default: this process)")
+    how.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler: tcp://host:8786")
+    work.add_argument("--attempts", default="3", metavar="N", help="tries before a drape counts as killed (default 3)")
+    work.add_argument("--stale", default="60s", metavar="TIME", help="a claim without heartbeat ends (default 60s)")
+    work.set_defaults(handler=_work)
+    return plan, sample, work
+
+
+_RECIPE = "a TOML file with [farm] and [vary], or shirt_by_body, skirt_by_fabric, outfit_by_pose, outfit_that_walks"
 FAULT = 1
 """Exit code where a drape is torn or differs."""
 
@@ -107,6 +121,7 @@ _FARM = """\
 Make many drapes of one recipe. Each is published exactly once, even where processes are killed. DIR is a folder that
 all machines share.
 
+  clothsim farm sample shirt_by_body -o drapes  50 drapes of a recipe that ships, all steps at once: two minutes
   clothsim farm plan recipe.toml -o drapes
   clothsim farm work drapes                    once for each core, on any machine
   clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
@@ -126,8 +141,33 @@ The same command continues a stopped sweep; `clothsim farm work DIR` helps it fr
 """
 
 
+RECIPE = ".recipe"
+"""Ending of the recipes that come with the package, TOML files beside its scenes."""
+SAMPLE_FRACTION, SAMPLE_DATA = 0.02, "data.h5"
+"""Drapes of a sample that are made again, and the file of its data set."""
+
+
+def _sample(arguments: argparse.Namespace) -> Report | int:
+    recipe = on_demand.load_recipe(engine.example_file(arguments.recipe, RECIPE))
+    on_demand.refuse_other_plan(recipe, arguments.output)
+    on_demand.refuse_unbuildable(recipe)
+    on_demand.plan(recipe, arguments.output)
+    arguments.directory = arguments.output
+    worked = _work(arguments)
+    if not isinstance(worked, Report):
+        return worked
+    farm = on_demand.open_farm(arguments.output)
+    verified = on_demand.verify(farm, SAMPLE_FRACTION)
+    if not verified.good:
+        raise InputError(f"{arguments.output} is not signed off.", f"See `clothsim farm verify {arguments.output}`.")
+    packed = on_demand.pack(farm, arguments.output / SAMPLE_DATA, overwrite=True)  # its own, of the same drapes
+    file = packed.files[0]
+    text = f"{worked.text}\n{verified.whole} drapes verified, {verified.repeated} made again; {packed.drapes} in {file}"
+    return Report({**worked.document, "verified": verified.whole, "packed": packed.drapes, "file": str(file)}, text)
+
+
 def _plan(arguments: argparse.Namespace) -> Report:
-    recipe = on_demand.load_recipe(arguments.recipe)
+    recipe = on_demand.load_recipe(engine.example_file(arguments.recipe, RECIPE))
     on_demand.refuse_other_plan(recipe, arguments.output)
     on_demand.refuse_unbuildable(recipe)
     made = None if arguments.no_pilot else on_demand.pilot(recipe)

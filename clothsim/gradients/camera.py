@@ -1,0 +1,171 @@
+"""Pinhole camera of a calibrated picture, and the loss of key points that are seen in it."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.base.arrays import Floats, Ints, as_finite, as_points, as_vector
+from clothsim.base.errors import InputError
+from clothsim.gradients.losses import Loss
+
+ORTHONORMAL = 1e-6
+"""Largest entry of R R' - I of a rotation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera with the conventions of OpenCV.
+
+    x = R (X - C), u = f_x x/z + c_x, v = f_y y/z + c_y: the camera looks along +z, x to the right, y down; the centre
+    of the first pixel, on top to the left, is at (0, 0). A picture has no distortion: undistort it before.
+
+    Parameters
+    ----------
+    width, height : int
+        Size of the picture [pixels].
+    focal : (2,) array_like
+        f_x and f_y [pixels].
+    principal : (2,) array_like
+        c_x and c_y [pixels].
+    rotation : (3, 3) array_like
+        R, from the scene to the camera.
+    position : (3,) array_like
+        C [m].
+
+    Raises
+    ------
+    InputError
+        For a rotation that is none, or a size or focal length that is not positive.
+
+    Examples
+    --------
+    A point 2 m in front of a camera at the origin that looks along z:
+
+    >>> camera = Camera(640, 480, (500, 500), (319.5, 239.5), [[1, 0, 0], [0, 1, 0], [0, 0, 1]], (0, 0, 0))
+    >>> camera.project([[0.2, -0.1, 2.0]]).tolist()
+    [[369.5, 214.5]]
+    """
+
+    width: int
+    height: int
+    focal: Floats
+    principal: Floats
+    rotation: Floats
+    position: Floats
+
+    def __post_init__(self) -> None:
+        for name, count in (("focal", 2), ("principal", 2), ("position", 3)):
+            value = as_finite(name, getattr(self, name))
+            if value.shape != (count,):
+                raise InputError(f"Camera.{name} has the shape {value.shape}.", f"Give {count} numbers.")
+            object.__setattr__(self, name, value)
+        rotation = as_finite("rotation", self.rotation)
+        square = rotation.shape == (3, 3)
+        if not square or np.abs(rotation @ rotation.T - np.eye(3)).max() > ORTHONORMAL or np.linalg.det(rotation) < 0:
+            raise InputError("Camera.rotation is no rotation matrix.", "Its rows are the axes right, down and forward.")
+        object.__setattr__(self, "rotation", rotation)
+        if min(self.width, self.height) < 1 or not self.focal.min() > 0.0:
+            raise InputError("Camera has a size or a focal length that is not positive.", "Give both in pixels.")
+
+    @classmethod
+    def of_colmap(
+        cls, width: int, height: int, params: ArrayLike, quaternion: ArrayLike, translation: ArrayLike
+    ) -> Self:
+        """Return the camera of COLMAP's models SIMPLE_PINHOLE (f, cx, cy) and PINHOLE (fx, fy, cx, cy).
+
+        quaternion (w, x, y, z) and translation t of images.txt, x = R X + t; its first pixel is centred at (0.5, 0.5).
+        InputError for the parameters of a model with distortion.
+        """
+        numbers = as_finite("params", params)
+        if numbers.shape not in ((3,), (4,)):
+            raise InputError(
+                "COLMAP's models with distortion are not read.", "Undistort the pictures: image_undistorter."
+            )
+        fx, fy, cx, cy = numbers if len(numbers) == 4 else (numbers[0], *numbers)
+        q = as_finite("quaternion", quaternion)
+        if q.shape != (4,) or not q.any():
+            raise InputError("The quaternion is no (w, x, y, z).", "Give QW, QX, QY, QZ of images.txt.")
+        w, (x, y, z) = q[0] / np.linalg.norm(q), q[1:] / np.linalg.norm(q)
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        rotation = np.eye(3) + 2 * w * cross + 2 * cross @ cross
+        position = -rotation.T @ as_vector("translation", translation)
+        return cls(width, height, np.array([fx, fy]), np.array([cx, cy]) - 0.5, rotation, position)
+
+    @classmethod
+    def of_blender(cls, width: int, height: int, field_of_view: float, matrix_world: ArrayLike) -> Self:
+        """Return a camera of Blender: angle of the longer side [rad], square pixels, no shift, matrix_world (4, 4)."""
+        matrix = as_finite("matrix_world", matrix_world)
+        if matrix.shape != (4, 4):
+            raise InputError(f"matrix_world has the shape {matrix.shape}.", "Give the (4, 4) of the camera object.")
+        axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+        f = 0.5 * max(width, height) / np.tan(0.5 * field_of_view)
+        centre = 0.5 * np.array([width, height]) - 0.5
+        axes = axes * np.array([1.0, -1.0, -1.0])
+        return cls(width, height, np.array([f, f]), centre, axes.T, matrix[:3, 3])
+
+    def in_camera(self, points: ArrayLike) -> Floats:
+        """Return R (X - C) of points (n, 3) [m]."""
+        return np.asarray((as_points("points", points) - self.position) @ self.rotation.T, np.float64)
+
+    def project(self, points: ArrayLike) -> Floats:
+        """Return the pixels (n, 2) of points (n, 3) [m]. InputError for one that is not in front of the camera."""
+        local = self.in_camera(points)
+        if len(local) and not local[:, 2].min() > 0.0:
+            raise InputError(f"Point {int(local[:, 2].argmin())} is not in front of the camera.", "Look at its pose.")
+        return np.asarray(self.focal * local[:, :2] / local[:, 2:] + self.principal, np.float64)
+
+    def jacobians(self, points: ArrayLike) -> Floats:
+        """Return the derivatives of `project` by the points, (n, 2, 3) [pixels/m]."""
+        local = self.in_camera(points)
+        out = np.zeros((len(local), 2, 3))
+        for k, f in enumerate(self.focal):
+            out[:, k, k] = f / local[:, 2]
+            out[:, k, 2] = -f * local[:, k] / local[:, 2] ** 2
+        return np.asarray(out @ self.rotation, np.float64)
+
+
+@dataclass(frozen=True)
+class KeyPoints(Loss):
+    """Mean of rho(|pixel of a vertex - pixel in the picture| / noise), with the Huber function rho.
+
+    Parameters
+    ----------
+    camera : Camera
+        Of the picture.
+    vertices : (k,) int array
+        Vertices of the cloth, as a hem's corner or a seam's end.
+    pixels : (k, 2) array
+        Where they are in the picture.
+    noise : float
+        Standard deviation of a pixel's coordinate [pixels].
+    huber : float
+        Residual over the noise beyond which rho(r) = r^2/2 goes on as a straight line: an outlier counts less.
+    frame : int
+        The frame.
+    """
+
+    camera: Camera
+    vertices: Ints
+    pixels: Floats
+    noise: float = 1.0
+    huber: float = 3.0
+    frame: int = -1
+
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return the mean and rho'(r)/r J'(pi(x) - m)/noise^2 in the rows."""
+        rows, pixels = np.asarray(self.vertices, np.int64), as_finite("pixels", self.pixels)
+        if pixels.shape != (len(rows), 2) or not len(rows):
+            raise InputError(f"There are {len(rows)} key points and pixels of the shape {pixels.shape}.")
+        if rows.min() < 0 or rows.max() >= len(positions):
+            raise InputError(f"A key point is vertex {rows.max()}, and the cloth has {len(positions)}.")
+        away = (self.camera.project(positions[rows]) - pixels) / self.noise
+        sizes = np.linalg.norm(away, axis=1)
+        inside = sizes <= self.huber
+        values = np.where(inside, 0.5 * sizes**2, self.huber * (sizes - 0.5 * self.huber))
+        slopes = np.where(inside, 1.0, self.huber / np.maximum(sizes, self.huber))
+        parts = np.einsum("k,kp,kpc->kc", slopes, away, self.camera.jacobians(positions[rows]))
+        out = np.zeros_like(positions)
+        np.add.at(out, rows, parts / (self.noise * len(rows)))
+        return float(values.mean()), out
