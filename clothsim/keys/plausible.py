@@ -120,8 +120,9 @@ def _of_a_board(section: KeyTable) -> set[str]:
     low, high, _ = OF_KEY["rigid.density"]
     if not 0 < thickness <= OF_KEY["cloth.thickness"][1] or not low <= density / thickness <= high:
         return set()
-    stiffest = given.get("youngs_modulus", 0.0) * thickness**3 / 9  # E t^3 / (12 (1 - nu^2)), nu of a half
-    return {"density"} | ({"bending_stiffness"} if given.get("bending_stiffness", np.inf) <= stiffest else set())
+    modulus, bending = (_magnitude(given.get(name, 0.0)) for name in ("youngs_modulus", "bending_stiffness"))
+    stiffest = modulus * thickness**3 / 9  # E t^3 / (12 (1 - nu^2)), nu of a half
+    return {"density"} | ({"bending_stiffness"} if 0 < bending <= stiffest else set())
 
 
 def _declaring(section: KeyTable, name: str) -> list[str]:
@@ -131,11 +132,13 @@ def _declaring(section: KeyTable, name: str) -> list[str]:
 
 
 def _magnitude(value: Any) -> float:
-    """Largest magnitude of a number or of a list of numbers; 0 of anything else."""
+    """Largest magnitude of a number, of a list of numbers or of the values of key frames; 0 of anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
         return 0.0
     try:
         numbers = np.abs(np.asarray(value, np.float64))
     except (ValueError, TypeError):
         return 0.0
+    if numbers.ndim == 2 and numbers.shape[1] == 2:
+        numbers = numbers[:, 1]
     return float(numbers.max(initial=0.0)) if numbers.ndim < 2 else 0.0

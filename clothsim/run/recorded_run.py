@@ -33,7 +33,7 @@ from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, re
 from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray
 from clothsim.geometry.intersection.proved_separations import Effort, ProvedSeparations
 from clothsim.mesh.world import world_surfaces
-from clothsim.physics.energies.protocols import is_driven
+from clothsim.physics.energies.protocols import is_driven, with_material_at
 from clothsim.run.certificate import Certificate
 from clothsim.run.checkpoints import checkpoint_of
 from clothsim.run.fields import FIELDS, Configuration, at_start, field, world_stretches
@@ -313,7 +313,8 @@ def _written_fields(session: Session, state: State, report: StepReport | None) -
     Without the report of a step the fields of contact are zero: contact has its stiffness from a step.
     """
     world, asked = session.built.world, set(session.scene.run_settings.fields) - {STRETCHES.name}
-    energies = session.built.energies if report is None else report.potential.energies
+    unbound = with_material_at(session.built.energies, state.time)
+    energies = unbound if report is None else report.potential.energies
     at = Configuration(world, state.positions, energies, bound=report is not None)
     fields: dict[str, NDArray[np.floating]] = {
         name: at_start(name, world) if report is None and FIELDS[name].in_step else field(name, at)

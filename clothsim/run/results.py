@@ -19,6 +19,7 @@ from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_record, read_su
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
 from clothsim.keys.value_checks import refuse_unknown
+from clothsim.physics.energies.protocols import with_material_at
 from clothsim.run.fields import Configuration, field, known_field
 from clothsim.run.forces import forces_of
 from clothsim.run.pictures import (
@@ -262,7 +263,7 @@ class Run(Sequence[Frame]):
             raise InputError(f"{self.directory} has another mesh than its scene.", "Restore the mesh files.")
         x = world.start()
         x[: len(positions)] = positions - world.origin
-        return Configuration(world, x, self._built.energies)
+        return Configuration(world, x, with_material_at(self._built.energies, float(self.times[frame])))
 
     @cached_property
     def _built(self) -> "Built":

@@ -14,6 +14,7 @@ from clothsim.base.errors import InputError
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 from clothsim.keys.value_checks import refuse_absent
+from clothsim.physics.energies.protocols import with_material_at
 from clothsim.run.changes import (
     HandMotions,
     body_at,
@@ -108,7 +109,8 @@ class Simulation:
         self._proofs = proofs or ProvedSeparations()
         self._session, self._state, self._by_hand, self._history = session, state, by_hand, history
         self.state: SimulationState = starting_state(session.built.world, state)
-        self._configuration = Configuration(session.built.world, state.positions, session.built.energies)
+        energies = with_material_at(session.built.energies, state.time)
+        self._configuration = Configuration(session.built.world, state.positions, energies)
         self.failure: Failure | None = None
 
     def __repr__(self) -> str:

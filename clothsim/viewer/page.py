@@ -16,7 +16,7 @@ from clothsim import Run, open_run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import Colouring
-from clothsim.render import BODY_GREY, vertex_normals
+from clothsim.render import vertex_normals
 from clothsim.viewer.gate import Gate
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
 from clothsim.viewer.side_texts import certificate_text, legend_html, solver_text, speeds, state_text, vertex_text
@@ -173,8 +173,9 @@ class Page(Served):
 
 
 def as_glb(positions: Floats, triangles: Ints, colours: Floats) -> bytes:
-    """Binary glTF of a mesh (n, 3), (m, 3) with a colour (n, 3) in [0, 1] at each vertex, seen from both sides."""
-    opaque = np.column_stack([np.round(255 * colours), np.full(len(colours), 255)]).astype(np.uint8)
+    """Binary glTF of a mesh (n, 3), (m, 3), seen from both sides; colours (n, 3) of its vertices: sRGB in [0, 1]."""
+    linear = np.asarray(colours) ** 2.2  # glTF 2.0, section 3.7.2.1: COLOR_0 is linear
+    opaque = np.column_stack([np.round(255 * linear), np.full(len(colours), 255)]).astype(np.uint8)
     made = trimesh.Trimesh(
         positions,
         triangles,
@@ -251,10 +252,15 @@ def add_background(server: Any) -> None:
 
 def add_body(server: Any, name: str, points: Floats, triangles: Ints) -> Any:
     """The node of a body."""
-    grey = tuple(round(255 * shade) for shade in BODY_GREY)
     return server.scene.add_mesh_simple(
-        f"/body/{name}", points.astype(np.float32), triangles.astype(np.uint32), color=grey, side="double"
+        f"/body/{name}", points.astype(np.float32), triangles.astype(np.uint32), color=BODY, side="double"
     )
+
+
+PANEL = 0.18
+"""The first camera looks past the middle to the right by this part of the extent: the panel covers that side."""
+BODY = (146, 137, 128)
+"""Colour of bodies: darker than the cloth and than the background."""
 
 
 def look_at(server: Any, points: Floats, up: Any) -> float:
@@ -268,8 +274,11 @@ def look_at(server: Any, points: Floats, up: Any) -> float:
     size = float(np.linalg.norm(high - low))
     across = np.cross(direction, [0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0])
     away = np.cross(across, direction)
-    server.initial_camera.look_at = (low + high) / 2
-    server.initial_camera.position = (low + high) / 2 + size * (0.42 * across - 0.95 * away + 0.42 * direction)
+    backward = 0.42 * across - 0.95 * away + 0.42 * direction
+    right = np.cross(direction, backward)
+    middle = (low + high) / 2 + PANEL * size * right / np.linalg.norm(right)
+    server.initial_camera.look_at = middle
+    server.initial_camera.position = middle + size * backward
     server.initial_camera.up = direction
     return size
 
@@ -279,7 +288,7 @@ def add_controls(page: Page, names: list[str]) -> None:
     gui, run, controls = page.server.gui, page.run, page.controls
     gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     controls["state"] = gui.add_markdown(state_text(run))
-    controls["frame"] = gui.add_slider("Frame", 0, max(1, len(run) - 1), 1, 0)
+    controls["frame"] = gui.add_slider("Frame", 0, max(1, len(run) - 1), 1, len(run) - 1)
     controls["play"] = gui.add_checkbox("Play", False)
     controls["speed"] = gui.add_slider("Speed", 0.05, 2.0, 0.05, 1.0)
     controls["colour"] = gui.add_dropdown("Colour", names, initial_value=page.colouring.name)
@@ -356,6 +365,6 @@ def view(
     page = Page(run, serve(viser, gate, port), gate, Colouring.of_run(run, first))
     add_scene(page)
     add_controls(page, names)
-    page.show(0)
+    page.show(len(run) - 1)
     threading.Thread(target=page.serve, name="clothsim page", daemon=True).start()
     return page

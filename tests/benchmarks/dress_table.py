@@ -2,7 +2,8 @@
 
 `python -m tests.benchmarks.dress_table [--size 2cm] [--only r000 shirt_mean ...] [-o DIR] [--page FILE]`.
 Each pattern runs in a process of its own and leaves DIR/NAME.json; one that is there is not run again, unless --redo.
-DIR/table.md and DIR/sheet.png show all that are there. --page replaces what is between the marks of a page.
+DIR/table.md and DIR/sheet.png show all that are there. --page replaces what is between the marks of a page, those of
+the 25 patterns or, in a folder of random designs alone (--draw), those of these.
 """
 
 import argparse
@@ -217,7 +218,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     write_atomically(output / "table.md", (text + "\n").encode())
     print(f"{summary(rows)}\n{output / 'table.md'}, {contact_sheet(rows, output)}")
     if arguments.page is not None:
-        write_between(arguments.page, "dress_table", text)
+        random_designs = all(row["pattern"] in DESIGNS for row in rows)
+        write_between(arguments.page, "dress_designs" if random_designs else "dress_table", text)
     return 0
 
 

@@ -3,7 +3,19 @@
 import pytest
 from PIL import Image
 
-from tests.benchmarks.dress_table import COLUMNS, FILES, HEADER, cells, contact_sheet, main, read_row, store, summary
+from tests.benchmarks.dress_table import (
+    COLUMNS,
+    DESIGNS,
+    FILES,
+    HEADER,
+    cells,
+    contact_sheet,
+    drawn,
+    main,
+    read_row,
+    store,
+    summary,
+)
 
 SEWN = {
     "pattern": "r004",
@@ -55,6 +67,14 @@ def test_sheet_has_a_tile_for_each_row(tmp_path):
 
 def test_every_pattern_has_one_name():
     assert len(FILES) == 25
+    assert not set(FILES) & set(DESIGNS)
+
+
+def test_designs_are_drawn_by_a_seed():
+    drawn_once, again, other = drawn(43, 16), drawn(43, 16), drawn(44, 16)
+    assert drawn_once == again != other
+    assert len(set(drawn_once)) == 16
+    assert set(drawn_once) <= set(DESIGNS)
 
 
 def test_an_unknown_pattern_is_refused(tmp_path):

@@ -368,7 +368,7 @@ def test_explain_counts_only_the_steps_that_were_asked_for():
         (["render", "RUN", "--size", "2x2"], "2 x 2"),
         (["render", "RUN", "--view", "up"], "'up'"),
         (["render", "RUN", "--up", "0,0,0"], "up "),
-        (["render", "RUN", "--colour", "red"], "'red'"),
+        (["render", "RUN", "--colour", "reddish"], "'reddish'"),
         (["render", "RUN", "-o", "a.gif", "--frame", "1"], "--frame"),
         (["render", "RUN", "-o", "a.png", "--frames-per-second", "9"], "--frames-per-second"),
         (["render", "."], "trajectory.vtkhdf"),

@@ -19,6 +19,7 @@ from clothsim.garments.dress.limbs import goes_round
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh
+from clothsim.patterns import PatternMesh
 
 LINES = 100
 """Level lines of a garment among which the length at a level is interpolated."""
@@ -49,7 +50,7 @@ def ends_of(edges: Ints, fractions: Floats, positions: Floats) -> Floats:
 
 
 def girth_along_cloth(state: SewingState, body: BodyMesh, level: float, highest: bool = False) -> float:
-    """Length [m], as worn, of the line that is level in the pattern as placed and is worn at a mean height `level` [m].
+    """Length [m], laid flat, of the line that is level as placed and is worn at a mean height `level` [m].
 
     Of the panels of the torso without collars and hoods, of lines that go round the body: one through an armhole or a
     slanted hem does not. 0 where there is none at that height; with `highest` that of the highest line where all are
@@ -63,14 +64,35 @@ def girth_along_cloth(state: SewingState, body: BodyMesh, level: float, highest:
     triangles = np.concatenate([mesh.triangles[mesh.faces[name]] for name in names])
     placed, worn = mesh.positions @ body.up, state.positions[state.number]
     low, high = float(placed[triangles].min()), float(placed[triangles].max())
-    heights, lengths = [], []
+    heights, lengths, darts = [], [], open_darts(mesh, body.up)
     for value in low + (high - low) * (np.arange(LINES) + 0.5) / LINES:
-        ends = ends_of(*level_line(placed, triangles, value), worn)
+        if ((darts[:, 0] < value) & (value < darts[:, 1])).any():
+            continue
+        line = level_line(placed, triangles, value)
+        ends = ends_of(*line, worn)
         if goes_round(ends[:, :, across(body)] - axis_of(body)):
-            sides = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+            flat = ends_of(*line, mesh.panel_coordinates)
+            sides = np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1)
             heights.append(float(np.average((ends @ body.up).mean(axis=1), weights=sides)))
             lengths.append(float(sides.sum()))
     return _interpolate_length(np.array(heights), np.array(lengths), level, highest)
+
+
+def open_darts(mesh: PatternMesh, up: Floats) -> Floats:
+    """Lowest and highest level in the mouth of each dart that opens upward, as one at the side does, (k, 2) [m].
+
+    There a panel has no cloth as placed, while the sewn garment has: both sides of the dart meet. What an upright dart
+    takes away is missing from the garment too.
+    """
+    found = []
+    for seam in mesh.seams:
+        if len({side.panel for side in seam.stitch.sides}) == 1 and len(seam.pairs):
+            apart = np.diff(mesh.positions[seam.pairs], axis=1)[:, 0]
+            mouth = int(np.argmax(np.linalg.norm(apart, axis=1)))
+            if abs(apart[mouth] @ up) > np.linalg.norm(apart[mouth]) / 2:
+                levels = mesh.positions[seam.pairs] @ up
+                found.append((float(levels.min()), float(levels.max())))
+    return np.array(found).reshape(-1, 2)
 
 
 def across(body: BodyMesh) -> list[int]:
@@ -100,6 +122,9 @@ LEVELS = {"chest": np.array([0.72]), "waist": np.arange(0.58, 0.685, 0.01), "hip
 8559-1); the chest is measured at one level, as the armpits begin 3 % above."""
 ASIDE = 0.16
 """Distance of the middle of a leg from the axis of the body, as a fraction of its height: arms and hands lie beyond."""
+OPEN, LEVEL = 0.5, 0.7
+"""Height of a hem's loop, as a fraction of the garment's, from which on it runs along an opening; sine of the slope
+of its level part."""
 FABRIC_WIDTH, SELVEDGE = 1.4, 0.01
 """Usual width of fabric, and the distance of panels in a marker [m]."""
 
@@ -153,7 +178,7 @@ def girths(state: SewingState, body: BodyMesh) -> list[Girth]:
                 along = girth_along_cloth(state, body, level, highest=name == "chest")
                 found.append(Girth(name, level - low, girth, along or outline, outline))
     length, level, loop = _hem(state, body)
-    around = torso_girth(body, level) or _girth_of_legs(body, level)
+    around = torso_girth(body, level) or _girth_of_legs(body, level, state.positions[loop][:, across(body)])
     return [*found, Girth("hem", level - low, around, length, _hull_girth(state.positions[loop], body))]
 
 
@@ -163,20 +188,31 @@ def hem_of(state: SewingState, body: BodyMesh) -> tuple[float, float]:
 
 
 def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
-    """Length [m], mean level [m] and vertices of the lowest border loop."""
-    edges = border_edges(state.triangles)[0]
+    """Length [m], mean level [m] and vertices of the lowest border loop; of one open in front of its level part."""
+    edges, half = border_edges(state.triangles)
     loop = components(np.column_stack([edges, edges[:, 1]]), len(state.positions))[edges[:, 0]]
     torso = _torso_triangles(state)
     of_torso = np.isin(edges[:, 0], torso) & np.isin(edges[:, 1], torso)
     levels = (state.positions @ body.up)[edges].mean(axis=1)
-    lengths = np.linalg.norm(np.diff(state.positions[edges], axis=1)[:, 0], axis=1)
+    corners = state.mesh.material_coordinates[half // 3]
+    rows = np.arange(len(half))
+    lengths = np.linalg.norm(corners[rows, (half + 1) % 3] - corners[rows, half % 3], axis=1)
     mean = {
         name: float(np.average(levels[loop == name], weights=lengths[loop == name]))
         for name in np.unique(loop)
         if of_torso[loop == name].mean() > 0.5 or not of_torso.any()
     }
     lowest = min(mean, key=lambda name: mean[name])
-    return float(lengths[loop == lowest].sum()), mean[lowest], np.unique(edges[loop == lowest])
+    chosen = loop == lowest
+    heights = state.positions @ body.up
+    if np.ptp(heights[edges[chosen]]) > OPEN * np.ptp(heights):  # it goes on along an opening, and round the neck
+        rise = np.abs(np.diff(heights[edges], axis=1)[:, 0])
+        chosen &= (levels < heights.min() + OPEN / 2 * np.ptp(heights)) & (rise < LEVEL * lengths)
+    return (
+        float(lengths[chosen].sum()),
+        float(np.average(levels[chosen], weights=lengths[chosen])),
+        np.unique(edges[chosen]),
+    )
 
 
 def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tuple[Floats, Ints]:
@@ -195,12 +231,19 @@ def torso_girth(body: BodyMesh, level: float) -> float:
     return max((float(hull.area) for hull in round_axis), default=0.0)
 
 
-def _girth_of_legs(body: BodyMesh, level: float) -> float:
-    """Girth of the convex hull of both legs [m]; 0 below the feet."""
+def _girth_of_legs(body: BodyMesh, level: float, hem: Floats) -> float:
+    """Girth of the convex hull of the legs that a hem (k, 2) [m] is round, of both where it is round none [m].
+
+    0 below the feet.
+    """
     points, label = _section_loops(body, level)
     reach, axis = ASIDE * float(np.ptp(body.positions @ body.up)), axis_of(body)
     legs = [points[label == name] for name in np.unique(label)]
     legs = [leg for leg in legs if np.linalg.norm(leg.mean(axis=0) - axis) < reach]
+    outline = _convex_hull(hem)
+    if outline is not None:
+        within = [leg for leg in legs if (outline.equations @ [*leg.mean(axis=0), 1.0] < 0).all()]
+        legs = within or legs
     hull = _convex_hull(np.concatenate(legs)) if legs else None
     return 0.0 if hull is None else float(hull.area)
 

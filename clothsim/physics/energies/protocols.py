@@ -4,7 +4,7 @@ An energy takes part by deriving from a class of this file; callers ask by `isin
 """
 
 import abc
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self, TypeVar, cast
 
@@ -122,6 +122,11 @@ class ChangingMaterial(Energy):
         """Energy at x that the change of the material between two times [s] adds [J]; below 0 where it removes some."""
         before, after = self.at(start), self.at(end)
         return 0.0 if after is before else after.value(x) - before.value(x)
+
+
+def with_material_at(energies: Mapping[str, Energy], time: float) -> dict[str, Energy]:
+    """Energies with those of a changing material as they are at a time [s]."""
+    return {name: each.at(time) if isinstance(each, ChangingMaterial) else each for name, each in energies.items()}
 
 
 class Anchored(abc.ABC):

@@ -19,7 +19,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Energy, Step
-from clothsim.physics.energies.protocols import Anchored, Driven, Joining, is_idle
+from clothsim.physics.energies.protocols import Anchored, ChangingMaterial, Driven, Joining, is_idle
 
 ROUND_OFF = 1e-9
 """Fraction of the forces on a piece below which their sum counts as zero: internal forces cancel to the last digits."""
@@ -294,7 +294,7 @@ def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
     for energy in energies.values():
         if energy.begins_last:
             continue
-        bound = energy.begin(step)
+        bound = energy.at(0.0) if isinstance(energy, ChangingMaterial) else energy.begin(step)
         if not is_idle(bound):
             forces -= bound.gradient(start)
     return forces[: world.n_cloth]

@@ -18,6 +18,7 @@ from clothsim.garments.dress.measurements import (
     level_line,
     marker,
     measurement_entries,
+    open_darts,
     section,
     torso_girth,
 )
@@ -90,7 +91,10 @@ def test_a_garment_that_sank_is_measured_where_its_cloth_is_worn(body):
     slope = 0.5
     x, y, z = state.mesh.positions.T
     placed = np.column_stack([x * (1 + slope * (1.4 - y)), y, z * (1 + slope * (1.4 - y))])
-    cone = replace(state, mesh=replace(state.mesh, positions=placed), positions=mean_of_parts(placed, state.number))
+    flat = state.mesh.panel_coordinates * [1, 1]
+    flat[:, 0] *= 1 + slope * (0.8 - flat[:, 1])
+    mesh = replace(state.mesh, positions=placed, panel_coordinates=flat)
+    cone = replace(state, mesh=mesh, positions=mean_of_parts(placed, state.number))
     sunk = cone.moved_to(cone.positions - [0, 0.08, 0])
     at = {level: girth_along_cloth(cone, body, level) for level in (1.0, 1.08)}
     assert np.isclose(girth_along_cloth(sunk, body, 1.0), at[1.08], rtol=1e-3)
@@ -188,3 +192,36 @@ def test_girths_of_a_body_whose_girths_are_listed():
     state = tube(0.3, low + 0.4 * height, low + 0.8 * height)
     found = {girth.name: girth.body for girth in girths(state, body)}
     assert all(np.isclose(found[name], listed, rtol=0.01) for name, listed in GARMENTCODE.items())
+
+
+def test_the_hem_of_one_leg_is_compared_with_that_leg(body):
+    level = 0.3
+    low = body.positions[np.abs(body.positions[:, 1] - level) < 0.06]
+    right = low[low[:, 0] > 0].mean(axis=0)
+    state = tube(0.12, level, 0.7)
+    one = replace(state, positions=state.positions + right * [1, 0, 1])
+    hems = [next(girth for girth in girths(each, body) if girth.name == "hem") for each in (one, tube(0.4, level, 0.7))]
+    assert np.isclose(hems[0].garment, 2 * np.pi * 0.12, rtol=0.01)
+    assert hems[0].body < hems[0].garment  # it is round the leg
+    assert hems[1].body > 1.5 * hems[0].body  # that of a skirt is round both
+
+
+def test_the_hem_of_an_open_front_ends_at_the_opening(body):
+    mesh_of_tube = tube(0.3, 0.6, 1.4)
+    opened = replace(as_placed(mesh_of_tube.mesh), positions=mesh_of_tube.mesh.positions).weld([0])
+    assert np.isclose(hem_of(opened, body)[0], 2 * np.pi * 0.3, rtol=0.01)
+    assert np.isclose(hem_of(opened, body)[1], 0.6, atol=0.02)
+
+
+def test_only_darts_that_open_upward_hide_cloth_from_a_level_line():
+    at_the_side = [[0, 0], [40, 0], [40, 20], [30, 22], [40, 24], [40, 44], [0, 44]]
+    upright = [[0, 0], [18, 0], [20, 12], [22, 0], [40, 0], [40, 44], [0, 44]]
+    found = [
+        open_darts(mesh_pattern(pattern_of(specification({"front": panel(loop)}, [stitches])), 0.03), UP)
+        for loop, stitches in (
+            (at_the_side, stitch(("front", 2), ("front", 3))),
+            (upright, stitch(("front", 1), ("front", 2))),
+        )
+    ]
+    assert np.allclose(found[0], [[0.2, 0.24]])
+    assert len(found[1]) == 0

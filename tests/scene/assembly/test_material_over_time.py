@@ -62,6 +62,23 @@ def test_a_cylinder_that_shrinks_bends_as_the_smaller_sheet():
     assert bent(shrinkage_weft=0.2) == pytest.approx(0.8 * whole, rel=1e-9)
 
 
+def test_a_function_of_time_and_the_stress_of_its_material(tmp_path):
+    """E2/2 (l - 1/l) of the stretch against the rest shape of the step; the function may vanish after the run."""
+    shrinking = scene(
+        {"membrane": {}, "pins": CLAMPS}, shrinkage_warp=lambda t: 0.05 * t, youngs_modulus=lambda t: 1e6 * (1 - t)
+    )
+    keys = dict(shrinking.run) | {"fields": ["stress"]}
+    run = clothsim.simulate(
+        clothsim.Scene(shrinking.cloths[0], effects=shrinking.effects, run=keys, solver={"dt": 0.1}), tmp_path
+    )
+    stretch, modulus = 1 / (1 - 0.02), 300 * 0.6
+    assert run.field("stress")[:, 0, 0] == pytest.approx(modulus / 2 * (stretch - 1 / stretch), rel=1e-4)
+    frames = scene({"membrane": {}, "pins": CLAMPS}, shrinkage_warp=[[0, 0], [1, 0.05]])
+    afterwards = clothsim.simulate(frames, tmp_path / "again").field("stress", 2)
+    stretch = 1 / (1 - 0.01)
+    assert afterwards[:, 0, 0] == pytest.approx(150 * (stretch - 1 / stretch), rel=1e-4)
+
+
 def test_key_frames_of_one_value_are_a_number():
     constant = build(scene(HANGING, youngs_modulus=[[0.0, 5e5], [1.0, 5e5]]))
     plain = build(scene(HANGING, youngs_modulus=5e5))
