@@ -67,7 +67,7 @@ def edge_curves(where: str, world: World, select: Selection) -> tuple[EdgeCurve,
     elif isinstance(select, Mapping):
         lines = chained(where, _pattern_edges(where, world, select))
     else:
-        lines = [vertex_numbers(where, np.asarray(select, np.int64), world.n_cloth)]
+        lines = [vertex_numbers(where, np.asarray(select if len(select) else np.zeros(0, np.int64)), world.n_cloth)]
     if not lines or any(len(line) < 2 for line in lines):
         raise InputError(f"{where} selects no edge of the cloth.", f"Name a side, or vertices in order. {TABLES}")
     return tuple(EdgeCurve(line, _lengths_at_rest(where, world, line)) for line in lines)

@@ -1,11 +1,11 @@
 """Elastic bands sewn along edges of the cloth, as of a waist or a cuff: the effect `elastic_bands`.
 
-    E = sum k/2 (|e| / (s l0) - 1)^2 l0   over the edges with |e| > s l0        [J]
+    E = sum k/2 (|e| / (s l0) - 1)^2 s l0   over the edges with |e| > s l0        [J]
 
 k [N]: force at which the band is twice as long as at rest; l0 [m]: length of the edge at rest; s: that of the band
 over it, which may change over time, as where a band is drawn in. An edge is a link (`links`) of the rest length s l0
-and the stiffness k / (s^2 l0) [N/m], so that the tension of a band is k/s (|e| / (s l0) - 1). It does not push: one
-that is longer than what it is sewn to folds with it.
+and the stiffness k / (s l0) [N/m], so that the tension of a band is k (|e| / (s l0) - 1). It does not push: one that is
+longer than what it is sewn to folds with it.
 """
 
 from dataclasses import dataclass, replace
@@ -36,9 +36,9 @@ class Band:
     rest_lengths: Floats
 
     def at(self, time: float) -> tuple[Floats, Floats]:
-        """Rest lengths s l0 [m] and stiffnesses k / (s^2 l0) [N/m] of its links at `time` [s], (m,) each."""
-        s, k = self.length_ratio.at(time), self.stiffness.at(time)
-        return s * self.rest_lengths, k / (s * s * self.rest_lengths)
+        """Rest lengths s l0 [m] and stiffnesses k / (s l0) [N/m] of its links at `time` [s], (m,) each."""
+        lengths = self.length_ratio.at(time) * self.rest_lengths
+        return lengths, self.stiffness.at(time) / lengths
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,8 @@ def test_numbers_are_taken_in_their_order_and_must_be_neighbours():
     assert line.vertices.tolist() == [2, 1, 0, 3]
     with pytest.raises(InputError, match="2 and 6"):
         edge_curves("x", sheet(), [1, 2, 6])
+    with pytest.raises(InputError, match="vertex numbers"):
+        edge_curves("x", sheet(), [0.5, 1.2])
     for nothing in ([], [3], {"box": [[-0.1, -0.1, -1], [0.1, 0.1, 1]]}):
         with pytest.raises(InputError, match="no edge"):
             edge_curves("x", sheet(), nothing)

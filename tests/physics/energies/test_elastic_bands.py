@@ -26,10 +26,15 @@ def test_energy_and_tension_are_those_of_a_bar(stretch):
     s, k = 0.8, 20.0
     energy = one(length_ratio=s)
     x = sheet().start() * [1.0, stretch, 1.0]
-    assert energy.value(x) == pytest.approx(0.5 * k * (stretch / s - 1) ** 2 * 1.0)
+    assert energy.value(x) == pytest.approx(0.5 * k * (stretch / s - 1) ** 2 * s)
     pulls = energy.gradient(x)[:, 1]
-    np.testing.assert_allclose(pulls[[0, 2]], [-k / s * (stretch / s - 1), k / s * (stretch / s - 1)])
+    np.testing.assert_allclose(pulls[[0, 2]], [-k * (stretch / s - 1), k * (stretch / s - 1)])
     assert abs(pulls[1]) < 1e-12
+
+
+def test_its_stiffness_is_the_force_that_doubles_its_length():
+    pulls = one(length_ratio=0.5).gradient(sheet().start())[:, 1]
+    np.testing.assert_allclose(pulls[[0, 2]], [-20.0, 20.0])
 
 
 def test_a_band_that_is_longer_than_its_edge_does_not_push():
@@ -47,7 +52,7 @@ def test_a_band_is_drawn_in_over_time():
     bound = energy.begin(step_at(sheet().start(), dt=1.0))
     np.testing.assert_allclose(bound.lengths, 0.75 * 0.5)
     assert "37.5 cm" not in energy.final_notes(sheet().start(), 1.0)[0]
-    assert "of 75 cm is 100 cm long and pulls with 8.89 N" in energy.final_notes(sheet().start(), 1.0)[0]
+    assert "of 75 cm is 100 cm long and pulls with 6.67 N" in energy.final_notes(sheet().start(), 1.0)[0]
 
 
 def test_it_gathers_what_it_is_sewn_to(tmp_path):
