@@ -108,10 +108,12 @@ def material_schedules(keys: ClothTable, where: str) -> dict[str, Schedule]:
         if value is None or (isinstance(value, float | int) and (name not in SHRINKAGES or value == 0)):
             continue
         each = schedule(f"{where}.{name}", value)
-        if name in SHRINKAGES and (each.values >= 1).any():
-            raise InputError(f"{where}.{name} reaches {each.values.max():g}.", "Keep it below 1: 0.1 is a tenth.")
-        if name not in (*SHRINKAGES, *CURLS) and (each.values <= 0).any():
-            raise InputError(f"{where}.{name} has a key frame of {each.values.min():g}.", "Keep it above 0.")
+        known = each.values if each.function is None else np.array([each.at(0.0)])
+        if name in SHRINKAGES and (known >= 1).any():
+            raise InputError(f"{where}.{name} reaches {known.max():g}.", "Keep it below 1: 0.1 is a tenth.")
+        if name not in (*SHRINKAGES, *CURLS) and (known <= 0).any():
+            said = f"has a key frame of {known.min():g}" if each.function is None else f"is {known.min():g} at 0 s"
+            raise InputError(f"{where}.{name} {said}.", "Keep it above 0.")
         found[name] = each
     return found
 

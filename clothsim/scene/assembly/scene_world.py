@@ -180,6 +180,8 @@ def _changing(
     cloths, changes: the sections of the cloths and what changes in each; build_in: the effect in a world.
     Masses stay as they are: cloth that shrinks becomes denser.
     """
+    if getattr(keys, "elements", None) == "pairs" and any(key in each for each in changes for key in SHRINKAGES):
+        raise InputError(f'{where}.elements = "pairs" does not take shrinkage.', 'Set it to "triangles".')
     threads = thread_axes(world, np.radians(over_cloth(f"{where}.angle_degrees", keys.angle_degrees, world)))
     axes = np.split(threads, np.cumsum([len(cloth.triangles) for cloth in world.cloths])[:-1])
 

@@ -10,6 +10,7 @@ from clothsim.geometry.kinematics.deformation_gradient import deformation_gradie
 from clothsim.geometry.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Step
+from clothsim.physics.energies.protocols import ChangingMaterial
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.newton.stability import Mode, lowest_mode, way_down
 from clothsim.solve.newton.statics import StaticModel
@@ -141,7 +142,7 @@ def _looked_at(integrator: Integrator, report: StepReport, until: float, static:
 
 
 def _changes(integrator: Integrator, report: StepReport, until: float) -> bool:
-    """True where a load or a prescribed position changes between the state and `until` [s]."""
+    """True where a load, a prescribed position or a material changes between the state and `until` [s]."""
     state, held = report.state, integrator.constraints.values()
     if integrator.load(state.time) < 1.0:
         return True
@@ -152,7 +153,11 @@ def _changes(integrator: Integrator, report: StepReport, until: float) -> bool:
         now = prescribed(integrator.world, held, state.time).positions
         if any(_differ(prescribed(integrator.world, held, state.time + t).positions, now) for t in later):
             return True
-    return any(_varies(integrator, state, energy, later) for energy in _timed(report.potential))
+    if any(_varies(integrator, state, energy, later) for energy in _timed(report.potential)):
+        return True
+    in_run = [t for t in later if t <= until - state.time]  # a material over time may be none after the run
+    materials = [one for one in integrator.potential.energies.values() if isinstance(one, ChangingMaterial)]
+    return any(_varies(integrator, state, energy, in_run) for energy in materials)
 
 
 def _timed(bound: Potential) -> list[Energy]:

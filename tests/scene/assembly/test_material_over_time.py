@@ -134,3 +134,20 @@ def test_the_gradient_by_a_key_frame_is_that_of_differences():
 def test_what_cannot_change_is_refused(cloth, effects, named):
     with pytest.raises(InputError, match=named):
         build(scene(effects, **cloth))
+
+
+def test_a_run_until_rest_waits_for_the_change(tmp_path):
+    """The strip is at rest between its clamps long before it shrinks."""
+    effects = {"inertia": {}, "membrane": {}, "damping": {"rate": 20.0}, "pins": CLAMPS}
+    given = scene(effects, 3.0, dt=0.05, cells=[4, 1], shrinkage_warp=[[1.5, 0.0], [1.6, 0.05]])
+    keys = dict(given.run) | {"until": "rest", "rest_speed": 0.01}
+    run = clothsim.simulate(clothsim.Scene(given.cloths[0], effects=effects, run=keys, solver={"dt": 0.05}), tmp_path)
+    assert 1.6 <= run.times[-1] < 3.0
+    assert run.summary["certificate"]["material_changes"]["added"] > 0
+
+
+def test_a_function_that_is_no_stiffness_at_the_start_and_pairs_that_shrink_are_refused():
+    with pytest.raises(InputError, match="youngs_modulus is 0 at 0 s"):
+        build(scene({"membrane": {}}, youngs_modulus=lambda t: 1e6 * t))
+    with pytest.raises(InputError, match="pairs"):
+        build(scene({"membrane": {"elements": "pairs"}}, shrinkage_warp=0.05))
