@@ -6,12 +6,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.base.arrays import Floats, Ints, as_finite, as_points, as_vector
+from clothsim.base.arrays import Floats, Ints, as_finite, as_points, as_positive, as_vector
 from clothsim.base.errors import InputError
 from clothsim.gradients.losses import Loss
 
 ORTHONORMAL = 1e-6
 """Largest entry of R R' - I of a rotation."""
+COLMAP = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4}
+"""Models of COLMAP that are read, and their numbers of parameters: SIMPLE_RADIAL, its default, has 4 too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,23 +68,27 @@ class Camera:
         if not square or np.abs(rotation @ rotation.T - np.eye(3)).max() > ORTHONORMAL or np.linalg.det(rotation) < 0:
             raise InputError("Camera.rotation is no rotation matrix.", "Its rows are the axes right, down and forward.")
         object.__setattr__(self, "rotation", rotation)
-        if min(self.width, self.height) < 1 or not self.focal.min() > 0.0:
+        least = min(as_positive("Camera.width", self.width), as_positive("Camera.height", self.height))
+        if least < 1 or not self.focal.min() > 0.0:
             raise InputError("Camera has a size or a focal length that is not positive.", "Give both in pixels.")
 
     @classmethod
     def of_colmap(
-        cls, width: int, height: int, params: ArrayLike, quaternion: ArrayLike, translation: ArrayLike
+        cls, model: str, width: int, height: int, params: ArrayLike, quaternion: ArrayLike, translation: ArrayLike
     ) -> Self:
         """Return the camera of COLMAP's models SIMPLE_PINHOLE (f, cx, cy) and PINHOLE (fx, fy, cx, cy).
 
-        quaternion (w, x, y, z) and translation t of images.txt, x = R X + t; its first pixel is centred at (0.5, 0.5).
-        InputError for the parameters of a model with distortion.
+        model, size and params of cameras.txt, quaternion (w, x, y, z) and translation t of images.txt, x = R X + t; its
+        first pixel is centred at (0.5, 0.5). InputError for a model with distortion, as SIMPLE_RADIAL.
         """
         numbers = as_finite("params", params)
-        if numbers.shape not in ((3,), (4,)):
+        if model not in COLMAP:
             raise InputError(
-                "COLMAP's models with distortion are not read.", "Undistort the pictures: image_undistorter."
+                f"COLMAP's model {model!r} is not read, {' and '.join(COLMAP)} are.",
+                "Undistort the pictures: image_undistorter.",
             )
+        if numbers.shape != (COLMAP[model],):
+            raise InputError(f"params has the shape {numbers.shape}.", f"{model} has {COLMAP[model]} of them.")
         fx, fy, cx, cy = numbers if len(numbers) == 4 else (numbers[0], *numbers)
         q = as_finite("quaternion", quaternion)
         if q.shape != (4,) or not q.any():
@@ -160,12 +166,13 @@ class KeyPoints(Loss):
             raise InputError(f"There are {len(rows)} key points and pixels of the shape {pixels.shape}.")
         if rows.min() < 0 or rows.max() >= len(positions):
             raise InputError(f"A key point is vertex {rows.max()}, and the cloth has {len(positions)}.")
-        away = (self.camera.project(positions[rows]) - pixels) / self.noise
+        noise, huber = as_positive("noise", self.noise), as_positive("huber", self.huber)
+        away = (self.camera.project(positions[rows]) - pixels) / noise
         sizes = np.linalg.norm(away, axis=1)
-        inside = sizes <= self.huber
-        values = np.where(inside, 0.5 * sizes**2, self.huber * (sizes - 0.5 * self.huber))
-        slopes = np.where(inside, 1.0, self.huber / np.maximum(sizes, self.huber))
+        inside = sizes <= huber
+        values = np.where(inside, 0.5 * sizes**2, huber * (sizes - 0.5 * huber))
+        slopes = np.where(inside, 1.0, huber / np.maximum(sizes, huber))
         parts = np.einsum("k,kp,kpc->kc", slopes, away, self.camera.jacobians(positions[rows]))
         out = np.zeros_like(positions)
-        np.add.at(out, rows, parts / (self.noise * len(rows)))
+        np.add.at(out, rows, parts / (noise * len(rows)))
         return float(values.mean()), out

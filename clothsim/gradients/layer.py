@@ -326,6 +326,9 @@ class Layer:
         """Return dL by x and v (n, 3) and by the parameters, of a step without a past and dL by its (x, v)."""
         rollout = self.rollout(self.state(x, v), parameters, 1)
         zero = np.zeros_like(rollout.states[0].x)
+        for name, given in (("adjoint_x", adjoint_x), ("adjoint_v", adjoint_v)):
+            if np.shape(given) != zero.shape:
+                raise InputError(f"{name} has the shape {np.shape(given)}, the positions {zero.shape}.")
         by, by_parameters = rollout.vjp(np.stack([zero, adjoint_x]), np.stack([zero, adjoint_v]))
         n = len(zero)
         return by.positions[:n], by.velocities[:n], by_parameters
@@ -393,11 +396,15 @@ class Layer:
         if "pins" in values:
             if values["pins"].shape != (len(self.pinned), 3):
                 raise InputError(f"pins has the shape {values['pins'].shape}, and {len(self.pinned)} are pinned.")
-            places = PlacedPins(integrator.constraints["pins"], self.pinned, values["pins"] - world.origin)
+            told = as_points("pins", values["pins"])
+            places = PlacedPins(integrator.constraints["pins"], self.pinned, told - world.origin)
             integrator = replace(integrator, constraints={**integrator.constraints, "pins": places})
         if "force" in values:
             forces = np.zeros((world.n_vertices, 3))
-            forces[: world.n_cloth] = as_points("force", values["force"])
+            given = as_points("force", values["force"])
+            if len(given) != world.n_cloth:
+                raise InputError(f"force has {len(given)} rows, the cloth {world.n_cloth} vertices.")
+            forces[: world.n_cloth] = given
             energies = {**integrator.potential.energies, "force": ConstantForce(forces)}
             integrator = replace(integrator, potential=Potential(energies, integrator.potential.timers))
         return StepModel(session, integrator, tuple(parameters))

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 RULED = {"youngs_modulus": THREADS, "bending_stiffness": BENDINGS}
 """Stiffnesses of a fabric that a key of the isotropic sheet replaces."""
+HELD = ("solver", "run", "seed")
+"""Sections whose numbers are of the steps, not of what moves."""
 
 
 def value_at(scene: Scene, world: World, path: str) -> Floats:
@@ -42,8 +44,10 @@ def value_at(scene: Scene, world: World, path: str) -> Floats:
     Raises
     ------
     InputError
-        For a path that names no number of the scene.
+        For a path that names no number of the scene, or one of the steps, which are held.
     """
+    if paths.parts_of(path)[0] in HELD:
+        raise InputError(f"{path} has no gradient: the steps of a run are held.", f"Compare runs: sweep {path}.")
     value: Any = paths.get(scene, path)
     if value is None and is_of_fabric(path):
         _, number, keys = paths.located(scene, path)

@@ -39,20 +39,30 @@ def test_cameras_of_blender_and_colmap():
     assert blender.project([[1.1, 1.9, 1.0]])[0] == pytest.approx([319.5 + 32, 239.5 + 32])
     half_turn = [0.0, 1.0, 0.0, 0.0]  # about x: y down, looks along -z
     rotation = np.diag([1.0, -1.0, -1.0])
-    colmap = Camera.of_colmap(640, 480, [640.0, 320.0, 240.0], half_turn, -rotation @ [1.0, 2.0, 3.0])
+    colmap = Camera.of_colmap("SIMPLE_PINHOLE", 640, 480, [640.0, 320, 240], half_turn, -rotation @ [1.0, 2.0, 3.0])
     for name in ("focal", "principal", "rotation", "position"):
         np.testing.assert_allclose(getattr(blender, name), getattr(colmap, name), atol=1e-12)
 
 
 def test_what_is_no_camera():
     good = {"width": 4, "height": 3, "focal": (5, 5), "principal": (2, 1), "rotation": np.eye(3), "position": (0, 0, 0)}
-    for name, value in (("focal", (5, -5)), ("rotation", -np.eye(3)), ("position", (0, 0)), ("width", 0)):
+    for name, value in (
+        ("focal", (5, -5)),
+        ("rotation", -np.eye(3)),
+        ("position", (0, 0)),
+        ("width", 0),
+        ("width", np.nan),
+    ):
         with pytest.raises(InputError):
             clothsim.Camera(**good | {name: value})
     with pytest.raises(InputError):
         Camera(**good).project([[0.0, 0.0, -1.0]])
-    with pytest.raises(InputError):
-        Camera.of_colmap(4, 3, [5.0, 5.0, 2.0, 1.0, 0.1], [1, 0, 0, 0], [0, 0, 0])  # distortion
+    for model, params in (("SIMPLE_RADIAL", [5.0, 2.0, 1.0, 0.1]), ("PINHOLE", [5.0, 2.0, 1.0])):
+        with pytest.raises(InputError, match=model):  # distortion, as many parameters as of PINHOLE; one too few
+            Camera.of_colmap(model, 4, 3, params, [1, 0, 0, 0], [0, 0, 0])
+    for name, value in (("noise", 0.0), ("noise", -1.0), ("huber", 0.0), ("huber", -1.0)):
+        with pytest.raises(InputError, match=name):
+            KeyPoints(camera(), np.array([0]), np.zeros((1, 2)), **{name: value}).evaluate(POINTS, np.zeros((0, 3)))
     with pytest.raises(InputError):
         KeyPoints(camera(), np.array([0, 99]), np.zeros((2, 2))).evaluate(POINTS, np.zeros((0, 3)))
 

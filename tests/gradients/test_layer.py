@@ -110,7 +110,13 @@ def test_steps_with_parameters_of_their_own_and_steps_one_by_one(landing):
 
 def test_what_is_no_parameter(strip):
     start = strip.start
-    for wrong in ({"cloth.mesh": 1.0}, {"pins": np.zeros((3, 3))}, {"force": np.zeros(3)}, [{}] * 3):
+    for wrong in (
+        {"cloth.mesh": 1.0},
+        {"pins": np.zeros((3, 3))},
+        {"force": np.zeros((3, 3))},
+        {"solver.dt": 0.1},
+        [{}] * 3,
+    ):
         with pytest.raises(InputError):
             strip.rollout(start, wrong, 2)
     for x in (start.x[:3], np.full_like(start.x, np.nan)):
@@ -118,6 +124,8 @@ def test_what_is_no_parameter(strip):
             strip.state(x, start.v)
     with pytest.raises(InputError):
         strip.rollout(start, None, 2).vjp(np.zeros((2, 8, 3)))
+    with pytest.raises(InputError, match="adjoint_v"):
+        strip.vjp(start.x, start.v, start.x, start.v[:3])
 
 
 def test_the_training_loop_of_the_docs_in_small(capsys):
