@@ -133,6 +133,8 @@ def read_outlines(file: Path) -> tuple[Floats, Floats]:
         raise InputError(f"{file} has no array radii.", "Save r(theta) in metres: np.savez(FILE, radii=r).")
     radii = np.atleast_2d(as_finite("radii", arrays["radii"]))
     side = as_finite("side", arrays["side"]) if "side" in arrays else np.ones(len(radii))
+    if not radii.size:
+        raise InputError(f"{file} has no outline.", "Save r(theta) in metres: np.savez(FILE, radii=r).")
     low, high = float(radii.min()), float(radii.max())
     if not 0.5 * PLATE < low <= high < 1.1 * RADIUS:
         raise InputError(

@@ -50,7 +50,10 @@ def test_a_cloth_beyond_the_tester_is_said():
     assert any(note.startswith("NOT reached") for note in found.notes)
 
 
-@pytest.mark.parametrize("content", [{"r": np.ones(360)}, {"radii": np.full(360, 120.0)}, {"radii": np.ones(8) * 0.12}])
+@pytest.mark.parametrize(
+    "content",
+    [{"r": np.ones(360)}, {"radii": np.full(360, 120.0)}, {"radii": np.ones(8) * 0.12}, {"radii": np.zeros((0, 360))}],
+)
 def test_a_file_without_an_outline_is_refused(tmp_path, content):
     np.savez(tmp_path / "outline.npz", **content)
     with pytest.raises(InputError):

@@ -153,8 +153,7 @@ def cloth_of(shape: Shape, keys: ClothTable, where: str, start: Floats | None = 
     hold the panels apart. A file with sewn = true is one mesh already, in which seams of three layers are no fault.
     """
     label = name_of(keys, where)
-    at_start = {name: each.at(0.0) for name, each in material_schedules(keys, where).items()}
-    fabric, fabric_note = fabric_of(keys.with_keys(**at_start) if at_start else keys, where)
+    fabric, fabric_note = fabric_of(keys, where)
     own = fabrics_of(f"{where}.fabric_of", shape.groups, keys.fabric_of or {})
     if keys.rest not in ("file", "vt"):
         raise InputError(f"{where}.rest is {keys.rest!r}.", 'Known: "file", "vt".')
@@ -247,12 +246,14 @@ def _from_arrays(mesh: MeshArrays, scale: float) -> Shape:
 
 
 def fabric_of(keys: ClothTable, where: str) -> tuple[Fabric, str]:
-    """The named fabric with the keys that override it.
+    """The named fabric with the keys that override it, those over time as they are at the start.
 
     A Young's modulus replaces the stiffnesses of the threads, a bending stiffness those along warp, weft and bias with
     their slopes, a slope or hysteresis its values by direction.
     """
     named = fabric_named(f"{where}.fabric", keys.fabric)
+    at_start = {name: each.at(0.0) for name, each in material_schedules(keys, where).items()}
+    keys = keys.with_keys(**at_start) if at_start else keys
     own = {key: getattr(keys, key) for key in FABRIC if key in keys}
     ruled: dict[str, float | None] = dict.fromkeys((*THREADS, *EXTENSIONS)) if "youngs_modulus" in own else {}
     ruled |= dict.fromkeys(BENDINGS) | {"bending_slope": 0.0} if "bending_stiffness" in own else {}

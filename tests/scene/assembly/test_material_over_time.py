@@ -151,3 +151,14 @@ def test_a_function_that_is_no_stiffness_at_the_start_and_pairs_that_shrink_are_
         build(scene({"membrane": {}}, youngs_modulus=lambda t: 1e6 * t))
     with pytest.raises(InputError, match="pairs"):
         build(scene({"membrane": {"elements": "pairs"}}, shrinkage_warp=0.05))
+
+
+def test_a_fabric_set_by_hand_goes_with_key_frames():
+    """Half as stiff from the second step on, and shrinking as before."""
+    shrinking = scene({"membrane": {}, "pins": CLAMPS}, youngs_modulus=[[0, 1e6], [1, 9e5]], shrinkage_warp=0.05)
+    made = clothsim.Simulation(shrinking)
+    made.step()
+    whole = made.field("stress")[:, 0, 0]
+    made.set_fabric(youngs_modulus=[[0, 5e5], [1, 4.5e5]], bending_stiffness=1e-5)
+    made.step()
+    assert made.field("stress")[:, 0, 0] == pytest.approx(whole * 4.9 / 9.9)
