@@ -262,8 +262,8 @@ def _fill(lanes, first, x, triangles, inverses, slopes, curvatures, between):
         fill_lanes(lanes[group], lane_values)
 
 
-def strain_limit(world: World, keys: StrainLimit) -> Energy | Off:
-    """Limits of the stretches of all triangles; off without a limit.
+def strain_limit(world: World, keys: StrainLimit, *, at_start: bool = True) -> Energy | Off:
+    """Limits of the stretches of all triangles; off without a limit. at_start: of the world as it starts, or later.
 
     limit = "fabric" takes the stretches along the threads at which the fabric has its measured extension under 490 N/m,
     and 1.1 in every direction for a fabric without one; none for a thread that bears that force alone.
@@ -298,7 +298,8 @@ def strain_limit(world: World, keys: StrainLimit) -> Energy | Off:
     limits = limits[chosen]
     begin = np.where(np.isfinite(limits), 1 + fraction * (np.where(np.isfinite(limits), limits, 1.0) - 1), np.inf)
     energy = StrainLimitEnergy(world.triangles[chosen], inverses, world.rest_areas[chosen], begin, limits, stiff)
-    _refuse_beyond(world, energy, chosen)
+    if at_start:
+        _refuse_beyond(world, energy, chosen)
     return energy
 
 

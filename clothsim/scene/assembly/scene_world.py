@@ -1,8 +1,8 @@
 """World and energies of a scene: only the effects that it names are built, and imported."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from clothsim.scene.assembly.meshes import (
     rigid_body_of,
 )
 from clothsim.scene.cost import refuse_costly
-from clothsim.scene.effects import CONTACTS, EFFECTS
+from clothsim.scene.effects import CONTACTS, EFFECTS, Effect
 from clothsim.scene.named_files import with_arrays
 from clothsim.scene.scene import Scene
 
@@ -128,8 +128,7 @@ def build_effects(
         try:
             made = effect.build(world, keys, supplied)
             if isinstance(made, Energy) and name in OF_MATERIAL and any(changes):
-                build_in = partial(effect.build, keys=keys, supplied={})
-                made = _changing(where, world, scene.cloths, changes, keys, build_in)
+                made = _changing(where, world, scene.cloths, changes, keys, effect)
         except (TypeError, ValueError) as error:
             raise InputError(
                 f"{where} has a value of the wrong type: {error}.", f"`clothsim keys {where}` lists the types."
@@ -173,11 +172,11 @@ def _changing(
     cloths: Sequence[ClothTable],
     changes: Sequence[Mapping[str, Schedule]],
     keys: Any,
-    build_in: Callable[[World], Any],
+    effect: Effect,
 ) -> Energy:
     """The energy of an effect whose material changes.
 
-    cloths, changes: the sections of the cloths and what changes in each; build_in: the effect in a world.
+    cloths, changes: the sections of the cloths and what changes in each.
     Masses stay as they are: cloth that shrinks becomes denser.
     """
     if getattr(keys, "elements", None) == "pairs" and any(key in each for each in changes for key in SHRINKAGES):
@@ -195,21 +194,23 @@ def _changing(
         return replace(cloth, fabric=fabric, material_coordinates=coordinates)
 
     @lru_cache(maxsize=2)  # the start and the end of a step
-    def of(*numbers: tuple[float, ...]) -> Energy:
+    def of(*numbers: tuple[float, ...], at_start: bool = False) -> Energy:
         by_name = [dict(zip(each, values, strict=True)) for each, values in zip(changes, numbers, strict=True)]
-        made = build_in(with_material(world, tuple(map(changed, cloths, by_name, world.cloths, axes))))
+        now = with_material(world, tuple(map(changed, cloths, by_name, world.cloths, axes)))
+        made = effect.build(now, keys, {"at_start": at_start})
         if not isinstance(made, Energy):  # no key frame is 0, but a function of time may be
             raise InputError(f"{where} has no stiffness at a time.", "Keep what changes over time above 0.")
         return made
 
-    def at(time: float) -> Energy:
-        return of(*(tuple(each.at(time) for each in schedules.values()) for schedules in changes))
+    def numbers_at(time: float) -> tuple[tuple[float, ...], ...]:
+        return tuple(tuple(each.at(time) for each in schedules.values()) for schedules in changes)
 
+    first = of(*numbers_at(0.0), at_start=True)  # with the checks of a start
     if all(each.is_constant for schedules in changes for each in schedules.values()):
-        return at(0.0)
+        return first
     if any(world.per_triangle(f"hysteresis_along_{way}").any() for way in ("warp", "weft")):
         raise InputError("bending_hysteresis does not go with a material that changes.", "Set it to 0.")
-    return ChangingMaterial(at)
+    return ChangingMaterial(lambda time: of(*numbers_at(time)))
 
 
 def _cloth_names(scene: Scene) -> list[str]:

@@ -162,3 +162,12 @@ def test_a_fabric_set_by_hand_goes_with_key_frames():
     made.set_fabric(youngs_modulus=[[0, 5e5], [1, 4.5e5]], bending_stiffness=1e-5)
     made.step()
     assert made.field("stress")[:, 0, 0] == pytest.approx(whole * 4.9 / 9.9)
+
+
+def test_a_free_strip_shrinks_beyond_its_strain_limit():
+    """The limit is of the stretch against the shape at rest of the time, which the strip follows."""
+    effects = {"inertia": {}, "membrane": {}, "strain_limit": {"limit": 1.05}, "pins": {"select": "left"}}
+    run = clothsim.simulate(scene(effects, dt=0.02, cells=[4, 1], shrinkage_warp=[[0.0, 0.0], [0.4, 0.2]]))
+    assert run.status == "completed", run.reason
+    with pytest.raises(InputError, match="starts stretched"):
+        build(scene(effects, shrinkage_warp=[[0.0, 0.2], [0.4, 0.3]]))
