@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from PIL import ImageColor
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
@@ -176,30 +175,6 @@ def limits_of(given: Any) -> Limits | None:
         remedy = f"Give numbers up to {LARGEST:g} that differ by {NARROWEST:g} of the larger one or more."
         raise InputError(f"The range of colours is {low:.10g} to {high:.10g}, which no bar can label.", remedy)
     return low, high
-
-
-def dyes_of(text: str) -> Floats:
-    """SRGB in [0, 1] of the two threads of each cloth, (k, 2, 3), from CSS colours: `navy`, or `firebrick/white,navy`.
-
-    A comma parts the cloths, a slash the two dyes of a check. InputError for a colour that is unknown.
-
-    >>> dyes_of("red,#0000ff/white").tolist()
-    [[[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]]]
-    """
-    cloths = []
-    for cloth in text.split(","):
-        names = [name.strip() for name in cloth.split("/")]
-        try:
-            dyes = [ImageColor.getrgb(name)[:3] for name in names]
-        except ValueError:
-            dyes = []
-        if len(dyes) not in (1, 2):
-            raise InputError(
-                f"colour: {cloth!r:.80} is no colour.",
-                'Give "stretch", "plain", a CSS colour ("navy", "#8c2f39"), or two with a slash for a check.',
-            )
-        cloths.append([dyes[0], dyes[-1]])
-    return np.array(cloths, np.float64) / 255.0
 
 
 def stretch_scale(logs: Iterable[Floats], name: str = "principal stretch", limits: Limits | None = None) -> Scale:

@@ -17,7 +17,6 @@ from clothsim.render.camera import HIGH, LOW, VIEWS, Camera, extreme_points, fra
 from clothsim.render.colour_scale import (
     Quantity,
     Scale,
-    dyes_of,
     limits_of,
     log_stretch,
     sequential_scale,
@@ -25,7 +24,7 @@ from clothsim.render.colour_scale import (
 )
 from clothsim.render.display import choose_renderer
 from clothsim.render.ray_caster import pixel_geometry
-from clothsim.render.styles import STYLES, Style, add_legend, backdrop, margins, outlined, woven
+from clothsim.render.styles import STYLES, Style, add_legend, backdrop, dyes_of, margins, outlined, woven
 from clothsim.render.surface_look import Surface, looks, smoothed
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}

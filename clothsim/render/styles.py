@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFilter, ImageFont
+from PIL import Image, ImageColor, ImageDraw, ImageFilter, ImageFont
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 from clothsim.render.camera import Camera, Margins
 from clothsim.render.colour_scale import Scale
 from clothsim.render.ray_caster import PixelGeometry
@@ -257,3 +258,27 @@ def _mean(values: Floats, samples: int) -> Floats:
     """Mean over the samples of each pixel, (h, w, 1)."""
     height, width = values.shape[0] // samples, values.shape[1] // samples
     return values.reshape(height, samples, width, samples).mean(axis=(1, 3))[..., None]
+
+
+def dyes_of(text: str) -> Floats:
+    """SRGB in [0, 1] of the two threads of each cloth, (k, 2, 3), from CSS colours: `navy`, or `firebrick/white,navy`.
+
+    A comma parts the cloths, a slash the two dyes of a check. InputError for a colour that is unknown.
+
+    >>> dyes_of("red,#0000ff/white").tolist()
+    [[[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]]]
+    """
+    cloths = []
+    for cloth in text.split(","):
+        names = [name.strip() for name in cloth.split("/")]
+        try:
+            dyes = [ImageColor.getrgb(name)[:3] for name in names]
+        except ValueError:
+            dyes = []
+        if len(dyes) not in (1, 2):
+            raise InputError(
+                f"colour: {cloth!r:.80} is no colour.",
+                'Give "stretch", "plain", a CSS colour ("navy", "#8c2f39"), or two with a slash for a check.',
+            )
+        cloths.append([dyes[0], dyes[-1]])
+    return np.array(cloths, np.float64) / 255.0

@@ -23,7 +23,7 @@ from clothsim.gradients.run import Trace, traced
 from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
-from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.time_loop import steps
 
 PATHS = "cloth.youngs_modulus", "effects.friction.coefficient"
@@ -88,19 +88,23 @@ def cost(cells: int, duration: float = 0.4) -> Cost:
 
     plain, finished = session(0), session(8)
     iterations, plain_seconds = _timed(lambda: _iterations(plain))
-    taken, polished = _timed(lambda: tuple(forward(finished)))
+    taken, polished = _timed(lambda: tuple(forward(finished, _start(finished))))
     gradient, backward = _timed(lambda: Trace(finished, taken).gradient(Height()))
     by_number = {path: _timed(lambda path=path: gradient[path])[1] for path in PATHS}  # type: ignore[misc]
     return Cost(cells, len(taken), iterations, plain_seconds, polished, backward, by_number)
 
 
 def _iterations(session: Session) -> int:
-    run, state, total = session.scene.run_settings, first_state(session.built.world, session.integrator.dt), 0
+    run, state, total = session.scene.run_settings, _start(session), 0
     for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
         if report.failure is not None:
             raise ClothsimError(report.failure.sentence)
         total += report.result.iterations
     return total
+
+
+def _start(session: Session) -> State:
+    return first_state(session.built.world, session.integrator.dt)
 
 
 def _timed(job: Callable[[], Result]) -> tuple[Result, float]:

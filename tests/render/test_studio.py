@@ -8,8 +8,8 @@ from render_scenes import ball, sheet
 from clothsim.base.errors import InputError
 from clothsim.render import studio, surface_look
 from clothsim.render import surface_look as shells
-from clothsim.render.colour_scale import dyes_of
 from clothsim.render.picture import draw, picture_setup, rendered_without_legend
+from clothsim.render.styles import dyes_of
 from clothsim.render.surface_look import Surface
 
 
