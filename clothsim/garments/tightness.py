@@ -119,12 +119,12 @@ def tight_notes(found: Mapping[str, Tightness]) -> tuple[str, ...]:
 def _without_side(name: str) -> str:
     """A name in the plural without left, right, front and back; as it is where no more of it is left.
 
-    >>> _without_side("left_sleeve_front"), _without_side("front")
-    ('sleeves', 'front')
+    >>> _without_side("left_sleeve_front"), _without_side("pants_left"), _without_side("front")
+    ('sleeves', 'pants', 'front')
     """
     words = [word for word in re.split(r"[_ ]", name) if word.lower() not in ("left", "right", "front", "back")]
     sided = len(words) < len(re.split(r"[_ ]", name))
-    return (" ".join(words) + ("s" if sided else "")) if words else name
+    return (" ".join(words) + ("s" if sided and not words[-1].endswith("s") else "")) if words else name
 
 
 def tight_entries(found: Mapping[str, Tightness]) -> dict[str, dict[str, Any]]:

@@ -394,7 +394,7 @@ class Layer:
             session = with_rest(session, values["cloth.rest"])
         integrator = session.integrator
         if "pins" in values:
-            if values["pins"].shape != (len(self.pinned), 3):
+            if values["pins"].shape != (len(self.pinned), 3) or not len(self.pinned):
                 raise InputError(f"pins has the shape {values['pins'].shape}, and {len(self.pinned)} are pinned.")
             told = as_points("pins", values["pins"])
             places = PlacedPins(integrator.constraints["pins"], self.pinned, told - world.origin)
