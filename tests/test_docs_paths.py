@@ -94,7 +94,7 @@ STILL_PALETTISED = {
     "viewer.png",
     *(f"gallery/{scene.stem}.png" for scene in (ROOT / "scenes").glob("*.toml")),
 }
-"""Pictures of an older day; those that are made anew leave the list."""
+"""Older pictures with a palette; one that is drawn again leaves the list."""
 
 
 def test_pictures_are_in_true_colour():

@@ -36,7 +36,7 @@ _GRADIENT = """\
 Run a scene and derive a loss of its last frame by numbers, bodies and states, with what the solves and the time steps
 cost the loss. One run and one pass back serve all names.
 
-  clothsim gradient sphere --loss height --wrt youngs_modulus,body.ball.position --set effects.friction.eps_v=1e-3
+  clothsim gradient sphere --loss height --wrt youngs_modulus,body.ball.position
 """
 
 
@@ -46,7 +46,11 @@ def add_to(commands: Any) -> None:
     gradient.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     gradient.add_argument("--loss", required=True, metavar="LOSS", help=" | ".join(LOSSES))
     gradient.add_argument(
-        "--wrt", required=True, metavar="NAMES", help="start, velocity, force, pins, body.NAME.position, youngs_modulus"
+        "--wrt",
+        required=True,
+        action="append",
+        metavar="NAMES",
+        help="start, velocity, force, pins, body.NAME.position, youngs_modulus",
     )
     gradient.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the arrays (.npz)")
     add_set(gradient)
@@ -78,7 +82,7 @@ def add_to(commands: Any) -> None:
 
 
 def _gradient(arguments: argparse.Namespace) -> Report:
-    names = words("--wrt", arguments.wrt)
+    names = words("--wrt", ",".join(arguments.wrt))
     if arguments.output is not None and arguments.output.suffix != ".npz":
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
     scene = scene_of(arguments)

@@ -15,9 +15,9 @@ from scipy.optimize import minimize
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.design_aims import SeesMaterial, largest_stretch
+from clothsim.gradients.loss_of_numbers import derivatives, intersecting_pairs
 from clothsim.gradients.losses import Loss
 from clothsim.gradients.pattern_numbers import SECTION, PatternNumber, PatternNumbers
-from clothsim.gradients.recover import derivatives, intersecting_pairs
 from clothsim.gradients.run import Trace, traced
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.patterns.pattern_mesh import PatternMesh

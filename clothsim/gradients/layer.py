@@ -116,7 +116,7 @@ class PlacedPins(Constraint):
 
     @property
     def still(self) -> bool:
-        """False: they go where they are told."""
+        """False: their motion is prescribed by the parameter."""
         return False
 
     def at(self, time: float) -> Prescribed:
@@ -149,7 +149,7 @@ class StepModel:
         held = np.array([back.prescribed for back in backs])
         forces = np.array([back.forces[:n] for back in backs])
         own = held.copy()
-        if "pins" in self.names:  # where they are told to be, whatever the scene says
+        if "pins" in self.names:  # prescribed by the parameter, not by the scene
             own[:, :n] = 0.0
         carried = tuple(back.carried for back in backs)
         adjoints = Adjoints(forces, own, zero, zero, np.zeros(len(backs)), np.zeros(len(backs)), carried)
@@ -396,8 +396,8 @@ class Layer:
         if "pins" in values:
             if values["pins"].shape != (len(self.pinned), 3) or not len(self.pinned):
                 raise InputError(f"pins has the shape {values['pins'].shape}, and {len(self.pinned)} are pinned.")
-            told = as_points("pins", values["pins"])
-            places = PlacedPins(integrator.constraints["pins"], self.pinned, told - world.origin)
+            given = as_points("pins", values["pins"])
+            places = PlacedPins(integrator.constraints["pins"], self.pinned, given - world.origin)
             integrator = replace(integrator, constraints={**integrator.constraints, "pins": places})
         if "force" in values:
             forces = np.zeros((world.n_vertices, 3))

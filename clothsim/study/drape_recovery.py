@@ -20,7 +20,7 @@ from clothsim.study.standard_tests.cusick import lays
 from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, outline_shape
 
 GRAVITY, DENSITY = 9.81, 0.2
-"""[m/s2]; weight of a cloth whose weight is not told [kg/m2]."""
+"""[m/s2]; weight of a cloth where none is given [kg/m2]."""
 ASSUMED: dict[str, float] = {"thickness": 0.4e-3, "youngs_modulus": 0.75e6, "poisson_ratio": 0.243,
                               "shear_stiffness": 45.0}  # fmt: skip
 """E2 300 N/m; a shear stiffness of .8 gf/(cm degree), a KES value of plain weaves."""
@@ -216,19 +216,19 @@ def recover_drape(
     noise = float(coefficients.std(ddof=1)) if len(coefficients) > 2 and not both else REPEATABILITY
     noise /= np.sqrt(len(coefficients))
     error = float(np.sqrt(noise**2 + spread**2 + MESH_ERROR**2)) / slope
-    told = both and per_curl > LEAST_SLOPE
+    determined = both and per_curl > LEAST_SLOPE
     x += (target - mean) / slope if abs(target - mean) < 0.05 else 0.0
     known, notes = _stiffnesses(x, error, density, prior)
     return DrapeRecovery(
         float(np.exp(x / 3)),
         error,
-        curl if told else None,
-        float(np.hypot(noise, spread) / per_curl) if told else None,
+        curl if determined else None,
+        float(np.hypot(noise, spread) / per_curl) if determined else None,
         known,
         target,
         mean,
         taken,
-        (*notes, *_notes(target, mean, both, told, own)),
+        (*notes, *_notes(target, mean, both, determined, own)),
     )
 
 
@@ -255,7 +255,7 @@ def _stiffnesses(
     return {n: (float(np.exp(m)), float(s)) for n, m, s in zip(names, after.mean, spreads, strict=True)}, (text,)
 
 
-def _notes(target: float, mean: float, both: bool, told: bool, own: Mapping[str, float]) -> tuple[str, ...]:
+def _notes(target: float, mean: float, both: bool, determined: bool, own: Mapping[str, float]) -> tuple[str, ...]:
     """What was assumed, and what the outlines do not determine."""
     known = {**ASSUMED, **own}
     stretch = known["youngs_modulus"] * known["thickness"]
@@ -269,7 +269,7 @@ def _notes(target: float, mean: float, both: bool, told: bool, own: Mapping[str,
         notes.append(f"Not determined: D itself; weigh the cloth and set density ({DENSITY:g} kg/m2 was simulated).")
     if not both:
         notes.append("Not determined: curl; lay the specimen with the other side up too (side = 1 and -1).")
-    elif not told:
+    elif not determined:
         notes.append("Not determined: curl; the sides differ by less than the simulated lays tell.")
     if abs(target - mean) > 0.02:
         notes.append(

@@ -43,7 +43,8 @@ def _here(tmp_path, monkeypatch):
 
 
 def test_a_gradient_in_json_and_in_a_file(capsys):
-    words = ["gradient", "sheet.toml", "--loss", "height", "--wrt", "youngs_modulus,force,effects.gravity.acceleration"]
+    words = ["gradient", "sheet.toml", "--loss", "height", "--wrt", "youngs_modulus"]
+    words += ["--wrt", "force,effects.gravity.acceleration"]
     assert main([*words, "--json", "-o", "gradient.npz"]) == 0
     content = json.loads(capsys.readouterr().out)
     arrays = np.load("gradient.npz")

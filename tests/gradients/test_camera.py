@@ -80,6 +80,8 @@ def test_key_points_of_a_drape_in_contact():
     assert halved_errors(np.vdot(by_x, d), lambda h: loss.evaluate(x + h * d, None)[0], 1e-7)[1] < 1e-6
     gradient = trace.gradient(loss)
     assert gradient.value == value
-    stiffer = lambda h: override(scene, f"cloth.youngs_modulus={1e5 + h}")  # noqa: E731
-    change = lambda h: traced(stiffer(h)).gradient(loss).value  # noqa: E731
-    assert halved_errors(float(gradient["cloth.youngs_modulus"]), change, 20.0)[1] < 1e-6
+
+    def of_stiffer(h):
+        return traced(override(scene, f"cloth.youngs_modulus={1e5 + h}")).gradient(loss).value
+
+    assert halved_errors(float(gradient["cloth.youngs_modulus"]), of_stiffer, 20.0)[1] < 1e-6

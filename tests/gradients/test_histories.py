@@ -73,7 +73,10 @@ def test_differences_fall_as_the_square_of_their_step(chains):
     made = chains["anchors that hold and slide"]
     gradient = made.adjoints().velocities
     d = made.along(gradient, "gradient")
-    loss = lambda h: made.loss(replace(made.start, velocities=made.start.velocities + h * d))  # noqa: E731
+
+    def loss(h):
+        return made.loss(replace(made.start, velocities=made.start.velocities + h * d))
+
     errors = [abs((loss(h) - loss(-h)) / (2 * h) - np.vdot(gradient, d)) for h in (8e-5, 4e-5)]
     assert 3.5 < errors[0] / errors[1] < 4.5
 

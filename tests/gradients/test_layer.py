@@ -81,7 +81,10 @@ def test_rest_positions(strip):
     d[:, 2] = 0.0
     by_x = weights((4, *d.shape))
     rest = strip.session.built.world.cloths[0].rest_positions
-    rollout = lambda h: strip.rollout(start, {"cloth.rest": rest + h * d}, 3)  # noqa: E731
+
+    def rollout(h):
+        return strip.rollout(start, {"cloth.rest": rest + h * d}, 3)
+
     found = rollout(0.0).vjp(by_x)[1]["cloth.rest"]
     assert halved_errors(np.vdot(found, d), lambda h: np.vdot(by_x, rollout(h).x), 1e-6)[1] < 1e-6
 
@@ -103,8 +106,11 @@ def test_steps_with_parameters_of_their_own_and_steps_one_by_one(landing):
     np.testing.assert_allclose(again.positions, by_start.positions, rtol=1e-9, atol=1e-9 * abs(by_x).max())
     for one, other in zip(by, [*by_first, *by_second], strict=True):
         np.testing.assert_allclose(one["force"], other["force"], rtol=1e-9, atol=1e-9 * np.abs(one["force"]).max())
-    shift = lambda h: [given[0], {"force": forces[1] + h * forces[0]}, *given[2:]]  # noqa: E731
-    loss = lambda h: float(np.vdot(by_x, (r := landing.rollout(state, shift(h), 4)).x) + np.vdot(by_v, r.v))  # noqa: E731
+
+    def loss(h):
+        pushed = landing.rollout(state, [given[0], {"force": forces[1] + h * forces[0]}, *given[2:]], 4)
+        return float(np.vdot(by_x, pushed.x) + np.vdot(by_v, pushed.v))
+
     assert halved_errors(np.vdot(by[1]["force"], forces[0]), loss, 1e-3)[1] < 1e-6
 
 

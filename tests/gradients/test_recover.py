@@ -7,9 +7,10 @@ from small_skirt import hanging_skirt, skirt_mesh
 from clothsim import InputError, Scene, recover
 from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.gradients.fabric_prior import bending_prior
+from clothsim.gradients.loss_of_numbers import problem_of
 from clothsim.gradients.losses import Custom, Distance, Height, Scan
 from clothsim.gradients.parameters import with_value
-from clothsim.gradients.recover import identifiability, problem_of
+from clothsim.gradients.recover import identifiability
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene
 from clothsim.gradients.targets import target_loss
@@ -106,7 +107,7 @@ def test_points_without_correspondence(drape):
 def test_a_run_that_cannot_be_taken_is_no_end(drape, monkeypatch):
     """Numbers at which a run fails are left again."""
     from clothsim.base.errors import ClothsimError
-    from clothsim.gradients import recover as module
+    from clothsim.gradients import loss_of_numbers as module
 
     fails = []
 

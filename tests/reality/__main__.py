@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.reality", description=__doc__)
     parser.add_argument("--data", type=Path, required=True, metavar="FOLDER", help=f"folder with {NAME}")
     parser.add_argument("--record", type=Path, default=RECORD, metavar="FILE", help="stored ensembles (JSON)")
-    parser.add_argument("--simulate", action="store_true", help="simulate the ensembles anew, for minutes")
+    parser.add_argument("--simulate", action="store_true", help="simulate the ensembles again, for minutes")
     parser.add_argument("--lays", type=int, default=4, metavar="N", help="of each bending length (default 4)")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the table between FILE's marks")
     arguments = parser.parse_args(argv)

@@ -128,7 +128,7 @@ def test_a_drape_with_friction_comes_to_rest_and_from_its_own_end_stays(tmp_path
     again = draped(tmp_path / "again", seed=seed)
     assert again.summary["certificate"]["at_rest"] is True
     first_step, *others = (entry["newton_iterations"] for entry in again.record())
-    assert first_step <= 3  # friction that a mesh does not hold is found anew
+    assert first_step <= 3  # friction that a mesh does not hold is searched again
     assert set(others) == {1}
     assert len(again.record()) < 20
     assert np.linalg.norm(frames(again) - first.positions(-1), axis=2).max() < 2e-4

@@ -1,7 +1,7 @@
 """Limbs: which one is between the sides of a seam, which panels are the tube of a leg, poses to sew in.
 
 Strings that run through a limb draw both sides of a seam to the far side of it, or leave the seam open: an inseam
-between thighs that nearly touch, a wide skirt beside forearms. The garment is then sewn anew with the legs parted or
+between thighs that nearly touch, a wide skirt beside forearms. The garment is then sewn again with the legs parted or
 the arms raised, and these come back under contact, as a person steps into trousers.
 """
 

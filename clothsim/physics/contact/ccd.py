@@ -230,7 +230,7 @@ def _pair_limit(
 ) -> float:
     """Fraction for one pair, at most `limit`; otherwise independent of it, so the order of the pairs is arbitrary.
 
-    least: gap that is told from none [m].
+    least: smallest gap that round-off does not hide [m].
     """
     dw = _vertex_differences(dy, is_edges)
     speed = _speed(dw, is_edges)

@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
@@ -138,7 +138,7 @@ class Energy(abc.ABC):
             Blocks by element, a sum of such and of implicit ones (not projected), or the matrix.
         """
 
-    def begin(self, step: Step) -> Self:
+    def begin(self, step: Step) -> "Energy":
         """A copy bound to the step, with lagged quantities and targets; the energy itself where nothing is lagged.
 
         Binding makes a copy so that a rejected step needs no undo.

@@ -21,10 +21,10 @@ from clothsim.base.errors import InputError
 from clothsim.keys.typed_effects import Cords
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
-from clothsim.physics.energies.edge_curves import edge_curves
+from clothsim.physics.energies.edge_curves import drawn_curves
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.physics.energies.key_values import Schedule, schedule
+from clothsim.physics.energies.key_values import Schedule
 from clothsim.physics.energies.protocols import (
     Coupling,
     Driven,
@@ -159,13 +159,8 @@ def cords(world: World, keys: Cords) -> Energy | Off:
         Names the table and key.
     """
     lines, made = [], []
-    for k, each in enumerate(keys.cord):
-        name = f"effects.cords.cord[{k}]"
-        stiffness = schedule(f"{name}.stiffness", each.stiffness, 0.0)
-        ratio = schedule(f"{name}.length_ratio", each.length_ratio, SHORTEST)
-        if stiffness.is_zero:
-            continue
-        for curve in edge_curves(f"{name}.select", world, each.select):
+    for name, stiffness, ratio, curves in drawn_curves("effects.cords.cord", world, keys.cord, SHORTEST):
+        for curve in curves:
             if len(curve.vertices) > MOST:
                 raise InputError(
                     f"{name} runs through {len(curve.vertices)} vertices, more than {MOST}.",

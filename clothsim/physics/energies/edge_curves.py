@@ -1,16 +1,24 @@
 """Curves along edges of the cloth, such as a waist or a hem: their vertices in order, and their lengths at rest."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.effect_tables import Band, Cord
 from clothsim.keys.schema import Selection
 from clothsim.mesh.topology import border_edges, half_edges
 from clothsim.mesh.world import World
-from clothsim.physics.energies.key_values import TABLES, of_pattern, selected_vertices, vertex_numbers
+from clothsim.physics.energies.key_values import (
+    TABLES,
+    Schedule,
+    of_pattern,
+    schedule,
+    selected_vertices,
+    vertex_numbers,
+)
 
 
 @dataclass(frozen=True)
@@ -133,3 +141,18 @@ def _lengths_at_rest(where: str, world: World, line: Ints) -> Floats:
 def _numbers(edges: Ints, world: World) -> Ints:
     """One number for each sorted pair of vertices."""
     return edges[:, 0] * world.n_cloth + edges[:, 1]
+
+
+def drawn_curves(
+    where: str, world: World, tables: Sequence[Band | Cord], shortest: float
+) -> Iterator[tuple[str, Schedule, Schedule, tuple[EdgeCurve, ...]]]:
+    """Name, stiffness [N], length ratio and curves of each table of a scene whose stiffness is not 0 at all times.
+
+    where: key of the tables; shortest: least length ratio. InputError names the table and key.
+    """
+    for k, each in enumerate(tables):
+        name = f"{where}[{k}]"
+        stiffness = schedule(f"{name}.stiffness", each.stiffness, 0.0)
+        ratio = schedule(f"{name}.length_ratio", each.length_ratio, shortest)
+        if not stiffness.is_zero:
+            yield name, stiffness, ratio, edge_curves(f"{name}.select", world, each.select)

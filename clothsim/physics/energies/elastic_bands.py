@@ -17,9 +17,9 @@ from clothsim.base.arrays import Floats
 from clothsim.keys.typed_effects import ElasticBands
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
-from clothsim.physics.energies.edge_curves import edge_curves
+from clothsim.physics.energies.edge_curves import drawn_curves
 from clothsim.physics.energies.example import Example, Idle
-from clothsim.physics.energies.key_values import Schedule, schedule
+from clothsim.physics.energies.key_values import Schedule
 from clothsim.physics.energies.links import Links
 from clothsim.physics.energies.protocols import Driven, PastSensitivity, Report, SeesPast
 
@@ -83,13 +83,7 @@ def elastic_bands(world: World, keys: ElasticBands) -> Energy | Off:
         Names the table and key.
     """
     rows, bands = [], []
-    for k, each in enumerate(keys.band):
-        name = f"effects.elastic_bands.band[{k}]"
-        stiffness = schedule(f"{name}.stiffness", each.stiffness, 0.0)
-        ratio = schedule(f"{name}.length_ratio", each.length_ratio, SHORTEST)
-        if stiffness.is_zero:
-            continue
-        curves = edge_curves(f"{name}.select", world, each.select)
+    for _, stiffness, ratio, curves in drawn_curves("effects.elastic_bands.band", world, keys.band, SHORTEST):
         rows += [curve.edges for curve in curves]
         bands.append(Band(stiffness, ratio, np.concatenate([curve.lengths for curve in curves])))
     if not bands:

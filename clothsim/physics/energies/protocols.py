@@ -102,7 +102,7 @@ class ChangingMaterial(Energy):
 
     at: Callable[[float], Energy]
 
-    def begin(self, step: Step) -> Energy:  # type: ignore[override]
+    def begin(self, step: Step) -> Energy:
         """The energy of the step's end, which works as one whose material never changes."""
         return self.at(step.time + step.dt).begin(step)
 

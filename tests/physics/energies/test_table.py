@@ -7,29 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bound_effects import table_world
 from differences import dense_hessian, gradient_error, hessian_error, numeric_hessian, taylor_slopes
 from effect_builders import built
-from meshes import cloth, deformed, irregular_grid, random_rotation
+from meshes import deformed, random_rotation
 from scipy import sparse
 
-from clothsim.mesh.body import make_body
-from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Constraint, Energy, Step
 from clothsim.physics.energies.hessians import ByElement, explicit
 from clothsim.physics.energies.protocols import ContactGap, restricted
 from clothsim.scene.effects import CONTACTS, EFFECTS
 
 EXAMPLES = {name: effect.example() for name, effect in EFFECTS.items()}
-
-
-def table_world():
-    """A bent cloth at 0.25 m over one large triangle, all numbers of order one."""
-    positions, triangles = irregular_grid(0)
-    positions[:, 2] = 0.2 * np.sin(2 * positions[:, 0]) + 0.1 * positions[:, 1] ** 2
-    sheet = cloth(positions, triangles)
-    sheet = replace(sheet, positions=positions + np.array([0.0, 0.0, 0.25]))
-    floor = make_body("floor", np.array([[-1.0, -1, 0], [3, -1, 0], [-1, 3, 0]]), np.array([[0, 1, 2]]))
-    return make_world([sheet], [floor])
 
 
 def made(name):
