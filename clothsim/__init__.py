@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         SelfContact,
         Springs,
         StrainLimit,
+        Targets,
     )
     from clothsim.mesh.checks import Finding
     from clothsim.patterns.pattern import Pattern

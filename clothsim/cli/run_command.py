@@ -125,7 +125,7 @@ def _run(arguments: argparse.Namespace) -> int:
     engine.refuse_earlier_run(directory, arguments.overwrite, pictures, (arguments.scene, scene))
     let_finish = engine.start_precompiling()
     with page_of(directory) if arguments.view else nullcontext():
-        code = _execute(
+        code = execute(
             arguments,
             directory,
             lambda **listeners: clothsim.simulate(
@@ -156,21 +156,21 @@ def _resume(arguments: argparse.Namespace) -> int:
         engine.unpack_bundle(archive, directory)
     elif arguments.output is not None:
         raise InputError(f"{directory} is no archive.", "Leave -o out: a run continues in its own directory.")
-    return _execute(arguments, directory, lambda **listeners: clothsim.resume(directory, **listeners))
+    return execute(arguments, directory, lambda **listeners: clothsim.resume(directory, **listeners))
 
 
 def _dumped_step(arguments: argparse.Namespace) -> int | None:
     return None if arguments.dump_iterates is None else as_count("--dump-iterates", arguments.dump_iterates)
 
 
-def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[..., Run]") -> int:
+def execute(arguments: argparse.Namespace, directory: Path, job: "Callable[..., Run]") -> int:
     """Run `job` with its callbacks, draw the pictures, print the result."""
     subject = arguments.scene if arguments.command == "run" else directory
     step = _dumped_step(arguments)
     if step is not None:
         (directory / ITERATES.format(step)).unlink(missing_ok=True)  # of an earlier run
     message = messages(arguments, subject)
-    note = existing_files_note if arguments.command == "run" else resumption_note
+    note = resumption_note if arguments.command == "resume" else existing_files_note
     before = note(directory)
 
     sessions: list[Session] = []
