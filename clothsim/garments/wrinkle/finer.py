@@ -7,8 +7,11 @@ from scipy.sparse import csr_array
 
 from clothsim.base.arrays import Floats, Ints
 
-ROUNDNESS = 0.75
-"""Weight of the projections on the tangent planes of the corners (Boubekeur and Alexa 2008, "Phong Tessellation")."""
+ROUNDNESS = 0.5
+"""Weight of the projections on the tangent planes of the corners (Boubekeur and Alexa 2008, "Phong Tessellation").
+
+A half is exact on arcs and paraboloids; three quarters, which the paper takes for looks, are too round.
+"""
 
 
 @dataclass(frozen=True)
