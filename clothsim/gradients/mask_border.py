@@ -18,7 +18,7 @@ from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.ray_casting import first_hits
 from clothsim.gradients.camera import Camera
-from clothsim.gradients.picture_loss import PictureLoss, Residuals, as_mask, by_vertices, checked_noise
+from clothsim.gradients.picture_loss import Obstacle, PictureLoss, Residuals, as_mask, by_vertices, checked_noise
 from clothsim.mesh.refinement import refined
 from clothsim.mesh.topology import border_edges, interior_edges
 
@@ -36,19 +36,6 @@ CANDIDATES = 4
 """Points of the contour of which the nearest to a point of the mask is taken, each moved along its edge."""
 TURN = 10.0
 """Pixels that opposite normals count for, over 2, where the nearest point is looked for."""
-
-
-@dataclass(frozen=True, eq=False)
-class Obstacle:
-    """Positions (n, 3) [m] and triangles (m, 3) of what may hide the cloth: the body."""
-
-    positions: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    triangles: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
-
-    @property
-    def corners(self) -> Floats:
-        """Corners of the triangles (m, 3, 3) [m]."""
-        return self.positions[self.triangles]
 
 
 @dataclass(frozen=True, eq=False)

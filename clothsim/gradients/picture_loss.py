@@ -1,7 +1,7 @@
 """Losses of a picture as sums of squares: residuals over their noise, with derivatives by the cloth's vertices."""
 
 import abc
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -67,6 +67,19 @@ def by_vertices(weights: csr_array, by_points: Floats) -> csr_array:
     return csr_array(
         coo_array((values, (np.repeat(entries.row, 3), columns)), shape=(weights.shape[0], 3 * weights.shape[1]))
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Positions (n, 3) [m] and triangles (m, 3) of what may hide the cloth: the body."""
+
+    positions: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    triangles: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
+
+    @property
+    def corners(self) -> Floats:
+        """Corners of the triangles (m, 3, 3) [m]."""
+        return self.positions[self.triangles]
 
 
 class PictureLoss(Loss):
