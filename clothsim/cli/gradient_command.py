@@ -101,7 +101,7 @@ def _gradient(arguments: argparse.Namespace) -> Report:
 
 def _errors(gradient: "Gradient") -> dict[str, float | None]:
     """What solves and contact stiffness cost the loss; None: not known."""
-    return {name: finite(getattr(gradient, name)) for name in ("newton_error", "kappa_share")}
+    return {name: finite(getattr(gradient, name)) for name in ("newton_error", "log_kappa_sensitivity")}
 
 
 def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
@@ -121,7 +121,7 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
         lines.append(f"  d/d {name:24} {text}")
     left = errors["newton_error"]
     lines.append(f"  {'left by the solves':28} {'not known' if left is None else f'{left:.2g} of the loss'}")
-    lines.append(f"  {'d/d log(contact stiffness)':28} {errors['kappa_share']:.2g}")
+    lines.append(f"  {'d/d log(contact stiffness)':28} {errors['log_kappa_sensitivity']:.2g}")
     return lines
 
 

@@ -164,8 +164,8 @@ class StepModel:
         own = held.copy()
         if "pins" in self.names:  # prescribed by the parameter, not by the scene
             own[:, :n] = 0.0
-        carried = tuple(back.carried for back in backs)
-        adjoints = Adjoints(forces, own, zero, zero, np.zeros(len(backs)), np.zeros(len(backs)), carried)
+        memory_adjoints = tuple(back.memory_adjoints for back in backs)
+        adjoints = Adjoints(forces, own, zero, zero, np.zeros(len(backs)), np.zeros(len(backs)), memory_adjoints)
         trace = Trace(self.session, tuple(steps))
         arrays = {
             "pins": lambda: held[:, steps[0].fixed_rows(self.integrator)].sum(axis=0),

@@ -200,5 +200,5 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "rejected": report.rejected,
         "restarted": report.restarted,
         "unstable": [asdict(switch) for switch in report.switches],
-        **({} if certificate.carried is None else {"carried": certificate.carried.now}),
+        **({} if certificate.flypapered is None else {"carried": certificate.flypapered.now}),
     }

@@ -32,7 +32,7 @@ from clothsim.physics.energies.protocols import (
     Idling,
     PastSensitivity,
     Report,
-    SeesPast,
+    StartDerivatives,
 )
 
 SHORTEST = 0.01
@@ -51,7 +51,7 @@ class Cord:
 
 
 @dataclass(frozen=True)
-class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, SeesPast, Report):
+class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, PastSensitivity, Report):
     """E = sum k/2 max(l - L, 0)^2 / L over cords.
 
     Parameters
@@ -126,9 +126,9 @@ class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, SeesPast, Repor
         """The rows of all cords."""
         return self.rows
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """Zero: the cords are functions of time."""
-        return PastSensitivity()
+        return StartDerivatives()
 
     def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
         """Length and tension of each cord at x."""

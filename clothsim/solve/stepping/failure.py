@@ -371,4 +371,4 @@ def _names(world: World, constraints: Collection[Constraint], pair: ContactPair)
 
 def _resisted(potential: Potential) -> bool:
     """True where inertia or damping resists every motion (friction, which begins last, only that of contacts)."""
-    return any(energy.incremental and not energy.begins_last for energy in potential.energies.values())
+    return any(energy.incremental and not energy.depends_on_other_energies for energy in potential.energies.values())
