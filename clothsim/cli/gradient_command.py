@@ -109,8 +109,11 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
     lines = [note for note in gradient.run.session.notes if "held at" in note]
     lines.append(f"  {'loss':28} {gradient.value:.8g}, over {len(gradient.run.steps)} steps")
     for name, value in derivatives.items():
-        if value.size <= 3:
+        if (value.ndim < 2 and value.size <= 3) or value.shape == (1, 3):
             text = ", ".join(f"{each:.6g}" for each in value.ravel())
+        elif value.shape[1:] == (2,):  # of key frames: times [s] and values are no one sum
+            times, values = (", ".join(f"{each:.4g}" for each in column) for column in value.T)
+            text = f"of key frames: by times [{times}], by values [{values}]"
         else:
             row = int(on_demand.norm(value, axis=1).argmax())
             largest = ", ".join(f"{each:.4g}" for each in value[row])

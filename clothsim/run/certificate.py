@@ -307,11 +307,11 @@ class Certificate:
         Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is no rise,
         but stands in `stiffness`, and what another material adds in `material`.
         """
-        changing = [each for each in (energies or {}).values() if isinstance(each, ChangingMaterial)]
+        changing = {name: each for name, each in (energies or {}).items() if isinstance(each, ChangingMaterial)}
         material = self.material
         if changing:
-            times = before.time, report.state.time
-            work = sum(each.work_of_change(before.positions, *times) for each in changing)
+            times, bound = (before.time, report.state.time), report.potential.energies
+            work = sum(each.work_of_change(before.positions, *times, bound[name]) for name, each in changing.items())
             material = (material or EnergyChanges()).after(work)
         x = report.state.positions
         stretches = world_stretches(world, x)

@@ -9,6 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_number, as_points
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import called
 from clothsim.keys.schema import FUNCTION
 from clothsim.mesh.topology import border_edges, border_vertices, components
 from clothsim.mesh.world import World
@@ -41,6 +42,8 @@ def selected_vertices(where: str, world: World, select: object) -> Ints:
     is its highest border at the start (a waist, a neck; z is up), "bottom" its lowest, "left" and "right" along x.
     Tables: { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 }, { label = "lower_interface" }.
     """
+    if not world.n_cloth and not (isinstance(select, list | tuple | np.ndarray) and not len(select)):
+        raise InputError(f"{where} selects vertices of cloth, and the scene has none.", "Add a [cloth].")
     if isinstance(select, str):
         if select not in NAMED:
             raise InputError(f"{where} is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}.")
@@ -198,7 +201,7 @@ class Schedule:
         """The value at `time` [s]. InputError where the function returns no finite number or one below `least`."""
         if self.function is None:
             return float(np.interp(time, self.times, self.values))
-        return _bounded(f"{self.name} at {time:g} s", self.function(time), self.least)
+        return _bounded(f"{self.name} at {time:g} s", called(self.name, self.function, time), self.least)
 
     @property
     def is_constant(self) -> bool:

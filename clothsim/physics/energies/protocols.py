@@ -96,11 +96,22 @@ class ChangingMaterial(Energy):
 
     Parameters
     ----------
-    at : function of time
-        The energy with the material at a time [s], the same object for the same material.
+    first : Energy
+        That of the start.
+    numbers : function of time
+        What changes, at a time [s].
+    made : function of numbers
+        The energy of a material.
     """
 
-    at: Callable[[float], Energy]
+    first: Energy
+    numbers: Callable[[float], tuple[tuple[float, ...], ...]]
+    made: Callable[[tuple[tuple[float, ...], ...]], Energy]
+
+    def at(self, time: float) -> Energy:
+        """The energy with the material at a time [s]."""
+        numbers = self.numbers(time)
+        return self.first if numbers == self.numbers(0.0) else self.made(numbers)
 
     def begin(self, step: Step) -> Energy:
         """The energy of the step's end, which works as one whose material never changes."""
@@ -118,10 +129,14 @@ class ChangingMaterial(Energy):
         """d2E/dx2 at time 0 [N/m]."""
         return self.at(0.0).hessian(x, project)
 
-    def work_of_change(self, x: Floats, start: float, end: float) -> float:
-        """Energy at x that the change of the material between two times [s] adds [J]; below 0 where it removes some."""
-        before, after = self.at(start), self.at(end)
-        return 0.0 if after is before else after.value(x) - before.value(x)
+    def work_of_change(self, x: Floats, start: float, end: float, after: Energy) -> float:
+        """Energy at x that the change of the material between two times [s] adds [J]; below 0 where it removes some.
+
+        after: the energy of the step between them, whose material is that of its end.
+        """
+        if self.numbers(start) == self.numbers(end):
+            return 0.0
+        return after.value(x) - self.at(start).value(x)
 
 
 def with_material_at(energies: Mapping[str, Energy], time: float) -> dict[str, Energy]:

@@ -162,7 +162,8 @@ class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
         worst = np.unravel_index(int(y.argmax()), y.shape)
         if y[worst] < TIGHT:
             return ""
-        return f"effects.strain_limit is nearly active: a stretch of {stretches[worst]:.4g} of {self.limits[worst]:g}"
+        how = "nearly active" if y[worst] < 1 else "exceeded"
+        return f"effects.strain_limit is {how}: a stretch of {stretches[worst]:.4g} of {self.limits[worst]:g}"
 
     def stretches(self, x: Floats) -> Floats:
         """Stretches s1, s2, la, lb of the triangles at x, (m, 4)."""
@@ -182,8 +183,9 @@ class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
         near = np.flatnonzero((stretches > self.begins).any(axis=1))
         stretches = stretches[near]
         y, ranges = self._range(stretches, near)
-        slopes = ranges * (y * y / (1 - y) - 2 * y * np.log1p(-y))
-        return near, stretches, (self.areas * self.stiffness)[near, None] * slopes, self._curvature(stretches, near)
+        with np.errstate(divide="ignore", invalid="ignore"):  # beyond a limit that shrank: not finite, and reported
+            slopes = ranges * (y * y / (1 - y) - 2 * y * np.log1p(-y))
+            return near, stretches, (self.areas * self.stiffness)[near, None] * slopes, self._curvature(stretches, near)
 
     def _curvature(self, stretches: Floats, near: Ints) -> Floats:
         y, _ = self._range(stretches, near)
