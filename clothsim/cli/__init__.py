@@ -55,7 +55,7 @@ COMMANDS = {
         "a canonical garment on another body",
         "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     ),
-    "wrinkle": Command("wrinkle_command", "fine wrinkles on a coarse run", _RUN),
+    "wrinkle": Command("run_command", "fine wrinkles on a coarse run", _RUN),
     "study": Command("study_command", "measure error against computing time", _SCENE),
     "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
     "sweep": Command("farm_command", "run a scene with several values of its keys", _SCENE),

@@ -236,7 +236,7 @@ def _near(point: Floats, curves: list[Curve], distance: float) -> bool:
 def heights(curves: list[Curve], field: Field) -> Floats:
     """Displacements along the normals, (k,) [m]: sines between neighbouring crests.
 
-    At the distances r1 <= r2 of the two nearest crests the phase is 2 pi r1/(r1 + r2): a crest at r1 = 0, a trough
+    At the distances r1 <= r2 of the two nearest crests the phase is 2 pi r1/(r1 + r2): a crest at r1 = 0, a valley
     half way. Beyond an outer crest it is 2 pi r1/lambda, and the wave fades within one length.
     """
     sheet, out = field.sheet, np.zeros(len(field.positions))

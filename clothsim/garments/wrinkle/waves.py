@@ -14,7 +14,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 
 EDGES = 4
-"""Least number of fine edges in a wave: with fewer there are no crests and troughs to bend."""
+"""Least number of fine edges in a wave: with fewer there are no crests and valleys to bend."""
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example
 from clothsim.physics.energies.hessians import ElementHessian, diagonal_hessian
-from clothsim.physics.energies.protocols import Anchored, Driven, Elementwise, PastSensitivity, SeesPast
+from clothsim.physics.energies.protocols import Anchored, Driven, Elementwise, PastSensitivity, StartDerivatives
 
 
 @dataclass(frozen=True)
-class TargetsEnergy(Elementwise, Anchored, Driven, Energy, SeesPast):
+class TargetsEnergy(Elementwise, Anchored, Driven, Energy, PastSensitivity):
     """E = sum k/2 |x - c|^2.
 
     Parameters
@@ -87,9 +87,9 @@ class TargetsEnergy(Elementwise, Anchored, Driven, Energy, SeesPast):
         """r^2 m I of each vertex [N/m]."""
         return diagonal_hessian(self.rows, self.stiffnesses)
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """Zero: the targets are functions of time."""
-        return PastSensitivity()
+        return StartDerivatives()
 
     def _lines(self, x: Floats) -> Floats:
         return x[self.rows[:, 0]] - self.targets()
