@@ -105,8 +105,8 @@ def compression_of(tensors: Floats, normals: Floats) -> Compression:
     Examples
     --------
     >>> found = compression_of(np.diag([0.9, 1.2, 0.0])[None], np.array([[0.0, 0, 1]]))
-    >>> found.stretches.round(9).tolist(), found.across.round(9).tolist(), round(float(found.amount[0]), 9)
-    ([[1.2, 0.9]], [[1.0, 0.0, 0.0]], 0.1)
+    >>> found.stretches.round(9).tolist(), found.amount.round(9).tolist(), np.abs(found.across).round(9).tolist()
+    ([[1.2, 0.9]], [0.1], [[1.0, 0.0, 0.0]])
     """
     least = np.eye(3)[np.abs(normals).argmin(axis=1)]
     first = np.cross(normals, least)

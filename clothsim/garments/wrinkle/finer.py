@@ -69,7 +69,7 @@ def subdivision(triangles: Ints, n: int, parts: int) -> Subdivision:
     >>> import numpy as np
     >>> halves = subdivision(np.array([[0, 1, 2]]), 3, 2)
     >>> halves.linear(np.array([[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]))[3:].tolist()
-    [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]
     >>> halves.triangles.shape
     (4, 3)
     """
