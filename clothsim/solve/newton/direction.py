@@ -131,7 +131,7 @@ class QuadraticModel:
             )
         solution, solver = solved
         if not trust.exact:
-            return Direction(self._with(displacement, solution), gradient)
+            return Direction(self._fill_free(displacement, solution), gradient)
         formed, implicit = split(exact)
         formed_data = self._assembled(formed)[0] if formed_data is None else formed_data
         curved = self._products(formed_data, implicit, len(x))
@@ -147,7 +147,7 @@ class QuadraticModel:
             solution = saddle_free_solve(curved, precondition, right, trust.radius, first, above=cached.age == 0)
             moves_as_a_whole = solution.products > 0 and self.system.patch is None and not self.fixed.any()
             found = without_net_force(curved, right, solution.x) if moves_as_a_whole else solution.x
-        dx = self._with(np.zeros_like(gradient), found)
+        dx = self._fill_free(np.zeros_like(gradient), found)
         cached = replace(cached, products=solution.products) if solution.products else NO_FACTOR
         return Direction(dx, gradient, solution.negative_curvature, cached)
 
@@ -156,7 +156,7 @@ class QuadraticModel:
 
         def solve(forces: Floats) -> Floats:
             assert cached.solver is not None
-            return self._with(np.zeros_like(forces), cached.solver.back_solve(self._free(forces)))
+            return self._fill_free(np.zeros_like(forces), cached.solver.back_solve(self._free(forces)))
 
         return solve
 
@@ -176,7 +176,7 @@ class QuadraticModel:
             entries = np.where(self.fixed[:, None], 0.0, entries)
         return entries.ravel()
 
-    def _with(self, displacement: Floats, solution: Floats) -> Floats:
+    def _fill_free(self, displacement: Floats, solution: Floats) -> Floats:
         """`displacement` with the solution at the free vertices."""
         dx, moved = displacement.copy(), solution.reshape(-1, 3)
         if self.fixed.any():
