@@ -28,7 +28,17 @@ from clothsim.keys.effect_tables import (
     Vortex,
 )
 from clothsim.keys.key_table import KeyTable, content_of, frozen
-from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
+from clothsim.keys.schema import (
+    Curve,
+    FramesOfPoints,
+    Key,
+    OverCloth,
+    OverTime,
+    OverTimeByCloth,
+    Selection,
+    Table,
+    Vector,
+)
 
 AUTO = Literal["auto"]
 WARP_ANGLE = Key("Angle of the warp from the cloth's first axis", "degrees")
@@ -168,6 +178,17 @@ class Springs(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Guide(EffectKeys):
+    """Frames to which the cloth is softly drawn over time."""
+
+    section: ClassVar[str] = "effects.guide"
+
+    frames: Annotated[FramesOfPoints, Key("Positions of the vertices of all cloths in each frame", "m")] = ()
+    frames_per_second: Annotated[float, Key("Frames for each second, cubic between them", "1/s", above=0)] = 25.0
+    strength: Annotated[float, Key("Stiffness of the pull for each mass", "1/s2", least=0)] = 1e5
+
+
+@dataclass(frozen=True, kw_only=True)
 class ElasticBands(EffectKeys):
     """Elastic bands sewn along edges of the cloth."""
 
@@ -301,7 +322,7 @@ class Friction(EffectKeys):
 TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
     kind.section.removeprefix("effects."): kind
     for kind in (
-        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, ElasticBands, Cords,
+        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Guide, ElasticBands, Cords,
         Pressure, Air, Damping,
         BodyContact, SelfContact, Seams, PlasticBending, Friction,
     )
