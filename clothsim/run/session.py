@@ -215,13 +215,13 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
         rest_speed=run.rest_speed,
         leaves_unstable=leaves,
         perturbation_seed=settings.perturbation_seed,
-        carries_pinched=_carries_pinched(scene, built),
+        flypapers=_flypapers(scene, built),
         contact_time=least,
     )
 
 
-def _carries_pinched(scene: Scene, built: Built) -> bool:
-    """True where the scene asks that cloth in a pinch is carried. InputError where contact cannot do it."""
+def _flypapers(scene: Scene, built: Built) -> bool:
+    """True where the scene asks that cloth in a pinch is flypapered. InputError where contact cannot do it."""
     if scene.contact_settings.pinch == "stop":
         return False
     if "body_contact" not in built.energies:

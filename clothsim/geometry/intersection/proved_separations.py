@@ -278,14 +278,14 @@ def _travelled(x, before, one, other, is_self, travelled):
         for k in range(3):
             common[k] += x[rows[t, 0], k] - before[rows[t, 0], k]
     common /= len(rows)
-    farthest = _moved(x, before, one, common)
+    farthest = _add_motions(x, before, one, common)
     if not is_self:
-        farthest = max(farthest, _moved(x, before, other, common))
+        farthest = max(farthest, _add_motions(x, before, other, common))
     return UP * (travelled + farthest)
 
 
 @part
-def _moved(x, before, surface, common):
+def _add_motions(x, before, surface, common):
     """Add the motions of one surface to its sums and let its boxes follow: the largest motion of a vertex."""
     triangles, items, nodes, rates, paths, bends = surface
     leaves = len(items)

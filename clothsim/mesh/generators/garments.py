@@ -209,7 +209,7 @@ def shirt(
         Naming a bad key.
     """
     proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
-    length = _within("sleeve", sleeve, 0.13, 0.46)
+    length = _check_range("sleeve", sleeve, 0.13, 0.46)
     trunk = tube_limb((0.83, 0.010, 0.164, 0.114), (1.04, 0.010, 0.150, 0.105), (1.25, 0.010, 0.143, 0.103))
     wide = [(0.0, 0.050, 0.048), (0.5, 0.056, 0.052), (1.0, 0.050, 0.048)]
     tip = _SHOULDER + 0.54 * ARM
@@ -239,7 +239,7 @@ def skirt(
 ) -> tuple[Floats, Ints]:
     """Flared skirt from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
     proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
-    low = _within("hem", hem, 0.15, 0.75)
+    low = _check_range("hem", hem, 0.15, 0.75)
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.055))))
     pattern = Pattern(("pelvis", "spine", *_LEGS), (cone,), cuts, (0, -0.24, low - 0.02), (0.30, 0.26, 1.08))
@@ -259,7 +259,7 @@ def trousers(
 ) -> tuple[Floats, Ints]:
     """Trousers from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
     proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
-    low = _within("hem", hem, 0.10, 0.60)
+    low = _check_range("hem", hem, 0.10, 0.60)
     profile = [(0.0, 0.060, 0.070), (0.5, 0.056, 0.064), (1.0, 0.054, 0.058)]
     leg = limb(
         JOINT_POSITIONS[joint("left_hip")], (0.115, 0.012, 0.05), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03)
@@ -269,7 +269,7 @@ def trousers(
     return garment_mesh(pattern, proportions, ease, edge)
 
 
-def _within(name: str, value: float, least: float, most: float) -> float:
+def _check_range(name: str, value: float, least: float, most: float) -> float:
     """`value` [m] within its bounds; InputError names it."""
     length = as_positive(name, value)
     if not least <= length <= most:

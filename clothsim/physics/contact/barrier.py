@@ -77,7 +77,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
     heavy: tuple[HeavyBody, ...] = ()
     _cache: list[ActiveSet] = field(default_factory=list, init=False, repr=False, compare=False)
 
-    begins_last = True
+    depends_on_other_energies = True
 
     def begin(self, step: Step) -> Self:
         """Copy for the step, with a stiffness that balances the loads at about half of d_hat.

@@ -23,6 +23,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import called
 from clothsim.keys.effect_tables import Gust, Vortex
 from clothsim.keys.typed_effects import Air
 from clothsim.mesh.world import World
@@ -141,7 +142,7 @@ class Field(Wind):
 
     def at(self, points: Floats, time: float) -> Floats:
         """The velocities that the function returns. InputError for another shape or non-finite numbers."""
-        velocities = np.asarray(self.function(points.copy(), time), np.float64)
+        velocities = np.asarray(called(self.name, self.function, points.copy(), time), np.float64)
         if velocities.shape not in (points.shape, (3,)):
             raise InputError(f"{self.name} returned an array of shape {velocities.shape}, not {points.shape}.")
         if not np.isfinite(velocities).all():

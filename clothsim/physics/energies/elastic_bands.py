@@ -21,7 +21,7 @@ from clothsim.physics.energies.edge_curves import drawn_curves
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.key_values import Schedule
 from clothsim.physics.energies.links import Links
-from clothsim.physics.energies.protocols import Driven, PastSensitivity, Report, SeesPast
+from clothsim.physics.energies.protocols import Driven, PastSensitivity, Report, StartDerivatives
 
 SHORTEST = 0.05
 """Least length of a band over that of its edge: a band of no length would be infinitely stiff."""
@@ -42,7 +42,7 @@ class Band:
 
 
 @dataclass(frozen=True)
-class ElasticBandsEnergy(Links, Driven, SeesPast, Report):
+class ElasticBandsEnergy(Links, Driven, PastSensitivity, Report):
     """Links along the edges of all bands; `bands`: what they are over time, in the order of the links."""
 
     bands: tuple[Band, ...]
@@ -57,9 +57,9 @@ class ElasticBandsEnergy(Links, Driven, SeesPast, Report):
         lengths, stiffnesses = zip(*(band.at(step.time + step.dt) for band in self.bands), strict=True)
         return replace(self, lengths=np.concatenate(lengths), stiffnesses=np.concatenate(stiffnesses))
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """Zero: the bands are functions of time."""
-        return PastSensitivity()
+        return StartDerivatives()
 
     def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
         """Length and mean tension of each band at x."""

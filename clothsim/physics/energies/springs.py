@@ -20,7 +20,7 @@ from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.key_values import Schedule, schedule, selected_vertices
 from clothsim.physics.energies.links import Links
-from clothsim.physics.energies.protocols import Anchored, Driven, PastSensitivity, SeesPast
+from clothsim.physics.energies.protocols import Anchored, Driven, PastSensitivity, StartDerivatives
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Anchors:
 
 
 @dataclass(frozen=True)
-class SpringsEnergy(Links, Anchored, Driven, SeesPast):
+class SpringsEnergy(Links, Anchored, Driven, PastSensitivity):
     """Links of single vertices; `anchors`: the end positions of each table's springs over time."""
 
     anchors: tuple[Anchors, ...]
@@ -82,9 +82,9 @@ class SpringsEnergy(Links, Anchored, Driven, SeesPast):
             stiffnesses=np.concatenate(levels),
         )
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """Zero: anchors and stiffnesses are functions of time."""
-        return PastSensitivity()
+        return StartDerivatives()
 
 
 def springs(world: World, keys: Springs) -> Energy | Off:

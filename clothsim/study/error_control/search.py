@@ -167,7 +167,7 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
         search.halve_step()
     if not found.known or found.met(search.asked):
         return search, found
-    errors = _by_parameter(search, coarsest, first, distance).not_below(found.parts["all"])
+    errors = _estimate_by_parameter(search, coarsest, first, distance).not_below(found.parts["all"])
     found = Found(run, first, parts_of(run, errors.errors), True)
     return search, _refined(search, found, errors, distance)
 
@@ -182,7 +182,7 @@ def _coarsest(search: Search) -> Trial:
     raise InputError(f"No pilot run for solver.error came to its end: {trial.reason}", "Give solver.dt, and run it.")
 
 
-def _by_parameter(search: Search, coarsest: Trial, first: Trial, distance: Distance) -> ParameterErrors:
+def _estimate_by_parameter(search: Search, coarsest: Trial, first: Trial, distance: Distance) -> ParameterErrors:
     """Errors of the first run by parameter, from a path of pilot runs that refines one parameter after the other."""
     names = [name for name in PATH if name in search.refinable.parameters]
     path = [coarsest]
@@ -293,7 +293,7 @@ def chosen(
     errors: of the last run; done: all runs so far; vertices: of the coarsest mesh; most: largest admissible work. Where
     none within reach is accurate enough: one of those that come nearest. None where none is new.
     """
-    candidates = [each for each in _within_reach(refinable, done) if each not in done]
+    candidates = [each for each in _list_candidates(refinable, done) if each not in done]
     candidates = [each for each in candidates if work(refinable, each, vertices) <= most]
     if not candidates:
         return None
@@ -303,7 +303,7 @@ def chosen(
     return min(enough, key=lambda each: work(refinable, each, vertices))
 
 
-def _within_reach(refinable: RefinableScene, done: Sequence[Resolution]) -> list[Resolution]:
+def _list_candidates(refinable: RefinableScene, done: Sequence[Resolution]) -> list[Resolution]:
     coarsest, parameters = refinable.coarsest, refinable.parameters
     steps = [coarsest.steps * factor for factor in FACTORS if (coarsest.steps * factor) % 1 == 0]
     cells = [Fraction(coarsest.cells * factor) for factor in FACTORS if (coarsest.cells * factor * 2) % 1 == 0]
