@@ -34,7 +34,6 @@ if TYPE_CHECKING:
         Fibres,
         Friction,
         Gravity,
-        Guide,
         Inertia,
         Membrane,
         Pins,
@@ -45,6 +44,7 @@ if TYPE_CHECKING:
         SelfContact,
         Springs,
         StrainLimit,
+        Targets,
     )
     from clothsim.mesh.checks import Finding
     from clothsim.patterns.pattern import Pattern

@@ -34,7 +34,7 @@ def add_to(commands: Any) -> None:
     author.add_argument(
         "--quick", action="store_true", required=True, help="interpolate the edits, and follow them under contact"
     )
-    author.add_argument("--strength", metavar="K", help="of the pull towards the edits [1/s2] (default 1e5)")
+    author.add_argument("--rate", default="300", metavar="R", help="of the pull to the edits [1/s] (default 300)")
     author.add_argument("--space", choices=("canonical", "world"), help="of the interpolation (default: by the body)")
     add_overwrite(author, "replace an earlier run in the output directory")
     add_output_options(author, json="print author.json", quiet="print the end only", handler=_author)
@@ -43,14 +43,14 @@ def add_to(commands: Any) -> None:
 def _author(arguments: argparse.Namespace) -> Report:
     keys = as_keys(arguments.keys)
     run = clothsim.open_run(arguments.directory)
-    strength = None if arguments.strength is None else as_positive_number("--strength", arguments.strength)
+    rate = as_positive_number("--rate", arguments.rate)
     messages(arguments, arguments.directory)
     with progress.shown(arguments.quiet) as listener:
         found = clothsim.author(
             run,
             keys,
             arguments.output,
-            strength=strength,
+            rate=rate,
             space=arguments.space,
             progress=listener,
             overwrite=arguments.overwrite,
@@ -92,4 +92,4 @@ def lines(found: "Authored") -> list[str]:
     frames, crossed = many(len(run), "frame"), found.intersecting_frames
     verdict = "not all tested" if crossed is None else "none intersects" if not crossed else f"INTERSECT: {crossed}"
     out.append(f"  checked  {frames}, each by the exact test: {verdict}")
-    return [*out, f"  files    {run.directory}: a run, guide.npy and author.json"]
+    return [*out, f"  files    {run.directory}: a run, targets.npy and author.json"]

@@ -20,8 +20,10 @@ from clothsim.garments.unpose import skinning, unposed
 if TYPE_CHECKING:
     from clothsim import Progress, Run, Scene
 
-GUIDE_NAME, AUTHORED_NAME = "guide.npy", "author.json"
-"""What an authored clip has besides the files of a run: the frames to which it is drawn, and distances to the keys."""
+TARGETS_NAME, AUTHORED_NAME = "targets.npy", "author.json"
+"""What an authored clip has besides the files of a run: what it is drawn to, and its distances to the keys."""
+RATE = 300.0
+"""Rate at which a clip is drawn to its targets [1/s]: its weight moves a vertex in free air by 0.1 mm off them."""
 EASE = 0.2
 """Time in which the offsets come in after frame 0, which is the start of the scene [s]."""
 MOST_KEYS = 1000
@@ -97,7 +99,7 @@ def author(
     keys: Mapping[int, Any],
     output: str | Path,
     *,
-    strength: float | None = None,
+    rate: float = RATE,
     space: Space | None = None,
     progress: "Callable[[Progress], None] | None" = None,
     overwrite: bool = False,
@@ -113,8 +115,8 @@ def author(
         `Run.export` writes it and a person has edited it.
     output : str or Path
         The directory of the new run.
-    strength : float, optional
-        Stiffness of the pull for each mass [1/s2]; by default that of the effect `guide`.
+    rate : float
+        Rate at which the clip is drawn to its targets, the root of the stiffness for each mass [1/s].
     space : "canonical" or "world", optional
         Where the offsets are interpolated: in the rest pose of the body model, by default where there is one; or as
         they are.
@@ -131,16 +133,16 @@ def author(
     Notes
     -----
     The offsets are linear in time between the keys and held beyond them; they come in over the first `EASE` seconds,
-    as frame 0 is the start of the scene. The clip is the scene of the run with the effect `guide` towards its frames
-    and these offsets: without an offset the pull vanishes and it is the run again.
+    as frame 0 is the start of the scene. The clip is the scene of the run with the effect `targets` of its frames and
+    these offsets: without an offset the pull vanishes and it is the run again.
     """
     scene = run.scene
     edited = edited_frames(run, keys)
     inputs = [run.directory, scene, *(each for each in keys.values() if isinstance(each, str | Path))]
     directory = Path(output)
-    engine.refuse_earlier_run(directory, overwrite, (GUIDE_NAME, AUTHORED_NAME), inputs)
+    engine.refuse_earlier_run(directory, overwrite, (TARGETS_NAME, AUTHORED_NAME), inputs)
     chosen = space or ("canonical" if any("model" in each.as_table() for each in scene.bodies) else "world")
-    made = guided(scene, targets(run, edited, chosen), directory, strength)
+    made = guided(scene, targets(run, edited, chosen), directory, rate)
     new = clothsim.simulate(made, directory, progress=progress, overwrite=overwrite)
     free, frames = new.intersection_free, new.summary["certificate"]["intersecting_frames"]
     found = Authored(new, distances(run, new, edited), chosen, None if free is None else tuple(frames))
@@ -234,20 +236,19 @@ def _over_time(times: Floats, keys: list[EditedFrame], offsets: list[Floats]) ->
     return np.asarray(eased[:, None, None] * mixed, np.float64)
 
 
-def guided(scene: "Scene", frames: Floats, directory: Path, strength: float | None = None) -> "Scene":
-    """A scene drawn to frames (f, n, 3) [m] at its own rate, which are written to a directory; contact is on in it.
+def guided(scene: "Scene", frames: Floats, directory: Path, rate: float) -> "Scene":
+    """A scene drawn to frames (f, n, 3) [m] at its own rate, written to a directory; contact is on in it.
 
-    What guides a scene already is replaced.
+    What draws a scene already is replaced.
     """
     content = BytesIO()
-    np.save(content, frames)
+    np.save(content, frames - frames[0])
     make_directory(directory)
-    write_atomically(directory / GUIDE_NAME, content.getvalue())
-    name = relpath(directory.resolve() / GUIDE_NAME, scene.directory.resolve())
-    keys = {"frames": name, "frames_per_second": scene.run_settings.frames_per_second}
+    write_atomically(directory / TARGETS_NAME, content.getvalue())
+    name = relpath(directory.resolve() / TARGETS_NAME, scene.directory.resolve())
     effects = {"self_contact": {}, **({"body_contact": {}} if scene.bodies else {}), **scene.effects}
-    effects["guide"] = keys if strength is None else {**keys, "strength": strength}
-    return replace(scene, effects=effects)
+    keys = {"displacements": name, "frames_per_second": scene.run_settings.frames_per_second, "rate": rate}
+    return replace(scene, effects={**effects, "targets": keys})
 
 
 def distances(run: "Run", new: "Run", edited: Iterable[EditedFrame]) -> tuple[KeyDistance, ...]:

@@ -35,7 +35,6 @@ OF_KEY: Mapping[str, tuple[float, float, str]] = {
     "friction.elastic_slip": (1e-9, 0.01, "0.00001 is usual"),
     "friction.eps_v": (1e-6, 1.0, "0.001 to 0.01 is usual"),
     "pressure.value": (1e-3, 1e6, "a toy balloon has 2000"),
-    "guide.strength": (1.0, 1e10, "1e5 keeps a falling vertex within 0.0001 of its target"),
     "band.stiffness": (1e-3, 1e5, "a waistband has 20"),
     "cord.stiffness": (1e-3, 1e6, "a cotton cord has 1000"),
     "plastic_bending.yield_curvature": (1.0, 1e5, "a crease of a millimetre has 1000"),

@@ -29,8 +29,6 @@ OverCloth: TypeAlias = float | Sequence[float] | Floats | Mapping[str, Any] | st
 OverTimeByCloth: TypeAlias = float | Sequence[Sequence[float]] | Callable[[float], float] | Mapping[str, Any]
 Curve: TypeAlias = Sequence[Sequence[float]] | Floats | str
 """Rows of [strain, stress], or a NumPy file of them."""
-FramesOfPoints: TypeAlias = Sequence[Sequence[Sequence[float]]] | Floats | str
-"""Positions by frame and vertex, or a NumPy file of them."""
 Selection: TypeAlias = (
     Literal["corners", "left", "right", "top", "bottom", "boundary"] | Sequence[int] | Mapping[str, Any]
 )
@@ -41,7 +39,6 @@ _WORDS: tuple[tuple[Any, str], ...] = (
     (OverCloth, "number, array, .npy file or table by cloth"),
     (OverTimeByCloth, "number, key frames, function or table by cloth"),
     (Curve, "rows of [strain, stress] or .npy file"),
-    (FramesOfPoints, "positions by frame and vertex or .npy file"),
     (
         Selection,
         '"corners" | "left" | "right" | "top" | "bottom" | "boundary", vertex numbers, { box = [lo, hi] } or'

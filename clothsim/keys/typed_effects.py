@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown
 from clothsim.keys.effect_tables import (
@@ -28,17 +29,7 @@ from clothsim.keys.effect_tables import (
     Vortex,
 )
 from clothsim.keys.key_table import KeyTable, content_of, frozen
-from clothsim.keys.schema import (
-    Curve,
-    FramesOfPoints,
-    Key,
-    OverCloth,
-    OverTime,
-    OverTimeByCloth,
-    Selection,
-    Table,
-    Vector,
-)
+from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
 
 AUTO = Literal["auto"]
 WARP_ANGLE = Key("Angle of the warp from the cloth's first axis", "degrees")
@@ -178,14 +169,21 @@ class Springs(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Guide(EffectKeys):
-    """Frames to which the cloth is softly drawn over time."""
+class Targets(EffectKeys):
+    """Soft targets of every vertex in each frame."""
 
-    section: ClassVar[str] = "effects.guide"
+    section: ClassVar[str] = "effects.targets"
 
-    frames: Annotated[FramesOfPoints, Key("Positions of the vertices of all cloths in each frame", "m")] = ()
-    frames_per_second: Annotated[float, Key("Frames for each second, cubic between them", "1/s", above=0)] = 25.0
-    strength: Annotated[float, Key("Stiffness of the pull for each mass", "1/s2", least=0)] = 1e5
+    displacements: Annotated[
+        Floats | Sequence[Any] | str,
+        Key("Displacement from the start in each frame: an array (frames, vertices or 1, 3), or its .npy file", "m"),
+    ] = ()
+    frames_per_second: Annotated[float, Key("Frame rate of the displacements", "1/s", above=0)] = 25.0
+    rate: Annotated[
+        float,
+        Key("Rate at which the cloth is drawn to its targets, the root of the stiffness for each mass; 0 is none",
+            "1/s", least=0),
+    ] = 100.0  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,8 +320,8 @@ class Friction(EffectKeys):
 TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
     kind.section.removeprefix("effects."): kind
     for kind in (
-        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Guide, ElasticBands, Cords,
-        Pressure, Air, Damping,
+        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Targets, ElasticBands,
+        Cords, Pressure, Air, Damping,
         BodyContact, SelfContact, Seams, PlasticBending, Friction,
     )
 }  # fmt: skip

@@ -8,7 +8,7 @@ from small_scenes import EFFECTS, small_scene
 
 import clothsim
 from clothsim import InputError, author, files, open_run, simulate
-from clothsim.garments.author import AUTHORED_NAME, GUIDE_NAME, edited_frames, targets
+from clothsim.garments.author import AUTHORED_NAME, TARGETS_NAME, edited_frames, targets
 
 ON = EFFECTS | {"self_contact": {}}
 
@@ -45,7 +45,7 @@ def test_a_clip_passes_by_its_key_and_is_free_of_intersections(sheet, tmp_path):
     assert key.after < 0.3 * key.before
     written = json.loads((tmp_path / "clip" / AUTHORED_NAME).read_text())
     assert written == found.as_json()
-    assert np.load(tmp_path / "clip" / GUIDE_NAME).shape == (9, 25, 3)
+    assert np.load(tmp_path / "clip" / TARGETS_NAME).shape == (9, 25, 3)
     again = open_run(tmp_path / "clip")  # what other commands need: a scene that is built again
     assert again.field("stress").shape == (32, 3, 2)
 

@@ -23,7 +23,7 @@ from clothsim.scene.reference import COLUMNS, json_schema, markdown, row, sectio
 from clothsim.solve.linear.linear_solvers import SOLVERS
 
 UNITS = {
-    "-", "1", "m", "s", "s, m", "m/s", "m/s2", "1/s", "1/s2", "1/m", "kg/m2", "kg/m3", "Pa", "N/m", "N s/m", "1, N/m",
+    "-", "1", "m", "s", "s, m", "m/s", "m/s2", "1/s", "1/m", "kg/m2", "kg/m3", "Pa", "N/m", "N s/m", "1, N/m",
     "N", "N m", "N m2", "N m/m", "degrees", "degrees/s", "m2/s",
 }  # fmt: skip
 KEYS = [
