@@ -137,10 +137,10 @@ def author(
     these offsets: without an offset the pull vanishes and it is the run again.
     """
     scene = run.scene
-    edited = edited_frames(run, keys)
     inputs = [run.directory, scene, *(each for each in keys.values() if isinstance(each, str | Path))]
     directory = Path(output)
     engine.refuse_earlier_run(directory, overwrite, (TARGETS_NAME, AUTHORED_NAME), inputs)
+    edited = edited_frames(run, keys)
     chosen = space or ("canonical" if any("model" in each.as_table() for each in scene.bodies) else "world")
     made = guided(scene, targets(run, edited, chosen), directory, rate)
     new = clothsim.simulate(made, directory, progress=progress, overwrite=overwrite)
