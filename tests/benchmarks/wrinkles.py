@@ -115,7 +115,7 @@ def sleeve(cells: tuple[int, int] = (16, 16), seconds: float = 1.0, degrees: flo
     )
 
 
-def shirt(edge: float = 0.045, seconds: float = 0.6) -> Scene:
+def shirt(edge: float = 0.04, seconds: float = 0.6) -> Scene:
     """A shirt that falls onto the shoulders of the mannequin."""
     return Scene(
         {"name": "shirt", "mesh": "shirt", "edge": edge, "fabric": "cotton"},

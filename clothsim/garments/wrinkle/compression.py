@@ -6,6 +6,7 @@ over the triangles of a ring, over the ring, and over the frames before.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -93,7 +94,7 @@ class Compression:
     along: Floats
     across: Floats
 
-    @property
+    @cached_property
     def amount(self) -> Floats:
         """max(0, 1 - s2), (n,), as the field `compression` has it."""
         return np.maximum(0.0, 1 - self.stretches[:, 1])

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.garments.wrinkle.compression import Compression
@@ -74,11 +75,6 @@ class Curve:
     wavelength: float
     strength: float = 0.0
     points: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-
-    @cached_property
-    def tree(self) -> cKDTree:
-        """The points for searches."""
-        return cKDTree(self.points)
 
 
 @dataclass(frozen=True)
@@ -154,7 +150,7 @@ def followed_curves(curves: list[Curve], field: Field, seconds: float) -> list[C
         own = curve.wavelength
         if len(points) > 1:
             own += gain * (field.wavelength_at(curve.seed, points, rows) - own)
-        alive = length > SHORTEST * own and not _near(curve.seed, kept, NEAREST * own)
+        alive = length > SHORTEST * own and not _near(curve.seed[None], kept, NEAREST * own)[0]
         strength = curve.strength + gain * (float(alive) - curve.strength)
         if not alive and strength < 0.1:
             continue
@@ -168,7 +164,7 @@ def _filled(curves: list[Curve], field: Field, strength: float) -> list[Curve]:
     found, queue = list(curves), list(curves)
     covered = amount < LEAST
     for curve in curves:
-        _cover(covered, sheet, curve)
+        _cover(covered, sheet, curve.points, NEAREST * curve.wavelength)
     while len(found) < MOST_CURVES:
         made = None
         while queue and made is None:
@@ -177,36 +173,35 @@ def _filled(curves: list[Curve], field: Field, strength: float) -> list[Curve]:
                 queue.pop(0)
         while made is None and not covered.all():
             row = int(np.where(covered, -1.0, amount).argmax())
-            covered[row] = True
             made = _curve(sheet.points[row], found, field, strength)
+            if made is None:  # nor is there room for one near it
+                _cover(covered, sheet, sheet.points[[row]], 2 * sheet.edge)
         if made is None:
             return found
-        _cover(covered, sheet, made)
+        _cover(covered, sheet, made.points, NEAREST * made.wavelength)
         found.append(made)
         queue.append(made)
     return found
 
 
-def _cover(covered: NDArray[np.bool_], sheet: Sheet, curve: Curve) -> None:
-    if len(curve.points):
-        near = sheet.tree.query_ball_point(curve.points, NEAREST * curve.wavelength)
-        covered[np.unique(np.concatenate([np.asarray(each, np.int64) for each in near]))] = True
+def _cover(covered: NDArray[np.bool_], sheet: Sheet, points: Floats, distance: float) -> None:
+    """Mark the vertices within `distance` of points (q, 3) [m]."""
+    for near in sheet.tree.query_ball_point(points, distance) if len(points) else ():
+        covered[near] = True
 
 
 def _beside(curve: Curve, found: list[Curve], field: Field, strength: float) -> Curve | None:
     """A new curve a wave beside another one; None where there is no room."""
-    stride = max(1, round(0.5 * curve.wavelength / field.sheet.edge))
-    for point in curve.points[::stride]:
-        row = field.sheet.tree.query(point)[1]
-        for side in (-1.0, 1.0):
-            seed = point + side * curve.wavelength * field.compression.across[row]
-            distance, there = field.sheet.tree.query(seed)
-            if distance > field.sheet.edge or field.compression.amount[there] < LEAST:
-                continue
-            made = None if _near(seed, found, APART * curve.wavelength) else _curve(seed, found, field, strength)
-            if made is not None:
-                return made
-    return None
+    sheet = field.sheet
+    points = curve.points[:: max(1, round(0.5 * curve.wavelength / sheet.edge))]
+    if not len(points):
+        return None
+    aside = curve.wavelength * field.compression.across[sheet.tree.query(points)[1]]
+    seeds = np.stack([points - aside, points + aside], axis=1).reshape(-1, 3)
+    distances, rows = sheet.tree.query(seeds)
+    free = (distances <= sheet.edge) & (field.compression.amount[rows] >= LEAST)
+    free[free] = ~_near(seeds[free], found, APART * curve.wavelength)
+    return next(filter(None, (_curve(seed, found, field, strength) for seed in seeds[free])), None)
 
 
 def _curve(seed: Floats, found: list[Curve], field: Field, strength: float) -> Curve | None:
@@ -215,10 +210,10 @@ def _curve(seed: Floats, found: list[Curve], field: Field, strength: float) -> C
     if len(points) < 2:
         return None
     own = field.wavelength_at(seed, points, rows)
-    if _near(seed, found, NEAREST * own):
-        return None
-    free = np.array([not _near(point, found, NEAREST * own) for point in points])
+    free = ~_near(points, found, NEAREST * own)
     middle = int(np.linalg.norm(points - seed, axis=1).argmin())
+    if not free[middle]:
+        return None
     low = middle - int(np.argmin(np.r_[free[middle::-1], False])) + 1
     high = middle + int(np.argmin(np.r_[free[middle:], False]))
     if field.sheet.edge * (high - low) < SHORTEST * own:
@@ -226,11 +221,25 @@ def _curve(seed: Floats, found: list[Curve], field: Field, strength: float) -> C
     return Curve(np.asarray(seed, np.float64), own, strength, points[low:high])
 
 
-def _near(point: Floats, curves: list[Curve], distance: float) -> bool:
-    """True where a point is nearer than `distance` to a curve that is not fading."""
-    return any(
-        len(each.points) and each.tree.query(point, distance_upper_bound=distance)[0] < distance for each in curves
-    )
+def _near(points: Floats, curves: list[Curve], distance: float) -> NDArray[np.bool_]:
+    """True for each of points (q, 3) [m] that is nearer than `distance` to a curve, (q,)."""
+    others = np.concatenate([np.zeros((0, 3)), *(each.points for each in curves)])
+    if not len(others) or not len(points):
+        return np.zeros(len(points), bool)
+    return np.asarray(cdist(points, others).min(axis=1) < distance)
+
+
+AT_ONCE = 4000
+"""Vertices whose distances to all curves are in memory at once."""
+
+
+def _distances(points: Floats, curves: list[Curve]) -> Floats:
+    """Distance of each point (k, 3) from each curve, (curves, k) [m]."""
+    others = np.concatenate([each.points for each in curves])
+    first = np.cumsum([0, *(len(each.points) for each in curves)])[:-1]
+    blocks = range(0, len(points), AT_ONCE)
+    parts = [np.minimum.reduceat(cdist(others, points[k : k + AT_ONCE]), first, axis=0) for k in blocks]
+    return np.concatenate(parts, axis=1)
 
 
 def heights(curves: list[Curve], field: Field) -> Floats:
@@ -244,8 +253,9 @@ def heights(curves: list[Curve], field: Field) -> Floats:
     if not curves:
         return out
     longest = max(each.wavelength for each in curves)
-    distances = np.stack([each.tree.query(sheet.points, distance_upper_bound=2 * longest)[0] for each in curves])
-    order = np.argsort(distances, axis=0)
+    distances = _distances(sheet.points, curves)
+    order = np.argpartition(distances, min(1, len(curves) - 1), axis=0)[:2]
+    order = np.take_along_axis(order, np.argsort(np.take_along_axis(distances, order, axis=0), axis=0), axis=0)
     r1 = np.take_along_axis(distances, order[:1], axis=0)[0]
     r2 = np.take_along_axis(distances, order[1:2], axis=0)[0] if len(curves) > 1 else np.full(len(r1), np.inf)
     waves, strengths = (np.array([getattr(e, name) for e in curves])[order[0]] for name in ("wavelength", "strength"))
