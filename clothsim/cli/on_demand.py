@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from numba.core.event import Listener, install_listener
     from numpy import savez
     from numpy.linalg import norm
+    from PIL.Image import fromarray as as_image
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
