@@ -217,8 +217,8 @@ def _recover_drape(arguments: argparse.Namespace) -> Report:
     own = dict(assigned_number(text) for text in arguments.set)
     if arguments.output is not None:
         refuse_replacing([arguments.output / RECOVERY_NAME], arguments.overwrite)
-    tell = messages(arguments, f"{len(outlines[0])} outlines of {arguments.scene}")
-    found = on_demand.recover_drape(*outlines, own, arguments.prior, tell=tell)
+    message = messages(arguments, f"{len(outlines[0])} outlines of {arguments.scene}")
+    found = on_demand.recover_drape(*outlines, own, arguments.prior, message=message)
     lines = found.text()
     if arguments.output is not None:
         make_directory(arguments.output)

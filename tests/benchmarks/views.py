@@ -5,9 +5,7 @@ hangs from a waistband over a ball, 6 to 10 % and a factor of 2 off at the start
 normals with five degrees. The pictures are made with another mesh, step and start than the fit has.
 """
 
-import argparse
-import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import igl

@@ -28,6 +28,7 @@ from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import (
     Elementwise,
+    EnergyReport,
     Grip,
     Gripping,
     HistorySensitivity,
@@ -35,7 +36,6 @@ from clothsim.physics.energies.protocols import (
     Lagged,
     PastSensitivity,
     RecoverableEnergy,
-    Report,
     StartDerivatives,
 )
 
@@ -66,7 +66,7 @@ NO_CONTACTS = Contacts((), np.zeros((0, 3)), 1.0, 0.0, np.zeros((0, 3)))
 
 @dataclass(frozen=True)
 class FrictionEnergy(
-    Elementwise, Energy, Gripping, Idling, Lagged, Report, HistorySensitivity, PastSensitivity, RecoverableEnergy
+    Elementwise, Energy, Gripping, Idling, Lagged, EnergyReport, HistorySensitivity, PastSensitivity, RecoverableEnergy
 ):
     """E = sum mu F f0(|u|), u = z + (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
@@ -154,13 +154,13 @@ class FrictionEnergy(
             objects = self.labels[anchors.elements[:, 0]], self.labels[anchors.elements[:, 3]]
             anchors = anchors.after(step.positions, slip, self.kinetic[objects] / self.static[objects])
         contacts = Contacts(tuple(found.values()), start, slip, least_gap, step.dt * step.velocities)
-        return replace(self, contacts=contacts, anchors=anchors)._with_forces(step.positions, stiffness)
+        return replace(self, contacts=contacts, anchors=anchors)._list_pairs(step.positions, stiffness)
 
     def relag(self, x: Floats) -> Self:
         """Copy with the contact forces at x, for another lagged solve of the same step."""
-        return self._with_forces(x, [barrier.stiffness for barrier in self.contacts.barriers])
+        return self._list_pairs(x, [barrier.stiffness for barrier in self.contacts.barriers])
 
-    def _with_forces(self, x: Floats, stiffness: Sequence[float]) -> Self:
+    def _list_pairs(self, x: Floats, stiffness: Sequence[float]) -> Self:
         """Copy with the pairs at x and their normal forces."""
         pairs = zip(self.contacts.barriers, stiffness, strict=True)
         found = [barrier.normal_forces(x, kappa, self.contacts.least_gap) for barrier, kappa in pairs]
@@ -250,14 +250,14 @@ class FrictionEnergy(
         np.subtract.at(by_start, blocks.elements.ravel(), products.reshape(-1, 3))
         more = np.zeros((len(self.elements), 7))
         if not self.elastic_slip:
-            return StartDerivatives(positions=self._by_lag(step, x, adjoint, more), past_positions=by_start)
+            return StartDerivatives(positions=self._differentiate_lag(step, x, adjoint, more), past_positions=by_start)
         by_x, by_memory, velocities = np.zeros_like(x), None, None
         if len(self.elements):
-            by_x, by_memory, velocities = self._by_anchors(step, x, adjoint, memory_adjoint, more)
-        by_lag = self._by_lag(step, x, adjoint, more)
+            by_x, by_memory, velocities = self._differentiate_anchors(step, x, adjoint, memory_adjoint, more)
+        by_lag = self._differentiate_lag(step, x, adjoint, more)
         return StartDerivatives(positions=by_start + by_lag + by_x, velocities=velocities, memory=by_memory)
 
-    def _by_lag(self, step: Step, x: Floats, adjoint: Floats, more: Floats) -> Floats:
+    def _differentiate_lag(self, step: Step, x: Floats, adjoint: Floats, more: Floats) -> Floats:
         """By the positions (N, 3) at which pairs are lagged; more (p, 7): adjoints of their weights and normals."""
         out, done = np.zeros_like(x), 0
         for barrier in self.contacts.barriers:
@@ -274,7 +274,7 @@ class FrictionEnergy(
             out += by_lag(step.positions, x - self.contacts.start, adjoint, *lists, *lengths)
         return out
 
-    def _by_anchors(
+    def _differentiate_anchors(
         self, step: Step, x: Floats, adjoint: Floats, memory_adjoint: Floats, more: Floats
     ) -> tuple[Floats, Floats | None, Floats]:
         """By positions (N, 3), memory and velocities, through slips and turns; fills `more` (p, 7)."""

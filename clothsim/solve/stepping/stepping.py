@@ -222,7 +222,7 @@ def _advance(integrator: Integrator, state: State, until: float, retries: bool) 
         formula = formula_of(BACKWARD_EULER if restarted else integrator.formula, state, h)
         bound, result = _solve(patient if attempt == 1 else integrator, state, formula, h, end, target)
         if result.outcome.converged:
-            after, error = _after(integrator, tried, formula, result, h, end, target)
+            after, error = _make_report(integrator, tried, formula, result, h, end, target)
             last = attempt == MOST_TRIES
             if not last and formula.order == 2 and gains_energy(integrator.world, bound, state, after, target):
                 restarted = True
@@ -331,7 +331,7 @@ def _newton(
     return Newton(bound, integrator.system, settings, h, observe, balance, least)
 
 
-def _after(
+def _make_report(
     integrator: Integrator,
     state: State,
     formula: Formula,
