@@ -55,6 +55,7 @@ COMMANDS = {
         "a canonical garment on another body",
         "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     ),
+    "wrinkle": Command("run_command", "fine wrinkles on a coarse run", _RUN),
     "author": Command("author_command", "make a clip from edited frames of a run", _RUN),
     "study": Command("study_command", "measure error against computing time", _SCENE),
     "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
@@ -75,7 +76,7 @@ COMMANDS = {
 
 GROUPS = {
     "": ("run", "resume", "check", "explain", "view", "render", "export", "bundle"),
-    "garment": ("fit", "dress", "unpose", "repose", "author"),
+    "garment": ("fit", "dress", "unpose", "repose", "wrinkle", "author"),
     "study": ("study", "test"),
     "farm": ("farm", "sweep", "learn", "preview"),
     "design": ("gradient", "recover", "design"),
