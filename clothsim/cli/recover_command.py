@@ -137,6 +137,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
     found = clothsim.recover_views(scene, arguments.views, free, starts, progress, pattern=mesh, prior=arguments.prior)
     content = summary(found, "pictures") | {
         "pictures": [asdict(each) for each in found.pictures],
+        "told": {name: dict(errors) for name, errors in found.told.items()},
         "wide": list(found.wide),
         "from_minimum": found.from_minimum,
     }

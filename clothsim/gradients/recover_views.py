@@ -3,7 +3,8 @@
 The sum of rho(r) over the residuals of all pictures, r over its noise and rho the Huber function, is minimised over the
 logarithms q of the numbers. The derivatives of the cloth's vertices by q are differences of runs at first, and then
 follow the steps by Broyden's update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations");
-the correspondence is found anew at each run, and held in a step. At the end the adjoint gives the gradient of the same
+the correspondence is found anew at each run, and held in a step. A run begins from the drape that was accepted last, so
+that folds go on as they are. At the end the adjoint gives the gradient of the same
 sum: how far the end is from a minimum, in standard errors, does not rest on the differences.
 
 Standard errors: neighbouring pixels err alike, so the covariance is H^-1 M H^-1 with H = J'WJ and M the sum of the
@@ -12,7 +13,7 @@ are given the model: what meshes and time steps do to the drape is not in them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +91,8 @@ class ViewRecovery(Recovery):
     ----------
     pictures : tuple of PictureFit
         Each of them.
+    told : mapping of str to mappings
+        Relative standard errors of fewer pictures at the same drape: "masks alone", "the view NAME alone".
     wide : tuple of str
         Paths of numbers whose standard error is more than half of what is known without pictures.
     from_minimum : float
@@ -101,23 +104,26 @@ class ViewRecovery(Recovery):
     """
 
     pictures: tuple[PictureFit, ...] = ()
+    told: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     wide: tuple[str, ...] = ()
     from_minimum: float = float("nan")
     pattern: Pattern | None = None
-    overlays: Mapping[str, np.ndarray] = None  # type: ignore[assignment]
+    overlays: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
     """A run, and what is left of the pictures.
 
-    at: logarithms (k,); total: the sum, inf where the run cannot be taken.
+    at: logarithms (k,); total: the sum, inf where the run cannot be taken; begun: positions that it began from, empty
+    for the scene's own.
     """
 
     at: Floats
     total: float
     positions: Floats
     parts: tuple[Residuals, ...]
+    begun: Floats
     failure: str = ""
 
 
@@ -150,21 +156,33 @@ class _Fit:
         away = at - self.mean
         return sum(float(each.weights @ each.costs) for each in parts) + 0.5 * float(away @ self.precision @ away)
 
-    def seen(self, at: Floats) -> _Seen:
+    def trace(self, at: Floats, begun: Floats) -> Trace:
+        """Run from some positions (n, 3), or from the scene's own where they are empty."""
+        start = {"start": begun, "velocity": np.zeros_like(begun)} if len(begun) else None
+        return traced(self.problem.scene_at(at), self.problem.stiffness, start=start)
+
+    def seen(self, at: Floats, begun: Floats) -> _Seen:
         """Take a run; a failed one is an outcome too."""
         try:
-            x = traced(self.problem.scene_at(at), self.problem.stiffness).cloth_positions()
+            x = self.trace(at, begun).cloth_positions()
             parts = self.residuals(x)
         except ClothsimError as error:
-            return _Seen(at, float("inf"), np.zeros((0, 3)), (), error.sentence)
-        return _Seen(at, self.total(parts, at), x, parts)
+            return _Seen(at, float("inf"), np.zeros((0, 3)), (), begun, error.sentence)
+        return _Seen(at, self.total(parts, at), x, parts, begun)
 
-    def linearised(self, seen: _Seen, moves: Floats) -> tuple[Floats, Floats, Floats]:
-        """Gradient (k,), Gauss-Newton Hessian (k, k) and gradients of blocks (b, k), moves (3 n, k) of the vertices."""
+    def linearised(
+        self, seen: _Seen, moves: Floats, kept: Callable[[str, str], bool] = lambda view, what: True
+    ) -> tuple[Floats, Floats, Floats]:
+        """Gradient (k,), Gauss-Newton Hessian (k, k) and gradients of blocks (b, k), moves (3 n, k) of the vertices.
+
+        kept: which pictures count, by view and by what was measured.
+        """
         k = len(seen.at)
         gradient, hessian = self.precision @ (seen.at - self.mean), self.precision.copy()
         blocks = dict[tuple[str, int, int], Floats]()
-        for (view, _), each in zip(self.pairs, seen.parts, strict=True):
+        for (view, what), each in zip(self.pairs, seen.parts, strict=True):
+            if not kept(view.name, what):
+                continue
             rows = each.jacobian @ moves
             steep = each.weights * each.slopes
             bent = each.weights * np.minimum(1.0, each.huber / np.maximum(np.abs(each.values), 1e-12))
@@ -229,7 +247,8 @@ def recover_views(
     if prior:
         fit, note = _with_prior(fit)
     rng, ends, runs = np.random.default_rng(seed), list[tuple[_Seen, _Seen, Floats]](), 1
-    first = fit.seen(problem.origin)
+    own = np.zeros((0, 3))
+    first = fit.seen(problem.origin, own)
     if not first.parts:
         raise InputError(f"The pictures cannot be compared with the scene as it is: {first.failure}")
     for start in range(1, max(1, starts) + 1):
@@ -240,7 +259,7 @@ def recover_views(
                 values = problem.values(seen.at)
                 progress(number, Evaluation(values, seen.total, np.zeros(len(values)), failure=seen.failure))
 
-        begun = first if start == 1 else fit.seen(problem.origin + offset)
+        begun = first if start == 1 else fit.seen(problem.origin + offset, own)
         tell(begun)
         if begun.parts:
             last, before, moves, taken = _descended(fit, begun, tell)
@@ -298,7 +317,7 @@ def _moves(fit: _Fit, seen: _Seen, tell: Callable[[_Seen], None]) -> Floats | No
     for k, step in enumerate(steps):
         for sign in (1.0, -1.0):  # a run may fail on one side
             at = seen.at + sign * step * np.eye(len(steps))[k]
-            beside = fit.seen(at)
+            beside = fit.seen(at, seen.begun)
             tell(beside)
             if beside.parts:
                 columns.append((beside.positions - seen.positions).ravel() / (sign * step))
@@ -313,7 +332,9 @@ def _descended(fit: _Fit, seen: _Seen, tell: Callable[[_Seen], None]) -> tuple[_
     k = len(seen.at)
     reach = _by_kind(fit.problem.paths, PATTERN_REACH, FABRIC_REACH)
     low, high = fit.problem.origin - fit.problem.ranges, fit.problem.origin + fit.problem.ranges
-    moves, fresh, runs, before = _moves(fit, seen, tell), True, k, seen
+    settled = fit.seen(seen.at, seen.positions)
+    seen = settled if settled.parts else seen
+    moves, fresh, runs, before = _moves(fit, seen, tell), True, k + 1, seen
     for _ in range(MOST_ITERATIONS):
         if moves is None:
             raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
@@ -324,7 +345,7 @@ def _descended(fit: _Fit, seen: _Seen, tell: Callable[[_Seen], None]) -> tuple[_
         done = float(step @ hessian @ step) < ENOUGH**2
         better = None
         for halving in range(0 if done else HALVINGS + 1):
-            trial = fit.seen(seen.at + 0.5**halving * step)
+            trial = fit.seen(seen.at + 0.5**halving * step, seen.positions)
             runs += 1
             tell(trial)
             if trial.total < seen.total:
@@ -355,13 +376,12 @@ def _result(
     covariance = fit.covariance(hessian, blocks)
     known = _by_kind(paths, PATTERN_PRIOR, FABRIC_PRIOR)
     spread, directions = np.linalg.eigh(covariance / np.outer(known, known))
-    errors = np.sqrt(np.diag(covariance))
-    errors[errors > MOST_ERROR] = np.inf
+    errors = _errors(covariance)
     loose = [
         directions[:, k] * np.sign(directions[np.abs(directions[:, k]).argmax(), k])
         for k in np.flatnonzero(spread > 0.25)
     ]
-    trace = traced(problem.scene_at(last.at), problem.stiffness)
+    trace = fit.trace(last.at, last.begun)
     gradient = _adjoint_gradient(fit, trace, last)
     left = np.linalg.lstsq(hessian, gradient.slope, rcond=1e-12)[0]
     wide = tuple(path for path, error, own in zip(paths, errors, known, strict=True) if not error < 0.5 * own)
@@ -381,11 +401,37 @@ def _result(
         runs + 1,
         note,
         _fits(fit, last, before),
+        _told(fit, last, moves),
         wide,
         float(np.max(np.abs(left) / np.maximum(errors, 1e-300))),
         None if shaped is None else shaped.numbers.pattern(of_pattern),
         _overlays(fit, first.positions, last.positions),
     )
+
+
+def _errors(covariance: Floats) -> Floats:
+    """Standard deviations of logarithms (k,), inf where a number is not determined."""
+    errors = np.sqrt(np.diag(covariance))
+    return np.where(errors > MOST_ERROR, np.inf, errors)
+
+
+def _told(fit: _Fit, last: _Seen, moves: Floats) -> dict[str, dict[str, float]]:
+    """Errors of numbers by path as fewer pictures tell them, by their name."""
+    kinds = {what for _, what in fit.pairs}
+    parts: dict[str, Callable[[str, str], bool]] = {}
+    if "mask" in kinds and len(kinds) > 1:
+        parts["masks alone"] = lambda view, what: what == "mask"
+    if len(fit.views) > 1:
+        first = fit.views[0].name
+        parts[f"the view {first} alone"] = lambda view, what: view == first
+        if "masks alone" in parts:
+            parts[f"the mask of {first} alone"] = lambda view, what: view == first and what == "mask"
+    out = {}
+    for name, kept in parts.items():
+        _, hessian, blocks = fit.linearised(last, moves, kept)
+        errors = _errors(fit.covariance(hessian, blocks))
+        out[name] = {path: float(error) for path, error in zip(fit.problem.paths, errors, strict=True)}
+    return out
 
 
 def _adjoint_gradient(fit: _Fit, trace: Trace, last: _Seen) -> Evaluation:
