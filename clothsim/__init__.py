@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
     from clothsim.garments.dressed import Dress, dress
     from clothsim.garments.fitted import Fit, fit
+    from clothsim.garments.outfit import Outfit, outfit
     from clothsim.gradients.camera import Camera
     from clothsim.gradients.design import Design, design
     from clothsim.gradients.gradient import Gradient

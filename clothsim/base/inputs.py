@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeVar
 
-from clothsim.base.errors import InputError
+from clothsim.base.errors import ClothsimError, InputError
 
 LONGEST = 120
 """Letters of a value in a message."""
@@ -50,6 +50,22 @@ def shown(value: Any) -> str:
         return f"an array of shape {value.shape}"
     text = " ".join(repr(value).split())
     return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+
+
+def called(where: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """What a function of the user's returns. InputError with its name and its own error where it raises one."""
+    try:
+        return function(*arguments)
+    except ClothsimError:
+        raise
+    except Exception as error:
+        raise raised(where, function, error) from error
+
+
+def raised(where: str, function: Callable[..., Any], error: Exception) -> InputError:
+    """The error for what a function of the user's raised."""
+    name = getattr(function, "__qualname__", type(function).__name__)
+    return InputError(f"{where}: the function {name} raised {type(error).__name__}: {error}.", "Mend the function.")
 
 
 def refuse_uncallable(**callbacks: Any) -> None:

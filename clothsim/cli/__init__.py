@@ -135,12 +135,12 @@ def _guarded(words: Sequence[str]) -> int:
     except Exception as error:
         if "--debug" in words:
             raise
-        lines = _of_the_machine(error)
+        lines = _explain_system_error(error)
         _two_lines(*lines or (f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where."))
         return BAD_INPUT if lines else UNEXPECTED
 
 
-def _of_the_machine(error: Exception) -> tuple[str, str] | None:
+def _explain_system_error(error: Exception) -> tuple[str, str] | None:
     """Sentence and remedy of an error of files or memory; None of another one."""
     if isinstance(error, OSError) and error.filename is not None:  # a name that is too long, a folder without rights
         return f"{error.filename} cannot be used: {error.strerror}.", "Choose another name, or change its rights."

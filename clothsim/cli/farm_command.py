@@ -1,12 +1,13 @@
 """`clothsim farm`, `sweep` and `learn`: many drapes of one recipe, none lost, and a model of them."""
 
 import argparse
+import contextlib
 import re
 import signal
 import sys
 import threading
+import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from math import isnan
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
+from clothsim.base.inputs import nearest
 from clothsim.base.text import text_table
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
@@ -36,7 +38,7 @@ from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
     from clothsim.study.farm.drape import Drape
-    from clothsim.study.farm.plan import Farm, Job
+    from clothsim.study.farm.plan import DrapeJob, Farm
     from clothsim.study.farm.recipe import Recipe
     from clothsim.study.farm.status import Status
 
@@ -134,7 +136,9 @@ def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
     return plan, sample, work
 
 
-_RECIPE = "a TOML file with [farm] and [vary], or shirt_by_body, skirt_by_fabric, outfit_by_pose, outfit_that_walks"
+SHIPPED = ("shirt_by_body", "skirt_by_fabric", "outfit_by_pose", "outfit_that_walks", "shirt_in_motion")
+"""Recipes that come with the package."""
+_RECIPE = f"a TOML file with [farm] and [vary], or {', '.join(SHIPPED)}"
 FAULT = 1
 """Exit code where a drape is torn or differs."""
 
@@ -169,8 +173,7 @@ SAMPLE_FRACTION, SAMPLE_DATA = 0.02, "data.h5"
 
 
 def _sample(arguments: argparse.Namespace) -> Report | int:
-    recipe = on_demand.load_recipe(engine.example_file(arguments.recipe, RECIPE))
-    worked, verified = _make(recipe, arguments.output, arguments)
+    worked, verified = _make(_recipe(arguments.recipe), arguments.output, arguments)
     if not isinstance(worked, Report):
         return worked
     farm = on_demand.open_farm(arguments.output)
@@ -195,8 +198,18 @@ def _make(recipe: "Recipe", directory: Path, arguments: argparse.Namespace) -> t
     return worked, verified
 
 
+def _recipe(path: Path) -> "Recipe":
+    """The recipe in a file, or the shipped one of that name. InputError that lists these for another name."""
+    file = engine.example_file(path, RECIPE)
+    if not file.exists():
+        hint = nearest(path.name.removesuffix(RECIPE), SHIPPED)
+        known = f"{', '.join(SHIPPED)} come with the package; else name a TOML file with [farm] and [vary]."
+        raise InputError(f"There is no recipe {path}.", hint or known)
+    return on_demand.load_recipe(file)
+
+
 def _plan(arguments: argparse.Namespace) -> Report:
-    recipe = on_demand.load_recipe(engine.example_file(arguments.recipe, RECIPE))
+    recipe = _recipe(arguments.recipe)
     on_demand.refuse_other_plan(recipe, arguments.output)
     on_demand.refuse_unbuildable(recipe)
     made = None if arguments.no_pilot else on_demand.pilot(recipe)
@@ -314,7 +327,7 @@ def _pack(arguments: argparse.Namespace) -> Report:
     return Report(content, text)
 
 
-@contextmanager
+@contextlib.contextmanager
 def terminated_like_interrupted() -> Iterator[None]:
     """Within the block SIGTERM does what Ctrl-C does, also in the background of a script, where SIGINT is ignored."""
     if threading.current_thread() is not threading.main_thread():
@@ -338,7 +351,7 @@ def terminated_like_interrupted() -> Iterator[None]:
 def _line(farm: "Farm") -> Any:
     """A callback that prints a line for each drape."""
 
-    def show(job: "Job", made: "Drape") -> None:
+    def show(job: "DrapeJob", made: "Drape") -> None:
         verdict = on_demand.verdict_text(made.summary)
         print(f"{job.id} {made.summary.get('cpu_seconds', 0.0):.1f} s {verdict}", flush=True)
 
@@ -380,19 +393,36 @@ def _sweep(arguments: argparse.Namespace) -> Report | int:
 def _values(text: str) -> tuple[str, Any]:
     """Key and grid of "solver.dt=.02,.01"; each value is read as a number where it is one."""
     key, equals, values = text.partition("=")
-    given = [part.strip() for part in values.split(",") if part.strip()]
+    given = _outside_brackets(values)
     if not equals or not given:
         raise InputError(f"--vary {text!r} names no values.", "Write --vary solver.dt=.02,.01.")
-    return key.strip(), {"grid": [_number(part) for part in given]}
+    return key.strip(), {"grid": [_value(part) for part in given]}
 
 
-def _number(text: str) -> Any:
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return {"true": True, "false": False}.get(text, text)
+def _outside_brackets(text: str) -> list[str]:
+    """The parts of a text between commas that are in no brackets and no quotes, empty ones left out."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if letter in "\"'" and quote in ("", letter):
+            quote = "" if quote else letter
+        depth += 0 if quote else (letter in "[{") - (letter in "]}")
+        if letter == "," and depth <= 0 and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts if part.strip()]
+
+
+def _value(text: str) -> Any:
+    """A value of --vary: as of --set, and ".02" is a number."""
+    with contextlib.suppress(ValueError):
+        return int(text)
+    with contextlib.suppress(ValueError):
+        return float(text)
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
 
 
 def _table(rows: list[dict[str, Any]]) -> str:
@@ -434,7 +464,7 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     """Learn models of a garment in motion, from a farm or from the recipe of one."""
     directory, seed = arguments.directory, as_count("--seed", arguments.seed, least=0)
     if not directory.is_dir():
-        recipe = on_demand.load_recipe(engine.example_file(directory, RECIPE))
+        recipe = _recipe(directory)
         directory = arguments.output.with_name(f"{arguments.output.stem}_farm")
         worked, _ = _make(recipe, directory, arguments)
         if not isinstance(worked, Report):

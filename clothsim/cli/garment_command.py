@@ -1,6 +1,7 @@
 """`clothsim fit` and `clothsim dress`: a garment fitted from one body to another, a sewing pattern sewn on a body."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from clothsim.cli.report import Report, messages
 if TYPE_CHECKING:
     from clothsim.garments.dressed import Dress
     from clothsim.garments.fitted import Fit
+    from clothsim.garments.outfit import Outfit
     from clothsim.garments.stages import Stage
 
 _DRESS = """\
@@ -26,6 +28,8 @@ Leaves the files of a run, garment.obj with the pattern as texture coordinates, 
   clothsim dress shirt_specification.json --on body.obj -o worn
   clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
   clothsim dress shirt_specification.json --on hers.obj --made-for his.obj     (graded by girths and lengths)
+  clothsim dress trousers.json shirt.json --on body.obj -o worn       (one over another, then all draped together)
+  clothsim dress jacket.json --over worn -o outdoors
 """
 
 
@@ -61,9 +65,14 @@ def add_to(commands: Any) -> None:
     )
     dress = commands.add_parser("dress", description=_DRESS)
     dress.add_argument(
-        "pattern", type=Path, metavar="PATTERN", help="a specification.json, a .dxf, or the name of an installed one"
+        "patterns",
+        type=Path,
+        metavar="PATTERN",
+        nargs="+",
+        help="a specification.json, a .dxf, or the name of an installed one; several: an outfit, the innermost first",
     )
-    dress.add_argument("--on", required=True, type=Path, metavar="BODY", help="the body: a mesh file or a scene")
+    dress.add_argument("--on", type=Path, metavar="BODY", help="the body: a mesh file or a scene")
+    dress.add_argument("--over", type=Path, metavar="RUN", help="sew over the garments of this run, on its body")
     dress.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the pattern's name)"
     )
@@ -234,38 +243,65 @@ def _existing(path: Path, what: str) -> Path:
 
 
 def _dress(arguments: argparse.Namespace) -> Report:
-    directory = arguments.output or Path(arguments.pattern.stem)
+    several = len(arguments.patterns) > 1 or arguments.over is not None
+    if several and (arguments.movie or arguments.seams):
+        option = "--movie" if arguments.movie else "--seams"
+        raise InputError(f"{option} is of one garment.", "Leave it out, or dress one garment.")
+    directory = arguments.output or Path("outfit" if several else arguments.patterns[0].stem)
     drawn = [] if arguments.no_picture else [*on_demand.DRESS_PICTURES]
     drawn += [render.movie_file(directory)[0].name] if arguments.movie else []
     refuse_replacing([directory / name for name in drawn], arguments.overwrite)
 
-    message = messages(arguments, arguments.pattern)
-    pattern = engine.example_file(arguments.pattern, "_specification.json")
+    message = messages(arguments, arguments.patterns[0])
+    patterns = [engine.example_file(pattern, "_specification.json") for pattern in arguments.patterns]
     body = _body(arguments.on)
+    settings: dict[str, Any] = {
+        "size": as_length("--size", arguments.size),
+        "fabric": arguments.fabric,
+        "fabrics": as_fabrics(arguments.fabric_of),
+        "made_for": _body(arguments.made_for),
+        "grade": as_factors(arguments.grade),
+        "waistband": arguments.waistband,
+        "origin": arguments.origin,
+        "rotation_order": arguments.rotation_order,
+        "scale": None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
+        "body_group": arguments.body_group,
+        "overwrite": arguments.overwrite,
+        "on_stage": lambda stage: message(_stage(stage)),
+    }
     with progress.shown(arguments.quiet) as listener:
-        done = clothsim.dress(
-            pattern,
-            body,
-            directory,
-            size=as_length("--size", arguments.size),
-            fabric=arguments.fabric,
-            fabrics=as_fabrics(arguments.fabric_of),
-            made_for=_body(arguments.made_for),
-            grade=as_factors(arguments.grade),
-            waistband=arguments.waistband,
-            origin=arguments.origin,
-            rotation_order=arguments.rotation_order,
-            seams=arguments.seams,
-            scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
-            body_group=arguments.body_group,
-            overwrite=arguments.overwrite,
-            on_stage=lambda stage: message(_stage(stage)),
-            progress=listener,
-        )
-    trouble = _pictures(done, not arguments.no_picture, arguments.movie)
+        if several:
+            worn = clothsim.outfit(patterns, body, directory, over=arguments.over, progress=listener, **settings)
+            trouble = [] if arguments.no_picture else _drawn(directory, [("picture", lambda: _draw_outfit(worn))])
+            status, lines = worn.status, _outfit_verdict(worn)
+        else:
+            if body is None:
+                raise InputError("There is no body.", "Give it: --on BODY.")
+            done = clothsim.dress(patterns[0], body, directory, seams=arguments.seams, progress=listener, **settings)
+            trouble = _pictures(done, not arguments.no_picture, arguments.movie)
+            status, lines = done.status, _dress_verdict(done)
     summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
-    code = 0 if done.status == "completed" else 1
-    return Report(summary, "\n".join([*_dress_verdict(done), *trouble]), code, verdict=True)
+    code = 0 if status == "completed" else 1
+    return Report(summary, "\n".join([*lines, *trouble]), code, verdict=True)
+
+
+def _draw_outfit(done: "Outfit") -> None:
+    for each in done.sewn:
+        on_demand.draw_dress(each)
+    on_demand.draw_outfit(done)
+
+
+def _outfit_verdict(done: "Outfit") -> list[str]:
+    return [
+        f"{done.status}: {done.reason}",
+        *(f"  note      {note}" for note in done.notes),
+        *(
+            f"  {each.directory.name:<9} {len(each.state.welded)} of {len(each.state.mesh.seams)} seams welded"
+            for each in done.sewn
+        ),
+        *([f"  garments  {done.counts}"] if done.counts else []),
+        f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
+    ]
 
 
 def _dress_verdict(done: "Dress") -> list[str]:
@@ -283,15 +319,19 @@ def _dress_verdict(done: "Dress") -> list[str]:
 def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
     """Draw pictures and movie; a line for each that could not be drawn."""
     film, missing = render.movie_file(done.directory)
-    trouble = [missing] if movie and missing else []
-    for wanted, name, draw in (
-        (pictures, "picture", lambda: on_demand.draw_dress(done)),
-        (movie, film.name, lambda: on_demand.draw_sewing(done, film)),
-    ):
+    wanted: list[tuple[str, Callable[[], Any]]] = []
+    wanted += [("picture", lambda: on_demand.draw_dress(done))] if pictures else []
+    wanted += [(film.name, lambda: on_demand.draw_sewing(done, film))] if movie else []
+    return [*([missing] if movie and missing else []), *_drawn(done.directory, wanted)]
+
+
+def _drawn(directory: Path, wanted: list[tuple[str, Callable[[], Any]]]) -> list[str]:
+    """Draw what is wanted, by name; a line for each that could not be drawn."""
+    trouble = []
+    for name, draw in wanted:
         try:
-            if wanted:
-                draw()
-                on_demand.record_peak_memory(done.directory / on_demand.SUMMARY_NAME)
+            draw()
+            on_demand.record_peak_memory(directory / on_demand.SUMMARY_NAME)
         except (ClothsimError, OSError, ImportError) as error:
             trouble.append(f"No {name}: {error}")
     return trouble

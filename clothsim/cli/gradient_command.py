@@ -101,7 +101,7 @@ def _gradient(arguments: argparse.Namespace) -> Report:
 
 def _errors(gradient: "Gradient") -> dict[str, float | None]:
     """What solves and contact stiffness cost the loss; None: not known."""
-    return {name: finite(getattr(gradient, name)) for name in ("newton_error", "kappa_share")}
+    return {name: finite(getattr(gradient, name)) for name in ("newton_error", "log_kappa_sensitivity")}
 
 
 def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
@@ -109,8 +109,11 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
     lines = [note for note in gradient.run.session.notes if "held at" in note]
     lines.append(f"  {'loss':28} {gradient.value:.8g}, over {len(gradient.run.steps)} steps")
     for name, value in derivatives.items():
-        if value.size <= 3:
+        if (value.ndim < 2 and value.size <= 3) or value.shape == (1, 3):
             text = ", ".join(f"{each:.6g}" for each in value.ravel())
+        elif value.shape[1:] == (2,):  # of key frames: times [s] and values are no one sum
+            times, values = (", ".join(f"{each:.4g}" for each in column) for column in value.T)
+            text = f"of key frames: by times [{times}], by values [{values}]"
         else:
             row = int(on_demand.norm(value, axis=1).argmax())
             largest = ", ".join(f"{each:.4g}" for each in value[row])
@@ -118,7 +121,7 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
         lines.append(f"  d/d {name:24} {text}")
     left = errors["newton_error"]
     lines.append(f"  {'left by the solves':28} {'not known' if left is None else f'{left:.2g} of the loss'}")
-    lines.append(f"  {'d/d log(contact stiffness)':28} {errors['kappa_share']:.2g}")
+    lines.append(f"  {'d/d log(contact stiffness)':28} {errors['log_kappa_sensitivity']:.2g}")
     return lines
 
 
@@ -188,8 +191,8 @@ def _recover_drape(arguments: argparse.Namespace) -> Report:
     own = dict(assigned_number(text) for text in arguments.set)
     if arguments.output is not None:
         refuse_replacing([arguments.output / RECOVERY_NAME], arguments.overwrite)
-    tell = messages(arguments, f"{len(outlines[0])} outlines of {arguments.scene}")
-    found = on_demand.recover_drape(*outlines, own, arguments.prior, tell=tell)
+    message = messages(arguments, f"{len(outlines[0])} outlines of {arguments.scene}")
+    found = on_demand.recover_drape(*outlines, own, arguments.prior, message=message)
     lines = found.text()
     if arguments.output is not None:
         make_directory(arguments.output)

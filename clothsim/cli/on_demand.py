@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from clothsim.base.kernel_cache import cached_kernels
     from clothsim.base.record import RECORD_NAME, RUN_PICTURES, SUMMARY_NAME, read_summary, record_peak_memory, to_json
     from clothsim.garments.penetration import draw_penetrations, entries, read_penetration_report
-    from clothsim.garments.pictures import DRESS_PICTURES, draw_dress, draw_fit, draw_sewing
+    from clothsim.garments.pictures import DRESS_PICTURES, draw_dress, draw_fit, draw_outfit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
     from clothsim.study.drape_recovery import read_outlines, recover_drape
     from clothsim.study.evaluation import FOLDER

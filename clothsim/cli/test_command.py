@@ -47,8 +47,8 @@ def _test(arguments: argparse.Namespace) -> Report:
     size = {} if arguments.size is None else {"size": as_length("--size", arguments.size)}
     if arguments.output is not None:
         refuse_replacing([arguments.output / name for name in (TEST_NAME, DRAPE_NAME)], arguments.overwrite)
-    tell = messages(arguments, f"{arguments.fabric} by {arguments.method}")
-    done = on_demand.fabric_tested(cloth, arguments.method, lays, tell=tell, **size)
+    message = messages(arguments, f"{arguments.fabric} by {arguments.method}")
+    done = on_demand.fabric_tested(cloth, arguments.method, lays, message=message, **size)
     lines = done.text()
     if arguments.output is not None:
         make_directory(arguments.output)

@@ -113,6 +113,13 @@ class Dress:
 
 GARMENT, PATTERN, DRAWING = "garment.obj", "pattern.json", "pattern.svg"
 GRADED = "graded_specification.json"
+
+
+def short_name(pattern: str | Path) -> str:
+    """Name of the garment of a pattern file: "shirt" of shirt_specification.json."""
+    return Path(pattern).stem.removesuffix("_specification")
+
+
 REMEDY = "Look at the pattern (pattern.svg) and at the panels as placed: `clothsim check` names what intersects."
 
 
@@ -133,7 +140,8 @@ def write_results(done: "Dress", name: str, size: float, seconds: float) -> None
         "reason": done.reason,
         "stages": [stage.as_dict() for stage in done.stages],
         "seams": seam_entries(done.state),
-        "measurements": measurement_entries(done.state, done.body, done.fabrics),
+        "pattern": name,
+        "measurements": measurement_entries(done.state, done.body.like or done.body, done.fabrics),
         "grading": None if done.grading is None else done.grading.as_dict(),
         "tight": tight_entries(done.tight),
         "vertices": len(done.state.positions),
@@ -264,9 +272,8 @@ def dress(
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
     read = pattern if isinstance(pattern, Pattern) else read_pattern(pattern, rotation_order, seams)
     of_panels = chosen.of(read)
-    name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
-    body = read_body_mesh(on, scale=scale, group=body_group) if isinstance(on, str | Path) else as_body_mesh(on)
-    refuse_unsuitable(body)
+    name = "pattern" if isinstance(pattern, Pattern) else short_name(pattern)
+    body = body_of_wearer(on, scale, body_group)
     if waistband:
         parts_for_edges(body)  # an error now, not after the closing
     grading = _graded(read, body, made_for, grade or {}, origin)
@@ -274,7 +281,7 @@ def dress(
         read, origin = grading.pattern, grading.origin
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
     joined_vertices(mesh)  # an error now, not after the closing
-    surface = _surface(body)
+    surface = surface_of(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
     make_directory(directory)
     task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce)
@@ -345,7 +352,17 @@ def _graded(
     return graded(pattern, source, body, origin, factors)
 
 
-def _surface(body: BodyMesh) -> BodySurface:
+def body_of_wearer(on: Any, scale: float | None, group: str | None) -> BodyMesh:
+    """The body that wears a garment: a file, a mesh in memory, or as it is. InputError for one that cannot."""
+    made = on if isinstance(on, BodyMesh) else None
+    if made is None:
+        made = read_body_mesh(on, scale=scale, group=group) if isinstance(on, str | Path) else as_body_mesh(on)
+    refuse_unsuitable(made)
+    return made
+
+
+def surface_of(body: BodyMesh) -> BodySurface:
+    """The body for distance queries. InputError for one without a volume."""
     try:
         return body_surface(body.positions, body.triangles)
     except TransferError as error:

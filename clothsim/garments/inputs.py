@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
@@ -126,22 +127,31 @@ LONG = 0.5
 
 @dataclass(frozen=True)
 class BodyMesh:
-    """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: defaults used in reading."""
+    """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: defaults used in reading.
+
+    like: body whose landmarks it has, which are not looked for on its own surface; None: its own.
+    """
 
     name: str
     positions: Floats
     triangles: Ints
     scale: float
     notes: tuple[str, ...]
+    like: "BodyMesh | None" = field(default=None, repr=False)
 
     @cached_property
     def parts(self) -> BodyParts:
         """Frame, trunk, arms and legs. TransferError where it is no standing body."""
+        if self.like is not None:
+            nearest = cKDTree(self.like.positions).query(self.positions)[1]
+            return replace(self.like.parts, hands=self.like.parts.hands[:, nearest])
         return body_parts(self.positions, self.triangles)
 
     @cached_property
     def frame(self) -> BodyFrame:
         """Upright, front-facing frame. TransferError where it is no standing body."""
+        if self.like is not None:
+            return self.like.frame
         try:
             return self.parts.frame
         except TransferError:
@@ -150,6 +160,8 @@ class BodyMesh:
     @cached_property
     def up(self) -> Floats:
         """Vertical axis, (3,): the one of y and z with legs below and a head above, else the longer one."""
+        if self.like is not None:
+            return self.like.up
         extent = np.ptp(self.positions, axis=0)
         if extent[1:].min() > NEARLY * extent[1:].max():  # arms held level, a body turned by 90 degrees
             scores = [legs_score(self.positions, self.triangles, axis) for axis in np.eye(3)[1:]]

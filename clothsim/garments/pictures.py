@@ -1,7 +1,7 @@
 """Pictures of a fit and of a dressed garment, and the movie of its sewing."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +21,7 @@ from clothsim.render import WIDTHS, Surface, picture_setup, rendered, vertex_nor
 if TYPE_CHECKING:
     from clothsim.garments.dressed import Dress
     from clothsim.garments.fitted import Fit
+    from clothsim.garments.outfit import Outfit
 
 FRONT = (0.35, 0.15, 1.0)
 """View direction: to the right of a person that faces the camera, slightly above; along x, up, and the third axis."""
@@ -161,26 +162,38 @@ def draw_dress(done: "Dress") -> list[Path]:
     worn = garment_surface(done.state, done.state.positions, fabrics=done.fabrics)
     stretched = garment_surface(done.state, done.state.positions, done.state.stretches())
     return [
-        _pair(done.directory / PLACED, "as placed", placed, done.body),
-        _pair(done.directory / WORN, title, worn, done.body),
-        _pair(done.directory / STRETCH, f"{title}, stretch", stretched, done.body),
+        _pair(done.directory / PLACED, "as placed", [placed], done.body),
+        _pair(done.directory / WORN, title, [worn], done.body),
+        _pair(done.directory / STRETCH, f"{title}, stretch", [stretched], done.body),
     ]
 
 
-def _pair(file: Path, title: str, garment: Surface, body: BodyMesh) -> Path:
+def draw_outfit(done: "Outfit") -> Path:
+    """Write worn.png of all garments, each in a colour of its own; returns its path."""
+    states = {each.directory.name: each.state for each in done.sewn}
+    plain, spacing, garments = np.zeros((0, 2)), LINE / WIDTHS[0], []
+    for each in done.worn:
+        at, state = each.positions, states.get(each.name)
+        strokes = np.zeros((0, 2, 2, 3)) if state is None else seam_strokes(state, at)
+        garments.append(Surface(each.name, at, each.triangles, "cloth", plain, strokes=strokes, spacing=spacing))
+    title = "worn" if done.status == "completed" else done.status
+    return _pair(done.directory / WORN, title, garments, done.body)
+
+
+def _pair(file: Path, title: str, garments: Sequence[Surface], body: BodyMesh) -> Path:
     """Write a picture from the front and from the back side by side."""
-    surfaces = [garment, body_surface_look(body)]
+    surfaces = [*garments, body_surface_look(body)]
     panels = []
     for side, view in VIEWS:
         setup = picture_setup(
             [surfaces],
             size=SIZE,
-            colour="stretch" if len(garment.principal_stretches) else "plain",
+            colour="stretch" if len(garments[0].principal_stretches) else "plain",
             up=body.up,
             view=view_of(view, body),
             title=f"{title}, {side}",
             renderer="auto",
-            focus=_focus(garment.positions, body),
+            focus=_focus(np.concatenate([each.positions for each in garments]), body),
         )
         panels.append(rendered(setup, surfaces))
     Image.fromarray(np.hstack(panels)).save(file, format="PNG")

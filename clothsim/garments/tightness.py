@@ -110,16 +110,16 @@ def tight_notes(found: Mapping[str, Tightness]) -> tuple[str, ...]:
         return ()
     groups: dict[str, Tightness] = {}
     for name, tightness in found.items():
-        groups.setdefault(_without_side(name), tightness)
+        groups.setdefault(_strip_side(name), tightness)
     named = ", ".join(f"{name} ({tightness})" for name, tightness in list(groups.items())[:NAMED])
     more = f" and {len(groups) - NAMED} more" if len(groups) > NAMED else ""
     return (f"too tight: {named}{more}",)
 
 
-def _without_side(name: str) -> str:
+def _strip_side(name: str) -> str:
     """A name in the plural without left, right, front and back; as it is where no more of it is left.
 
-    >>> _without_side("left_sleeve_front"), _without_side("pants_left"), _without_side("front")
+    >>> _strip_side("left_sleeve_front"), _strip_side("pants_left"), _strip_side("front")
     ('sleeves', 'pants', 'front')
     """
     words = [word for word in re.split(r"[_ ]", name) if word.lower() not in ("left", "right", "front", "back")]

@@ -26,7 +26,7 @@ from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import Pairs
 from clothsim.physics.energies.base import Energy, Past, Step
 from clothsim.physics.energies.hessians import ByElement, explicit
-from clothsim.physics.energies.protocols import PastSensitivity, SeesHistory, SeesPast, is_idle
+from clothsim.physics.energies.protocols import HistorySensitivity, PastSensitivity, StartDerivatives, is_idle
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.stepping import Integrator
@@ -83,7 +83,7 @@ AGREEMENT = 1e-5
 Bind = Callable[[Step], Energy]
 
 
-def past_by_differences(bind: Bind, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+def past_by_differences(bind: Bind, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
     """Return d(adjoint . gradient(x)) by the start of a step.
 
     Parameters
@@ -97,7 +97,7 @@ def past_by_differences(bind: Bind, step: Step, x: Floats, adjoint: Floats) -> P
 
     Returns
     -------
-    PastSensitivity
+    StartDerivatives
         A part that the energy does not depend on is None.
     """
     bound = bind(step)
@@ -120,7 +120,7 @@ def past_by_differences(bind: Bind, step: Step, x: Floats, adjoint: Floats) -> P
         if abs(np.vdot(found, direction) - wanted / (2 * size)) > AGREEMENT * scale + 1e-300:
             found = _grouped(force, values, size, adjoint, *_single_rows(len(x)))
         parts[slot] = found
-    return PastSensitivity(**parts)
+    return StartDerivatives(**parts)
 
 
 def _grouped(
@@ -165,10 +165,10 @@ def _values(step: Step, slot: str) -> Floats:
 
 def _replace_slot(step: Step, slot: str, values: Floats) -> Step:
     past = step.past
-    held = replace(step, weighed=Past(past.positions, past.velocities, past.dt))
+    held = replace(step, multistep_past=Past(past.positions, past.velocities, past.dt))
     name = slot.removeprefix("past_")
     changed: dict[str, Any] = {name: values}
-    return replace(held, **changed) if name == slot else replace(held, weighed=replace(past, **changed))
+    return replace(held, **changed) if name == slot else replace(held, multistep_past=replace(past, **changed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +214,7 @@ class StepBack:
         a, and dL by the prescribed rows, as of `Adjoints`.
     newton, doubt : float
         As of `Adjoints`.
-    carried : mapping
+    memory_adjoints : mapping
         dL by what energies carry over from the step, by effect.
     """
 
@@ -223,7 +223,7 @@ class StepBack:
     prescribed: Floats
     newton: float
     doubt: float
-    carried: Mapping[str, Floats]
+    memory_adjoints: Mapping[str, Floats]
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ class Adjoints:
         -a . G of each step: what the loss would still change by if its solve were exact.
     doubt : (K,) float64
         |a . G| one exact Newton step further, what the first order leaves out; inf where contact blocks that step.
-    carried : tuple of mappings
+    memory_adjoints : tuple of mappings
         dL by what energies carry over from each step (`StateAdjoint.memory` of its end), by effect.
     """
 
@@ -252,7 +252,7 @@ class Adjoints:
     velocities: Floats
     newton: Floats
     doubt: Floats
-    carried: tuple[Mapping[str, Floats], ...]
+    memory_adjoints: tuple[Mapping[str, Floats], ...]
 
 
 def backward_pass(
@@ -283,17 +283,17 @@ def backward_pass(
     integrator = with_remembered_pairs(integrator)
     n, rows = integrator.world.n_cloth, integrator.world.n_vertices
     forces, held = np.zeros((len(steps), n, 3)), np.zeros((len(steps), rows, 3))
-    newton, doubt, carried = np.zeros(len(steps)), np.zeros(len(steps)), list[Mapping[str, Floats]]()
+    newton, doubt, memory_adjoints = np.zeros(len(steps)), np.zeros(len(steps)), list[Mapping[str, Floats]]()
     by_velocities = by_velocities or {}
     state = no_adjoint(rows).plus(by_positions.get(len(steps)), by_velocities.get(len(steps)))
     for k in range(len(steps) - 1, -1, -1):
         for near in steps[max(k - 1, 0) : k + 1]:
             remember(integrator, near)
         back = step_back(integrator, steps[k], state, f"after step {k + 1}", system)
-        carried.append(back.carried)
+        memory_adjoints.append(back.memory_adjoints)
         state = back.state.plus(by_positions.get(k), by_velocities.get(k))
         held[k], forces[k], newton[k], doubt[k] = back.prescribed, back.forces[:n], back.newton, back.doubt
-    return Adjoints(forces, held, state.positions, state.velocities, newton, doubt, tuple(reversed(carried)))
+    return Adjoints(forces, held, state.positions, state.velocities, newton, doubt, tuple(reversed(memory_adjoints)))
 
 
 def step_back(
@@ -352,23 +352,28 @@ def velocity_part(by_velocities: Floats, dt: float) -> Floats:
 
 
 def seen_past(
-    integrator: Integrator, bound: Potential, step: Step, x: Floats, adjoint: Floats, carried: Mapping[str, Floats]
+    integrator: Integrator,
+    bound: Potential,
+    step: Step,
+    x: Floats,
+    adjoint: Floats,
+    memory_adjoints: Mapping[str, Floats],
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    """Return the sum over the energies of `PastSensitivity`, by the names of its parts, (N, 3) each; and by memories.
+    """Return the sum over the energies of `StartDerivatives`, by the names of its parts, (N, 3) each; and by memories.
 
-    carried: dL by what energies carry over from this step; without one it is 0.
+    memory_adjoints: dL by what energies carry over from this step; without one it is 0.
     """
     total, memory = {name: np.zeros_like(x) for name in SLOTS}, dict[str, Floats]()
     for name, energy in bound.energies.items():
         own = integrator.potential.energies[name]
-        if isinstance(energy, SeesHistory):
-            by_carried = carried.get(name, np.zeros_like(np.asarray(energy.carry_over)))
-            part = energy.history_sensitivity(step, x, adjoint, by_carried)
+        if isinstance(energy, HistorySensitivity):
+            memory_adjoint = memory_adjoints.get(name, np.zeros_like(np.asarray(energy.carry_over)))
+            part = energy.history_sensitivity(step, x, adjoint, memory_adjoint)
             if part.memory is not None:
                 memory[name] = part.memory
         elif is_idle(energy):
             continue
-        elif isinstance(energy, SeesPast):
+        elif isinstance(energy, PastSensitivity):
             part = energy.past_sensitivity(step, x, adjoint)
         elif type(own).begin is Energy.begin or own.begin(step) is own:  # the same in each step
             continue

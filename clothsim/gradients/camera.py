@@ -5,10 +5,11 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 
 from clothsim.base.arrays import Floats, Ints, as_finite, as_points, as_positive, as_vector
 from clothsim.base.errors import InputError
-from clothsim.gradients.losses import Loss
+from clothsim.gradients.picture_loss import PictureLoss, Residuals, by_vertices, checked_noise
 
 ORTHONORMAL = 1e-6
 """Largest entry of R R' - I of a rotation."""
@@ -122,6 +123,11 @@ class Camera:
             raise InputError(f"Point {int(local[:, 2].argmin())} is not in front of the camera.", "Look at its pose.")
         return np.asarray(self.focal * local[:, :2] / local[:, 2:] + self.principal, np.float64)
 
+    def rays(self, pixels: ArrayLike) -> Floats:
+        """Return the directions (k, 3) from the camera through pixels (k, 2), one unit deep each."""
+        local = (np.asarray(pixels, np.float64) - self.principal) / self.focal
+        return np.asarray(np.column_stack([local, np.ones(len(local))]) @ self.rotation, np.float64)
+
     def jacobians(self, points: ArrayLike) -> Floats:
         """Return the derivatives of `project` by the points, (n, 2, 3) [pixels/m]."""
         local = self.in_camera(points)
@@ -132,9 +138,9 @@ class Camera:
         return np.asarray(out @ self.rotation, np.float64)
 
 
-@dataclass(frozen=True)
-class KeyPoints(Loss):
-    """Mean of rho(|pixel of a vertex - pixel in the picture| / noise), with the Huber function rho.
+@dataclass(frozen=True, eq=False)
+class KeyPoints(PictureLoss):
+    """Mean of rho((pixel of a vertex - pixel in the picture)/noise) over both coordinates, rho the Huber function.
 
     Parameters
     ----------
@@ -159,20 +165,17 @@ class KeyPoints(Loss):
     huber: float = 3.0
     frame: int = -1
 
-    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
-        """Return the mean and rho'(r)/r J'(pi(x) - m)/noise^2 in the rows."""
+    def residuals(self, positions: Floats, triangles: Ints) -> Residuals:
+        """Return (pi(x) - m)/noise, u and v of the first point first."""
         rows, pixels = np.asarray(self.vertices, np.int64), as_finite("pixels", self.pixels)
         if pixels.shape != (len(rows), 2) or not len(rows):
             raise InputError(f"There are {len(rows)} key points and pixels of the shape {pixels.shape}.")
         if rows.min() < 0 or rows.max() >= len(positions):
             raise InputError(f"A key point is vertex {rows.max()}, and the cloth has {len(positions)}.")
-        noise, huber = as_positive("noise", self.noise), as_positive("huber", self.huber)
+        noise, huber = checked_noise(self.noise, self.huber)
         away = (self.camera.project(positions[rows]) - pixels) / noise
-        sizes = np.linalg.norm(away, axis=1)
-        inside = sizes <= huber
-        values = np.where(inside, 0.5 * sizes**2, huber * (sizes - 0.5 * huber))
-        slopes = np.where(inside, 1.0, huber / np.maximum(sizes, huber))
-        parts = np.einsum("k,kp,kpc->kc", slopes, away, self.camera.jacobians(positions[rows]))
-        out = np.zeros_like(positions)
-        np.add.at(out, rows, parts / (noise * len(rows)))
-        return float(values.mean()), out
+        twice = np.repeat(rows, 2)
+        at = csr_array((np.ones(len(twice)), (np.arange(len(twice)), twice)), shape=(len(twice), len(positions)))
+        slopes = self.camera.jacobians(positions[rows]).reshape(-1, 3) / noise
+        weights = np.ones(len(twice))
+        return Residuals(away.ravel(), by_vertices(at, slopes), weights, np.repeat(pixels, 2, axis=0), huber)

@@ -5,6 +5,7 @@ it, because the world and its energies are built from the varied one.
 """
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -186,7 +187,7 @@ class Gradient(Mapping[str, Floats]):
         return left if self.adjoints.doubt.sum() <= KNOWN * abs(left) else math.nan
 
     @cached_property
-    def kappa_share(self) -> float:
+    def log_kappa_sensitivity(self) -> float:
         """kappa dL/dkappa: derivative of the loss by the logarithm of the barrier's stiffness.
 
         The forces of contact and of its friction are proportional to kappa.
@@ -198,6 +199,12 @@ class Gradient(Mapping[str, Floats]):
                 if isinstance(energy, ContactGap | Lagged):
                     total -= float(np.vdot(a, energy.gradient(record.solution)[: len(a)]))
         return total
+
+    @property
+    def kappa_share(self) -> float:
+        """Earlier name of `log_kappa_sensitivity`."""
+        warnings.warn("kappa_share is now log_kappa_sensitivity.", DeprecationWarning, stacklevel=2)
+        return self.log_kappa_sensitivity
 
     def _derivative(self, name: str) -> Floats:
         n, adjoints = self.run.session.built.world.n_cloth, self.adjoints

@@ -12,8 +12,9 @@ from typing import Any, overload
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_points
+from clothsim.base.arrays import Floats, Ints, as_count, as_finite, as_number, as_points
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.inputs import shown
 from clothsim.gradients.backward_pass import (
     Adjoints,
     StateAdjoint,
@@ -28,6 +29,7 @@ from clothsim.gradients.differentiable_session import RecordedStep, differentiab
 from clothsim.gradients.gradient import rest_derivative, with_rest
 from clothsim.gradients.parameters import full_path, scene_derivative, value_at, with_value
 from clothsim.gradients.run import Trace, begun
+from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Energy, Prescribed
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.run.session import Session, prepare
@@ -40,6 +42,9 @@ from clothsim.solve.stepping.stepping import Integrator, advance
 
 ARRAYS = ("pins", "force", "cloth.rest")
 """Parameters that are no numbers of the scene."""
+
+MOST_STEPS = 1_000_000
+"""Bound on the steps of a rollout."""
 
 Parameters = Mapping[str, Any]
 """Numbers and arrays by name: paths of the scene, and ARRAYS."""
@@ -77,6 +82,14 @@ class LayerState:
     def time(self) -> float:
         """Time [s]."""
         return self.inner.time
+
+    def inner_at(self, origin: Floats) -> State:
+        """The state with positions relative to another origin (3,) [m]: that of the world depends on where cloth is."""
+        by, before = self.origin - origin, self.inner.previous
+        if not by.any():
+            return self.inner
+        moved = None if before is None else replace(before, positions=before.positions + by)
+        return replace(self.inner, positions=self.inner.positions + by, previous=moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +164,8 @@ class StepModel:
         own = held.copy()
         if "pins" in self.names:  # prescribed by the parameter, not by the scene
             own[:, :n] = 0.0
-        carried = tuple(back.carried for back in backs)
-        adjoints = Adjoints(forces, own, zero, zero, np.zeros(len(backs)), np.zeros(len(backs)), carried)
+        memory_adjoints = tuple(back.memory_adjoints for back in backs)
+        adjoints = Adjoints(forces, own, zero, zero, np.zeros(len(backs)), np.zeros(len(backs)), memory_adjoints)
         trace = Trace(self.session, tuple(steps))
         arrays = {
             "pins": lambda: held[:, steps[0].fixed_rows(self.integrator)].sum(axis=0),
@@ -233,10 +246,19 @@ class Rollout:
         return state, [model.derivatives([step], [back]) for model, step, back in each]
 
 
+def _numbers(name: object, value: Any) -> Floats:
+    """A parameter as finite numbers. InputError names it."""
+    if not isinstance(name, str):
+        raise InputError(
+            f"{shown(name)} is no name of a parameter.", f"Give a path of the scene, or {', '.join(ARRAYS)}."
+        )
+    return as_finite(name, value)
+
+
 def _rows(name: str, given: Floats | None, shape: tuple[int, ...], rows: int) -> Floats:
     out = np.zeros((shape[0], rows, 3))
     if given is not None:
-        array = np.asarray(given, np.float64)
+        array = as_finite(name, given)
         if array.shape != shape:
             raise InputError(f"{name} has the shape {array.shape}, the positions of all states {shape}.")
         out[:, : shape[1]] = array
@@ -281,7 +303,7 @@ class Layer:
     @cached_property
     def start(self) -> LayerState:
         """The state at the start of the scene."""
-        return self._public(first_state(self.session.built.world, self.dt))
+        return _public(self.session.built.world, first_state(self.session.built.world, self.dt))
 
     @cached_property
     def pinned(self) -> Ints:
@@ -299,7 +321,7 @@ class Layer:
         positions = inner.positions.copy()
         for body, rows in zip(world.bodies, world.body_slices, strict=True):
             positions[rows] = body.at(time)
-        return self._public(replace(inner, time=time, positions=positions))
+        return _public(world, replace(inner, time=as_number("time", time), positions=positions))
 
     @overload
     def __call__(self, state: LayerState, parameters: Parameters | None = None) -> LayerState: ...
@@ -354,18 +376,25 @@ class Layer:
         ClothsimError
             Where a step cannot be taken.
         """
-        held = parameters if isinstance(parameters, Mapping) else {}
+        if not isinstance(state, LayerState):
+            raise InputError(f"state is {shown(state)}, no state of a layer.", "Take layer.start or layer.state(x, v).")
+        k = as_count("k", k, least=0, most=MOST_STEPS)
         by_step = parameters is not None and not isinstance(parameters, Mapping)
-        each = [held] * k if parameters is None or isinstance(parameters, Mapping) else list(parameters)
+        if by_step and (not isinstance(parameters, Sequence) or not all(isinstance(p, Mapping) for p in parameters)):
+            raise InputError(
+                f"parameters is {shown(parameters)}, no numbers by name.", 'Give {"cloth.youngs_modulus": 1e4}.'
+            )
+        held = [parameters or {}] * k if isinstance(parameters, Mapping | None) else list(parameters)
+        each = [{name: _numbers(name, value) for name, value in given.items()} for given in held]
         if len(each) != k:
             raise InputError(f"There are parameters of {len(each)} steps, and {k} steps.")
         known, models = dict[bytes, StepModel](), list[StepModel]()
         states, steps = [state], list[RecordedStep]()
         for given in each:
-            key = b"".join(name.encode() + np.asarray(value, np.float64).tobytes() for name, value in given.items())
+            key = b"".join(name.encode() + value.tobytes() for name, value in given.items())
             if key not in known:
                 known[key] = self._model(given)
-            inner = states[-1].inner
+            inner = states[-1].inner_at(known[key].session.built.world.origin)
             report = advance(
                 known[key].integrator, replace(inner, dt=1.01 * self.dt), inner.time + self.dt, retries=False
             )
@@ -373,17 +402,11 @@ class Layer:
                 raise ClothsimError(f"Step {len(steps) + 1}: {report.failure.sentence}", "Give a shorter solver.dt.")
             steps.append(recorded(inner, report))
             models.append(known[key])
-            states.append(self._public(report.state))
+            states.append(_public(known[key].session.built.world, report.state))
         return Rollout(self, tuple(states), tuple(steps), tuple(models), by_step)
 
-    def _public(self, inner: State) -> LayerState:
-        world = self.session.built.world
-        return LayerState(inner, world.n_cloth, world.origin)
-
-    def _model(self, parameters: Parameters) -> StepModel:
-        session, world = self.session, self.session.built.world
-        values = {name: np.asarray(value, np.float64) for name, value in parameters.items()}
-        scene = self.scene
+    def _model(self, values: Mapping[str, Floats]) -> StepModel:
+        session, world, scene = self.session, self.session.built.world, self.scene
         for name, value in values.items():
             if name not in ARRAYS:
                 value_at(scene, world, full_path(name))
@@ -397,7 +420,8 @@ class Layer:
             if values["pins"].shape != (len(self.pinned), 3) or not len(self.pinned):
                 raise InputError(f"pins has the shape {values['pins'].shape}, and {len(self.pinned)} are pinned.")
             given = as_points("pins", values["pins"])
-            places = PlacedPins(integrator.constraints["pins"], self.pinned, given - world.origin)
+            here = session.built.world.origin
+            places = PlacedPins(integrator.constraints["pins"], self.pinned, given - here)
             integrator = replace(integrator, constraints={**integrator.constraints, "pins": places})
         if "force" in values:
             forces = np.zeros((world.n_vertices, 3))
@@ -407,7 +431,11 @@ class Layer:
             forces[: world.n_cloth] = given
             energies = {**integrator.potential.energies, "force": ConstantForce(forces)}
             integrator = replace(integrator, potential=Potential(energies, integrator.potential.timers))
-        return StepModel(session, integrator, tuple(parameters))
+        return StepModel(session, integrator, tuple(values))
+
+
+def _public(world: World, inner: State) -> LayerState:
+    return LayerState(inner, world.n_cloth, world.origin)
 
 
 def layer(scene: Scene) -> Layer:
@@ -423,6 +451,10 @@ def layer(scene: Scene) -> Layer:
     InputError
         For what has no gradient, by its name.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(
+            f"A layer is of a clothsim.Scene, not of {shown(scene)}.", 'Load one: clothsim.load_scene("scene.toml").'
+        )
     scene.refuse_without_cloth("a layer")
     held = pilot(scene)
     session = prepare(scene, build(scene, affordable=True))

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints, as_points, as_vector
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import called
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World
 
@@ -39,7 +40,7 @@ class Custom(Loss):
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
         """Return what the function returns. InputError where that is no number with an array (n, 3)."""
         try:
-            value, derivative = self.function(positions)
+            value, derivative = called("The loss", self.function, positions)
         except (TypeError, ValueError) as error:
             raise InputError(f"The loss cannot be called with positions: {error}.", "Return (value, dL/dx).") from error
         rows = as_points("The derivative of the loss", derivative)
@@ -71,7 +72,7 @@ class OfMotion(Loss):
     def of_motion(self, positions: Floats, velocities: Floats) -> tuple[float, Floats, Floats]:
         """Return what the function returns. InputError where that is no number with two arrays (n, 3)."""
         try:
-            value, *given = self.function(positions, velocities)
+            value, *given = called("The loss", self.function, positions, velocities)
             by_x, by_v = (as_points("The derivative of the loss", each) for each in given)
         except (TypeError, ValueError) as error:
             raise InputError(f"The loss cannot be called: {error}.", "Return (value, dL/dx, dL/dv).") from error

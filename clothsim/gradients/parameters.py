@@ -13,7 +13,7 @@ from clothsim.gradients.differentiable_session import RecordedStep, held_energie
 from clothsim.keys.fabric import BENDINGS, THREADS, Fabric
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Energy, Past, Step
-from clothsim.physics.energies.protocols import SeesHistory, is_idle
+from clothsim.physics.energies.protocols import HistorySensitivity, is_idle
 from clothsim.scene import paths
 from clothsim.scene.assembly.meshes import FABRIC
 from clothsim.scene.assembly.scene_world import build
@@ -155,7 +155,7 @@ class Variation:
         start, velocities = variant.world.start() - moved - world.start(), variant.world.start_velocities()
         total = float(np.vdot(adjoints.start, start) + np.vdot(adjoints.velocities, velocities))
         energies = variant.energies
-        if not any(energies[name].begins_last for name in self.affected):  # the others are not asked for
+        if not any(energies[name].depends_on_other_energies for name in self.affected):  # the others are not asked for
             energies = {name: energies[name] for name in self.affected}
         potential = Potential(energies, Timers())
         for k, record in enumerate(steps):
@@ -171,8 +171,8 @@ class Variation:
                 energy = bound[name]
                 if not is_idle(energy):
                     total -= float(np.vdot(a, energy.gradient(x)))
-                if isinstance(energy, SeesHistory) and name in adjoints.carried[k]:
-                    total += float(np.vdot(adjoints.carried[k][name], energy.carry_over))
+                if isinstance(energy, HistorySensitivity) and name in adjoints.memory_adjoints[k]:
+                    total += float(np.vdot(adjoints.memory_adjoints[k][name], energy.carry_over))
         return total
 
 
@@ -189,7 +189,9 @@ def _shift_origin(step: Step, by: Floats) -> Step:
     if not by.any():
         return step
     past = step.past
-    return replace(step, positions=step.positions + by, weighed=Past(past.positions + by, past.velocities, past.dt))
+    return replace(
+        step, positions=step.positions + by, multistep_past=Past(past.positions + by, past.velocities, past.dt)
+    )
 
 
 RELATIVE_STEP, OF_FABRIC = 1e-5, 3e-5

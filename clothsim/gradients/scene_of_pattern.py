@@ -88,7 +88,7 @@ def shaped_scene(scene: Scene, mesh: PatternMesh | None = None) -> ShapedScene:
     if mesh is not None:
         if len(arrays) != 1:
             raise InputError(f"The scene has {len(arrays)} cloths of arrays, of which one is to be of the pattern.")
-        return _of_arrays(scene, arrays[0], mesh)
+        return _replace_arrays(scene, arrays[0], mesh)
     if len(files) != 1:
         raise InputError(
             f"The scene has {len(files)} cloths from a pattern file, and one is needed.",
@@ -101,10 +101,10 @@ def shaped_scene(scene: Scene, mesh: PatternMesh | None = None) -> ShapedScene:
     tables: list[Any] = list(scene.cloths)
     tables[number] = {key: value for key, value in keys.items() if key not in OF_FILE} | {"mesh": given}
     changed: dict[str, Any] = {"cloth": tables}
-    return _of_arrays(replace(scene, **changed), number, mesh_of_file(scene.directory / keys.mesh, keys))
+    return _replace_arrays(replace(scene, **changed), number, mesh_of_file(scene.directory / keys.mesh, keys))
 
 
-def _of_arrays(scene: Scene, number: int, mesh: PatternMesh) -> ShapedScene:
+def _replace_arrays(scene: Scene, number: int, mesh: PatternMesh) -> ShapedScene:
     arrays: Any = scene.cloths[number].mesh
     scale = scene.cloths[number].scale
     wanted = mesh.material_coordinates.shape

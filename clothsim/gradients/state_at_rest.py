@@ -10,7 +10,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.gradients.exact_system import mean_adjoint
 from clothsim.mesh.world import World
-from clothsim.physics.energies.protocols import AdaptiveStiffness, DividedForce, Elementwise, History, Lagged
+from clothsim.physics.energies.protocols import AdaptiveStiffness, ElementGradients, Elementwise, History, Lagged
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
@@ -147,8 +147,8 @@ class StateAtRest:
 
 def _divided(energy: Any, x: Floats) -> tuple[Ints, Floats] | None:
     """Rows (m, k) of elements and their gradients (m, k, 3); None for an energy that has none."""
-    if isinstance(energy, DividedForce):
-        return energy.by_element(x)
+    if isinstance(energy, ElementGradients):
+        return energy.element_gradients(x)
     if not isinstance(energy, Elementwise):
         return None
     elements = getattr(energy, energy.per_element[0])

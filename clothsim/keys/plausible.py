@@ -95,7 +95,7 @@ def plausible_range(section: str, key: SceneKey) -> tuple[float, float, str] | N
 def doubts(where: str, section: KeyTable) -> Iterator[str]:
     """A question on each number of a section, and of its nested ones, that looks like one in another unit."""
     known = keys_of(type(section))
-    of_a_board = _of_a_board(section)
+    of_a_board = _keys_of_a_plate(section)
     for name in section:
         if name in of_a_board:
             continue
@@ -113,7 +113,7 @@ def doubts(where: str, section: KeyTable) -> Iterator[str]:
             yield f"{where}.{name} is {given} {key.key.unit}, where {found[2]}: is it in another unit?"
 
 
-def _of_a_board(section: KeyTable) -> set[str]:
+def _keys_of_a_plate(section: KeyTable) -> set[str]:
     """Keys of a cloth that its own thickness explains: it is as heavy, and at most as stiff, as a solid plate."""
     given = {name: getattr(section, key.field) for name, key in keys_of(type(section)).items() if name in section}
     density, thickness = given.get("density", 0.0), given.get("thickness", 0.0)

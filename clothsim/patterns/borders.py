@@ -366,7 +366,7 @@ def _collapsed(pattern: Pattern, sides: dict[Side, float]) -> Pattern:
     for name, panel in pattern.panels.items():
         kept = [number for number in range(len(panel.edges)) if Side(name, number) not in sides]
         numbers |= {Side(name, number): Side(name, new) for new, number in enumerate(kept)}
-        panels[name] = panel if len(kept) == len(panel.edges) else _without(panel, kept)
+        panels[name] = panel if len(kept) == len(panel.edges) else _remove_edges(panel, kept)
     stitches = tuple(
         Stitch(numbers[stitch.first], numbers[stitch.second], stitch.right_wrong)
         for stitch in pattern.stitches
@@ -376,7 +376,7 @@ def _collapsed(pattern: Pattern, sides: dict[Side, float]) -> Pattern:
     return replace(pattern, panels=panels, stitches=stitches, notes=(*pattern.notes, f"collapsed: {named}"))
 
 
-def _without(panel: Panel, kept: list[int]) -> Panel:
+def _remove_edges(panel: Panel, kept: list[int]) -> Panel:
     """Panel with the edges `kept`; the ends of each run of the others merge in the middle of them."""
     count, staying = len(panel.edges), set(kept)
     runs: list[list[int]] = []

@@ -110,13 +110,13 @@ def _freest_view(surfaces: Sequence[Surface], point: Floats, up: Floats, near: F
     turns = [(np.radians(e), np.radians(a)) for e in ELEVATIONS for a in AZIMUTHS]
     others = [np.cos(e) * (np.cos(a) * level + np.sin(a) * side) + np.sin(e) * vertical for e, a in turns]
     views = np.array([usual, *others])
-    if not any(len(_in_front(surface, point, usual, skin)) for surface in surfaces):
+    if not any(len(_find_occluders(surface, point, usual, skin)) for surface in surfaces):
         return usual
-    counts = [sum(len(_in_front(surface, point, view, skin)) for surface in surfaces) for view in views]
+    counts = [sum(len(_find_occluders(surface, point, view, skin)) for surface in surfaces) for view in views]
     return views[int(np.argmin(counts))]
 
 
-def _in_front(surface: Surface, point: Floats, towards: Floats, skin: float) -> Ints:
+def _find_occluders(surface: Surface, point: Floats, towards: Floats, skin: float) -> Ints:
     """The triangles that the ray from the point meets beyond `skin` [m] (Moeller & Trumbore 1997)."""
     a, b, c = (surface.positions[surface.triangles[:, k]] for k in range(3))
     p = np.cross(towards, c - a)
@@ -134,7 +134,7 @@ def _cut_open(surfaces: Sequence[Surface], point: Floats, eye: Floats, skin: flo
     towards = (eye - point) / np.linalg.norm(eye - point)
     seen, cut = [], []
     for surface in surfaces:
-        if surface.role == "body" and len(_in_front(surface, point, towards, skin)):
+        if surface.role == "body" and len(_find_occluders(surface, point, towards, skin)):
             corners = surface.positions[surface.triangles]
             parts = [part for triangle in corners for part in _behind(triangle, (triangle - point) @ towards)]
             cut.append(surface.name)

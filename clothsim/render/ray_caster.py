@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.errors import MissingPackageError
 from clothsim.base.jit import kernel, part
+from clothsim.base.ray_casting import caster_over
 from clothsim.base.vectors import cross, dot, minus
 from clothsim.render.camera import Camera, seen_box
 from clothsim.render.surface_look import Look, Surface, vertex_normals
@@ -81,24 +81,6 @@ def pixel_geometry(surfaces: Sequence[Surface], camera: Camera, size: tuple[int,
         side.reshape(height, width, 3),
         facing.reshape(height, width),
     )
-
-
-def caster_over(corners: Floats) -> Any:
-    """Embree's ray caster over triangles (m, 3, 3).
-
-    MissingPackageError: without embreex.
-    """
-    try:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-    except ImportError as error:
-        raise MissingPackageError(
-            "Ray casting, outlines and woven fabric need embreex, which is not installed.",
-            'Run: pip install embreex, or take the renderer "vtk" with the style "fields".',
-        ) from error
-    scene, vertices = EmbreeScene(), corners.reshape(-1, 3).astype(np.float32)
-    TriangleMesh(scene, vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
-    return scene
 
 
 def _cast(corners: Floats, camera: Camera, size: tuple[int, int]) -> tuple[dict[str, Floats], Floats]:

@@ -21,7 +21,7 @@ from clothsim.solve.stepping.state import State
 from clothsim.solve.stepping.stepping import StepReport
 
 if TYPE_CHECKING:
-    from clothsim.solve.pinch.carried import PinchRecord
+    from clothsim.solve.pinch.flypaper import PinchRecord
 
 
 @dataclass(frozen=True)
@@ -265,8 +265,8 @@ class Certificate:
         True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     unstable : UnstableEquilibria
         Those that were found (see `sim.branch_switching`).
-    carried : PinchRecord or None
-        Vertices that were carried through a pinch; None without that policy.
+    flypapered : PinchRecord or None
+        Vertices that were flypapered through a pinch; None without that policy.
     pinched : Pinches
         Vertices that bodies pressed from opposite sides, in the frames so far.
     stiffness : EnergyChanges
@@ -293,7 +293,7 @@ class Certificate:
     fastest_speed: float = np.nan
     at_rest: bool = False
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
-    carried: "PinchRecord | None" = None
+    flypapered: "PinchRecord | None" = None
     pinched: Pinches = field(default_factory=Pinches)
     stiffness: EnergyChanges = field(default_factory=EnergyChanges)
     material: EnergyChanges | None = None
@@ -307,11 +307,11 @@ class Certificate:
         Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is no rise,
         but stands in `stiffness`, and what another material adds in `material`.
         """
-        changing = [each for each in (energies or {}).values() if isinstance(each, ChangingMaterial)]
+        changing = {name: each for name, each in (energies or {}).items() if isinstance(each, ChangingMaterial)}
         material = self.material
         if changing:
-            times = before.time, report.state.time
-            work = sum(each.work_of_change(before.positions, *times) for each in changing)
+            times, bound = (before.time, report.state.time), report.potential.energies
+            work = sum(each.work_of_change(before.positions, *times, bound[name]) for name, each in changing.items())
             material = (material or EnergyChanges()).after(work)
         x = report.state.positions
         stretches = world_stretches(world, x)
@@ -346,7 +346,7 @@ class Certificate:
         return {
             "intersection_free": self.intersections.intersection_free,
             **coverage,
-            **({} if self.carried is None else {"carried": self.carried.as_dict()}),
+            **({} if self.flypapered is None else {"carried": self.flypapered.as_dict()}),
             "intersections": self.intersections.as_dict(),
             "intersecting_frames": list(self.intersections.frames),
             "minimum_gap": self.gap,
@@ -371,7 +371,7 @@ class Certificate:
             "estimate": asdict(self.estimate),
             "intersections": self.intersections.as_json(),
             "unstable": asdict(self.unstable),
-            **({} if self.carried is None else {"carried": asdict(self.carried)}),
+            **({} if self.flypapered is None else {"flypapered": asdict(self.flypapered)}),
             "pinched": asdict(self.pinched),
             "stiffness": asdict(self.stiffness),
             "material": None if self.material is None else asdict(self.material),
@@ -387,7 +387,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "estimate": ErrorEstimate(**fields.get("estimate", {})),
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
-        "carried": _carried_from(fields.get("carried")),
+        "flypapered": _pinch_record(fields.get("flypapered", fields.get("carried"))),
         "pinched": Pinches(**fields.get("pinched", {})),
         "stiffness": EnergyChanges(**fields.get("stiffness", {})),
         "material": EnergyChanges(**fields["material"]) if fields.get("material") else None,
@@ -398,9 +398,9 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
     )
 
 
-def _carried_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
+def _pinch_record(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
     if fields is None:
         return None
-    from clothsim.solve.pinch.carried import record_from  # runs without the policy do not import it
+    from clothsim.solve.pinch.flypaper import record_from  # runs without the policy do not import it
 
     return record_from(fields)

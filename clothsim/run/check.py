@@ -25,7 +25,7 @@ from clothsim.scene.cost import expected_cost
 from clothsim.scene.mesh_objects import surface_of
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.scene.toml_file import load_scene
-from clothsim.solve.pinch.carried import exempted
+from clothsim.solve.pinch.flypaper import exempted
 
 NO_INDICES = np.zeros(0, np.int64)
 MOST_TIMES = 600
@@ -194,7 +194,7 @@ def motion_findings(scene: Scene) -> Iterator[Finding | str]:
     times = steps[:: -(-len(steps) // MOST_TIMES)]
     unit = float(np.cbrt(abs(np.linalg.det(made.linear))))
     gap = 0.0 if contact is None else contact.offset + 2 * contact.d_hat
-    carried = scene.contact_settings.pinch == "carry"
+    flypapered = scene.contact_settings.pinch == "carry"
     found = list(meetings(made.character, made.pose, times.tolist(), gap / unit))
     for met in found:
         place = ", ".join(f"{c:.3g}" for c in made.linear @ met.place + made.shift)
@@ -203,7 +203,7 @@ def motion_findings(scene: Scene) -> Iterator[Finding | str]:
         what = "intersect" if inside else f"are nearer than {1e3 * gap:.3g} mm"
         size = f"{'depth' if inside else 'distance'} {1e3 * unit * abs(met.nearest):.3g} mm"
         yield Finding(
-            "error" if inside and not carried else "warning",
+            "error" if inside and not flypapered else "warning",
             "motion",
             f"{name}: {' and '.join(met.parts)} {what} {when}; {size} at {met.at:.3g} s, ({place}) m",
             'contact.pinch = "carry" carries cloth through; motion.keep_apart = true turns the limbs outwards',
@@ -281,7 +281,7 @@ def _examine_run(directory: Path) -> Examination:
 
 
 def _crossings(test: IntersectionCheck, run: Run, frame: int) -> tuple[Crossing, ...]:
-    """The intersections of a frame, those of vertices that are carried through a pinch apart."""
+    """The intersections of a frame, those of vertices that are flypapered through a pinch apart."""
     found = test.crossings(np.concatenate([run.positions(frame), *(points for _, points, _ in run.bodies(frame))]))
     if not found or "carried" not in run.trajectory.fields:
         return found

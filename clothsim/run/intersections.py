@@ -10,7 +10,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
-from clothsim.mesh.world import Surface, world_surfaces
+from clothsim.mesh.world import SurfaceRows, world_surfaces
 from clothsim.solve.stepping.failure import Failure, crossing_failure
 from clothsim.solve.stepping.state import State
 
@@ -32,7 +32,7 @@ class IntersectionCheck:
 
     Parameters
     ----------
-    surfaces : tuple of Surface
+    surfaces : tuple of SurfaceRows
         Cloths and bodies of the scene.
     on : frozenset of str
         Contact effects that are on.
@@ -42,7 +42,7 @@ class IntersectionCheck:
         Separations proved at the last state; None: each state is searched in full.
     """
 
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[SurfaceRows, ...]
     on: frozenset[str]
     excluded: frozenset[frozenset[str]]
     proofs: "ProvedSeparations | None" = None
@@ -72,16 +72,16 @@ class IntersectionCheck:
         return tuple(replace(crossing, position=crossing.position + origin) for crossing in found)
 
     def crossings_of(self, state: "State", origin: Floats) -> "tuple[Crossing, ...]":
-        """Find all intersections in a state; those of vertices carried through a pinch have the role "carried"."""
+        """Find all intersections in a state; those of vertices flypapered through a pinch have the role "carried"."""
         found = self.crossings(state.positions, origin)
         if not found or "contact.pinch" not in state.memory:
             return found
-        from clothsim.solve.pinch.carried import (
-            carried_in,  # runs without the policy do not import it
+        from clothsim.solve.pinch.flypaper import (
             exempted,
+            flypapered_in,  # runs without the policy do not import it
         )
 
-        return exempted(found, self.surfaces, carried_in(state.memory).vertices)
+        return exempted(found, self.surfaces, flypapered_in(state.memory).vertices)
 
     def kind(self, crossing: "Crossing") -> str:
         """Return the kind of a crossing.
@@ -108,7 +108,7 @@ class IntersectionCheck:
 
 
 def intersection_check_of(
-    surfaces: Sequence[Surface],
+    surfaces: Sequence[SurfaceRows],
     effects: Mapping[str, Any],
     on: Collection[str],
     proofs: "ProvedSeparations | None" = None,
@@ -130,7 +130,7 @@ KINDS = ("cloth_body", "cloth_cloth", "excluded")
 """Kinds of intersections: of cloth with a body, of cloth with cloth, of pairs that the scene excludes from contact."""
 
 OPTIONAL = ("carried", "rigid")
-"""Kinds of few scenes: of vertices that are carried through a pinch, which only its policy brings about, and of rigid
+"""Kinds of few scenes: of vertices that are flypapered in a pinch, which only its policy brings about, and of rigid
 bodies with bodies."""
 
 ALL_KINDS = (*KINDS, *OPTIONAL)
@@ -201,7 +201,7 @@ class IntersectionHistory:
     complete : bool
         False where earlier states were not checked: those of a run that an older version began.
     carried, rigid : Occurrences
-        Of vertices that are carried through a pinch, and of rigid bodies with bodies.
+        Of vertices that are flypapered through a pinch, and of rigid bodies with bodies.
     """
 
     cloth_body: Occurrences = field(default_factory=Occurrences)

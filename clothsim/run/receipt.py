@@ -132,7 +132,7 @@ def _receipt(
     for name in (*EFFECTS, *implied):
         on = (name in named or name in implied) and name not in off
         account = {**asdict(EffectCounters()), **effect_counters.get(name, {})}
-        reason = _named(account) if on else off.get(name, "not named in the scene")
+        reason = _describe_activity(account) if on else off.get(name, "not named in the scene")
         reason = "comes with [[rigid]]" if name in implied else reason
         fraction = account["seconds"] / seconds if seconds else 0.0
         summary = EFFECTS[name].summary if name in EFFECTS else ""
@@ -140,7 +140,7 @@ def _receipt(
     return Receipt(effects, dict(phases), seconds, source)
 
 
-def _named(account: Mapping[str, Any]) -> str:
+def _describe_activity(account: Mapping[str, Any]) -> str:
     if not account["idle_steps"]:
         return "named in the scene"
     return f"named; had nothing to do in {account['idle_steps']} of {account['steps']} steps"

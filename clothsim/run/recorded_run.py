@@ -222,10 +222,10 @@ def recorded_run(
     scripted = _scripted(session.built)
     asked = session.scene.solver_settings.error
     certificate = replace(certificate, moved_by_script=scripted, asked=asked)
-    if session.integrator.carries_pinched and certificate.carried is None:
-        from clothsim.solve.pinch.carried import PinchRecord  # runs without the policy do not import it
+    if session.integrator.flypapers and certificate.flypapered is None:
+        from clothsim.solve.pinch.flypaper import PinchRecord  # runs without the policy do not import it
 
-        certificate = replace(certificate, carried=PinchRecord())
+        certificate = replace(certificate, flypapered=PinchRecord())
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies, ProvedSeparations())
     arrays = [_frame_array(name, values.shape[1:]) for name, values in _written_fields(session, state, None).items()]
     resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
@@ -283,9 +283,9 @@ def _stepped(
         with timers.phase("certificate"):
             certificate = certificate.after(world, report, before, session.built.energies)
             certificate, found = output.checked(state, certificate, report.frame_done)
-            if certificate.carried is not None:
-                record = certificate.carried.after(world, before, state, found)
-                certificate = replace(certificate, carried=record)
+            if certificate.flypapered is not None:
+                record = certificate.flypapered.after(world, before, state, found)
+                certificate = replace(certificate, flypapered=record)
             if report.frame_done and world.bodies:
                 energies = report.potential.energies.values()
                 pinched = certificate.pinched.after(world, energies, state.positions, state.time)
@@ -321,10 +321,10 @@ def _written_fields(session: Session, state: State, report: StepReport | None) -
         for name in FIELDS
         if name in asked
     }
-    if session.integrator.carries_pinched:
-        from clothsim.solve.pinch.pinch import carried_by  # runs without the policy do not import it
+    if session.integrator.flypapers:
+        from clothsim.solve.pinch.pinch import flypapered_mask  # runs without the policy do not import it
 
-        fields[_CARRIED] = carried_by(world, state.memory).astype(np.float64)
+        fields[_CARRIED] = flypapered_mask(world, state.memory).astype(np.float64)
     return fields
 
 

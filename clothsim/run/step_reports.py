@@ -85,9 +85,9 @@ def starting_state(world: World, state: State) -> SimulationState:
         dt=0.0,
         step=state.step,
         frame=state.frame,
-        positions=_by_name(world, state.positions + world.origin, "cloth"),
-        velocities=_by_name(world, state.velocities, "cloth"),
-        bodies=_by_name(world, state.positions + world.origin, "body"),
+        positions=_group_by_name(world, state.positions + world.origin, "cloth"),
+        velocities=_group_by_name(world, state.velocities, "cloth"),
+        bodies=_group_by_name(world, state.positions + world.origin, "body"),
         at_rest=state.at_rest,
     )
 
@@ -109,7 +109,7 @@ def state_after(world: World, report: StepReport) -> SimulationState:
     )
 
 
-def _by_name(world: World, rows: Floats, role: str) -> dict[str, Floats]:
+def _group_by_name(world: World, rows: Floats, role: str) -> dict[str, Floats]:
     """The rows (N, 3) of each cloth or body by its name, read-only."""
     things, slices = (world.cloths, world.cloth_slices) if role == "cloth" else (world.bodies, world.body_slices)
     parts = {thing.name: rows[part] for thing, part in zip(things, slices, strict=True)}  # type: ignore[attr-defined]
@@ -200,5 +200,5 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "rejected": report.rejected,
         "restarted": report.restarted,
         "unstable": [asdict(switch) for switch in report.switches],
-        **({} if certificate.carried is None else {"carried": certificate.carried.now}),
+        **({} if certificate.flypapered is None else {"carried": certificate.flypapered.now}),
     }

@@ -156,7 +156,7 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
 
 
 def _pinch(certificate: dict[str, Any]) -> list[str]:
-    """A line on the vertices carried through a pinch, where the scene asks for it."""
+    """A line on the vertices flypapered through a pinch, where the scene asks for it."""
     record = certificate.get("carried")
     if record is None:
         return []

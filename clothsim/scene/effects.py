@@ -39,7 +39,7 @@ class Effect:
 
     def load(self) -> Callable[..., Any]:
         """Import the builder."""
-        return self.builder if callable(self.builder) else _named(self.builder)
+        return self.builder if callable(self.builder) else _import_named(self.builder)
 
     @cached_property
     def keys_class(self) -> type[EffectKeys]:
@@ -49,7 +49,7 @@ class Effect:
         if not self.section:
             return keys_of_builder(self.load())
         name = self.section if ":" in self.section else f"clothsim.keys.typed_effects:{self.section}"
-        found: type[EffectKeys] = _named(name)
+        found: type[EffectKeys] = _import_named(name)
         return found
 
     def example(self) -> Any:
@@ -89,7 +89,7 @@ class Effect:
         return builder(world, keys, **more) if takes_keys(builder) else builder(world, **keys.as_table(), **more)
 
 
-def _named(text: str) -> Any:
+def _import_named(text: str) -> Any:
     """What "module:name" names; a leading dot stands for `clothsim.physics`."""
     module, name = text.split(":")
     return getattr(importlib.import_module(module, "clothsim.physics"), name)

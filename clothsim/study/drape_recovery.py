@@ -152,7 +152,7 @@ def recover_drape(
     own: Mapping[str, float] | None = None,
     prior: bool = False,
     count: int = LAYS,
-    tell: Callable[[str], None] | None = None,
+    message: Callable[[str], None] | None = None,
     simulate: Callable[[Mapping[str, Any], float], Sequence[float]] | None = None,
 ) -> DrapeRecovery:
     """Find D/(rho g) and curl of a cloth from drape coefficients.
@@ -167,7 +167,7 @@ def recover_drape(
         Weigh D with those of 618 fabrics of that weight (`bending_prior`).
     count : int
         Simulated lays of each side and step.
-    tell : callable, optional
+    message : callable, optional
         Gets a line for each step.
     simulate : callable, optional
         From keys of [cloth] and the distance of neighbouring vertices [m] to the coefficients of lays, in place of
@@ -185,7 +185,7 @@ def recover_drape(
     density = as_positive("density", own["density"]) if "density" in own else None
     if prior and density is None:
         raise InputError("The prior is one for a weight.", "Set density in kg/m2.")
-    tell = tell or (lambda line: None)
+    message = message or (lambda line: None)
     lay = simulate or (lambda cloth, size: [each.shape.coefficient for each in lays(cloth, count, size)])
     sides = [float(coefficients[side == s].mean()) for s in (1, -1) if (side == s).any()]
     target, half = float(np.mean(sides)), 0.5 * (sides[0] - sides[-1])
@@ -201,7 +201,9 @@ def recover_drape(
         taken += sum(map(len, found))
         mean, apart = float(np.mean(found)), 0.5 * float(found[0].mean() - found[-1].mean())
         spread = float(np.concatenate(found).std() / np.sqrt(taken / (step + 1)))
-        tell(f"step {step + 1}: bending length {1e3 * np.exp(x / 3):.2f} mm, curl {curl:.2g} 1/m: {100 * mean:.1f} %")
+        message(
+            f"step {step + 1}: bending length {1e3 * np.exp(x / 3):.2f} mm, curl {curl:.2g} 1/m: {100 * mean:.1f} %"
+        )
         points.append((x, mean, curl, apart))
         if len(points) > 1 and points[-1][0] != points[-2][0]:
             measured = (mean - points[-2][1]) / (x - points[-2][0])

@@ -83,7 +83,7 @@ def fabric_tested(
     method: str,
     lays: int | None = None,
     size: float = SIZE,
-    tell: Callable[[str], None] | None = None,
+    message: Callable[[str], None] | None = None,
 ) -> FabricTest:
     """Test a fabric.
 
@@ -97,7 +97,7 @@ def fabric_tested(
         Specimens; None: 16 lays of a drape, 3 of each strip.
     size : float
         Distance of neighbouring vertices of a drape [m].
-    tell : callable, optional
+    message : callable, optional
         Gets a line for each specimen.
 
     Raises
@@ -112,14 +112,14 @@ def fabric_tested(
     name = str(cloth.get("fabric", "cotton"))
     if set(cloth) - {"fabric"}:
         name += " with " + ", ".join(f"{key} {value:g}" for key, value in cloth.items() if key != "fabric")
-    tell = tell or (lambda line: None)
+    message = message or (lambda line: None)
     if method == "cusick":
-        return _drapes(name, cusick.lays(cloth, lays or LAYS, size, tell), size)
+        return _drapes(name, cusick.lays(cloth, lays or LAYS, size, message), size)
     specimens: list[dict[str, Any]] = []
     for direction in SPECIMENS[method]:
         for seed in range(lays or REPEATS):
             specimens.append({"direction": direction, "seed": seed, **_strip(cloth, method, direction, seed)})
-            tell(f"{method}, {direction}, specimen {seed + 1}")
+            message(f"{method}, {direction}, specimen {seed + 1}")
     return FabricTest(name, method, _strip_rows(method, specimens), tuple(specimens), STRIP_ERRORS[method])
 
 

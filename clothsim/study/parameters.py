@@ -146,14 +146,14 @@ def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
     return int(iterations), engine.replace(scene, "effects.friction.iterations", int(iterations))
 
 
-def _in_time(scene: Scene) -> float:
+def _order_in_time(scene: Scene) -> float:
     return 2.0 if scene.solver_settings.integrator == "bdf2" else 1.0
 
 
 PARAMETERS = {
     parameter.name: parameter
     for parameter in (
-        Parameter(TIME, "s", 2, _in_time, _dt, 1.8, Assumed(1.8, 1.5, 4)),
+        Parameter(TIME, "s", 2, _order_in_time, _dt, 1.8, Assumed(1.8, 1.5, 4)),
         Parameter(CELLS, "", 2, lambda scene: 2.0, _cells, 6.0, Assumed(2.0, 2.0, 2)),
         Parameter("tolerance", "m/s", 4, lambda scene: None, _tolerance, 1.1),
         Parameter("newton_error_fraction", "", 4, lambda scene: None, _newton_error_fraction, 1.2),

@@ -1,6 +1,7 @@
 """`clothsim gradient`, `recover` and `design` in this process: printed text, files, and bad input in one sentence."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -141,3 +142,14 @@ def test_the_height_of_a_panel_from_a_pattern_file_and_from_a_run(capsys, tmp_pa
 )
 def test_bad_input(capsys, words):
     refused(capsys, *words)
+
+
+def test_a_gradient_by_key_frames_does_not_add_times_and_values(capsys, tmp_path):
+    (tmp_path / "shrinking.toml").write_text(
+        SCENE.replace("[effects", "shrinkage_warp = [[0, 0], [1, 0.1]]\n[effects", 1)
+    )
+    words = ["gradient", str(tmp_path / "shrinking.toml"), "--loss", "height", "--wrt", "cloth.shrinkage_warp"]
+    assert main(words) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if "shrinkage_warp" in line)
+    assert re.search(r"times \[[^\[,]+, [^,]+\].*values \[[^,]+, [^,]+\]", line)
+    assert "sum" not in line

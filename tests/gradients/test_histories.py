@@ -11,7 +11,7 @@ from small_scenes import BALL
 
 from clothsim import Scene
 from clothsim.gradients import backward_pass as module
-from clothsim.physics.energies.protocols import SeesHistory
+from clothsim.physics.energies.protocols import HistorySensitivity
 
 BAR = 1e-6
 SLOW = FALLING | {"velocity": [0.05, 0.02, -0.3]}
@@ -107,10 +107,10 @@ def test_closed_forms(name):
     step = replace(step, memory={name: memory}, positions=step.positions + 0.003 * np.sin(7 * step.positions[:, ::-1]))
     rng = np.random.default_rng(1)
     bound = energy.begin(step)
-    assert isinstance(bound, SeesHistory)
+    assert isinstance(bound, HistorySensitivity)
     assert np.asarray(bound.carry_over).size > 10
-    a, carried = rng.standard_normal(x.shape), rng.standard_normal(np.asarray(bound.carry_over).shape)
-    found = bound.history_sensitivity(step, x, a, carried)
+    a, memory_adjoint = rng.standard_normal(x.shape), rng.standard_normal(np.asarray(bound.carry_over).shape)
+    found = bound.history_sensitivity(step, x, a, memory_adjoint)
     for slot in ("positions", "velocities", "memory"):
         part = getattr(found, slot)
         if part is None:
@@ -125,7 +125,7 @@ def test_closed_forms(name):
             moved = replace(step, memory={name: memory + h * d}) if slot == "memory" else None
             moved = moved or replace(step, **{slot: getattr(step, slot) + h * d})
             again = energy.begin(moved)
-            return np.vdot(a, again.gradient(x)) - np.vdot(carried, again.carry_over)
+            return np.vdot(a, again.gradient(x)) - np.vdot(memory_adjoint, again.carry_over)
 
         numeric = np.array([(power(d, 1e-7) - power(d, -1e-7)) / 2e-7 for d in directions])
         assert _relative(slot, np.array([np.vdot(part, d) for d in directions]), numeric) < BAR

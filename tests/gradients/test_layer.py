@@ -147,3 +147,51 @@ def test_the_training_loop_of_the_docs_in_small(capsys):
     assert len(off) > 1
     assert off[-1] < 0.7 * off[0]
     assert made["learned"].fun < 0.5 * made["loss"](np.zeros(8))[0]
+
+
+@pytest.mark.parametrize(
+    ("state", "parameters", "k"),
+    [
+        ("text", None, 1),
+        (None, None, 1),
+        (..., None, -1),
+        (..., None, 1.5),
+        (..., None, "two"),
+        (..., "text", 1),
+        (..., 3.0, 1),
+        (..., [None], 1),
+        (..., {"cloth.youngs_modulus": "soft"}, 1),
+        (..., {"cloth.youngs_modulus": np.nan}, 1),
+        (..., {3: 1.0}, 1),
+    ],
+)
+def test_bad_input_of_a_rollout(strip, state, parameters, k):
+    with pytest.raises(InputError):
+        strip.rollout(strip.start if state is ... else state, parameters, k)
+
+
+def test_a_layer_is_of_a_scene(strip):
+    for wrong in ("scene.toml", None, {"cloth": {}}):
+        with pytest.raises(InputError):
+            clothsim.layer(wrong)
+    with pytest.raises(InputError, match="by_x"):
+        strip.rollout(strip.start, None, 1).vjp("text")
+    with pytest.raises(InputError, match="time"):
+        strip.state(strip.start.x, strip.start.v, "now")
+
+
+def test_far_from_the_origin_a_position_is_a_parameter_as_well():
+    """Pins and cloth that move along: what the layer finds 300 m away is what it finds at home."""
+
+    def found(far):
+        place = np.array([far, 0.0, 0.0])
+        made = clothsim.layer(falling_scene(HUNG, STRIP | {"position": place.tolist()}, body=(), integrator="bdf2"))
+        moved = {"cloth.position": place + np.array([0.0, 0.0, 0.01])}
+        rollout = made.rollout(made.start, moved, 3)
+        rollout = made.rollout(rollout.states[-1], None, 2)
+        by_x = weights(rollout.x.shape)
+        return rollout.x - place, made.rollout(made.start, moved, 3).vjp(weights((4, *by_x.shape[1:])))[1]
+
+    (near, by_near), (far, by_far) = found(0.0), found(300.0)
+    assert np.abs(far - near).max() < 1e-9
+    np.testing.assert_allclose(by_far["cloth.position"], by_near["cloth.position"], rtol=1e-4, atol=1e-4)

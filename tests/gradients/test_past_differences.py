@@ -6,7 +6,7 @@ from bound_effects import unbound
 
 from clothsim.gradients.backward_pass import SLOTS, _replace_slot, _values, past_by_differences
 from clothsim.physics.contact.friction import FrictionEnergy
-from clothsim.physics.energies.protocols import SeesHistory, SeesPast
+from clothsim.physics.energies.protocols import HistorySensitivity, PastSensitivity
 from clothsim.scene.effects import EFFECTS
 
 NAMES = [name for name in EFFECTS if unbound(name) is not None]
@@ -14,9 +14,9 @@ NAMES = [name for name in EFFECTS if unbound(name) is not None]
 
 def _sensitivity(energy, step, x, a):
     bound = energy.begin(step)
-    if isinstance(bound, SeesHistory):
+    if isinstance(bound, HistorySensitivity):
         return bound.history_sensitivity(step, x, a, np.zeros_like(np.asarray(bound.carry_over)))
-    if isinstance(bound, SeesPast):
+    if isinstance(bound, PastSensitivity):
         return bound.past_sensitivity(step, x, a)
     return past_by_differences(energy.begin, step, x, a)
 
@@ -47,7 +47,7 @@ def _along(energy, step, slot, values, d, x, a):
 def test_closed_forms_are_the_default(name):
     energy, step, x = unbound(name)
     bound = energy.begin(step)
-    assert isinstance(bound, SeesPast)
+    assert isinstance(bound, PastSensitivity)
     assert name != "friction" or (isinstance(bound, FrictionEnergy) and len(bound.elements) > 2)
     a = np.random.default_rng(1).standard_normal(x.shape)
     closed, default = bound.past_sensitivity(step, x, a), past_by_differences(energy.begin, step, x, a)

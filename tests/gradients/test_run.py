@@ -66,7 +66,7 @@ def test_euler_identity(run):
     gradient, world = run.gradient(LINEAR), run.trace.session.built.world
     paths = "cloth.youngs_modulus", "cloth.bending_stiffness", "cloth.density"
     parts = [float(gradient[path] * value_at(run.trace.session.scene, world, path)) for path in paths]
-    parts.append(gradient.kappa_share)
+    parts.append(gradient.log_kappa_sensitivity)
     assert min(abs(part) for part in parts) > 1e-6
     assert abs(sum(parts)) < 1e-9 * sum(abs(part) for part in parts)
 

@@ -1,4 +1,7 @@
-"""A hostile machine: signals, kills and what follows them, full disks, folders that are none."""
+"""A hostile machine: signals, kills and what follows them, full disks, folders that are none.
+
+Kills of the worker processes of `farm work --workers` take minutes: `python -m tests.benchmarks.farm_kills -o DIR`.
+"""
 
 import signal
 from collections.abc import Iterator

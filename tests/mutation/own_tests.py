@@ -66,7 +66,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "solve/newton/direction": NEWTON,
     "solve/newton/newton": NEWTON,
     "solve/newton/statics": ("solve/newton/test_stability", "solve/stepping/test_rest"),
-    "solve/pinch/carried": ("solve/pinch/test_pinch",),
+    "solve/pinch/flypaper": ("solve/pinch/test_pinch",),
     "solve/pinch/pinch_gaps": ("solve/pinch/test_pinch",),
     "solve/problem": STEPS,
     "solve/stepping/integrators": ("physics/energies/test_rigid_bodies", "physics/test_bdf2", "physics/test_time"),

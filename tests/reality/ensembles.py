@@ -18,7 +18,7 @@ BENDING_LENGTHS = (8.0, 9.5, 11.0, 13.0, 15.0, 17.0, 19.0, 21.5, 24.5, 28.0, 33.
 """(D/(rho g))^(1/3) of the ensembles [mm]."""
 
 
-def simulated(count: int, tell: Callable[[str], None]) -> list[list[list[float]]]:
+def simulated(count: int, message: Callable[[str], None]) -> list[list[list[float]]]:
     """Coefficient, n_eff and sd r [m] of `count` lays of each bending length."""
     table = []
     for length in BENDING_LENGTHS:
@@ -26,7 +26,7 @@ def simulated(count: int, tell: Callable[[str], None]) -> list[list[list[float]]
         table.append([[each.shape.coefficient, each.shape.folds, each.shape.depth] for each in done])
         mean = np.mean(table[-1], axis=0)
         rest = sum(each.at_rest for each in done)
-        tell(f"c {length:g} mm: {100 * mean[0]:.1f} %, {mean[1]:.2f}, {1e3 * mean[2]:.2f} mm, {rest} at rest")
+        message(f"c {length:g} mm: {100 * mean[0]:.1f} %, {mean[1]:.2f}, {1e3 * mean[2]:.2f} mm, {rest} at rest")
     return table
 
 

@@ -40,5 +40,5 @@ def unbound(name, keys=None):
     contact = built("body_contact", world, **EFFECTS["body_contact"].example().keys)
     past = Past(x + 0.05 * before, velocities + 0.3 * before, 0.7 * 0.8)  # BDF2 with r = 1/3, b = .8
     bound = {"body_contact": contact}
-    step = Step(0.3, 0.7, x, velocities, 0.6, np.zeros_like(x), bound=bound, weighed=past)
+    step = Step(0.3, 0.7, x, velocities, 0.6, np.zeros_like(x), bound=bound, multistep_past=past)
     return energy, step, deformed(world, seed=3, amplitude=0.04)

@@ -379,8 +379,8 @@ def by_lag(
         limit, by_distance, by_cross = factors[e] * limit, factors[e] * by_distance, factors[e] * by_cross
         d, a = four_points(moves, elements, e), four_points(adjoint, elements, e)
         z = slips[e, 0], slips[e, 1], slips[e, 2]
-        by_r, by_g, per_limit = _by_closest_points(g, r, d, a, z, limit, by_distance, slip)
-        by_r, by_g = _with_more(by_r, by_g, r, more[e])
+        by_r, by_g, per_limit = _differentiate_closest_points(g, r, d, a, z, limit, by_distance, slip)
+        by_r, by_g = _add_adjoints(by_r, by_g, r, more[e])
         (has_first, t, c), (has_second, u, b) = tangent_directions(points, e >= n_points, g)
         first = dot(t, by_r) + _dot_four(c, by_g) if has_first else 0.0
         second = dot(u, by_r) + _dot_four(b, by_g) if has_second else 0.0
@@ -420,7 +420,7 @@ def _limit(points, r, weight, threshold, offset, d_hat, least_gap):
 
 
 @part
-def _with_more(by_r, by_g, r, more):
+def _add_adjoints(by_r, by_g, r, more):
     """Derivatives by r (3) and g (4) with adjoints of g and of r/|r| added, more (7)."""
     length = np.sqrt(dot(r, r))
     by_n = more[4] / length, more[5] / length, more[6] / length
@@ -430,7 +430,7 @@ def _with_more(by_r, by_g, r, more):
 
 
 @part
-def _by_closest_points(g, r, d, a, z, limit, by_distance, slip):
+def _differentiate_closest_points(g, r, d, a, z, limit, by_distance, slip):
     """Derivatives of P by r (3) and by g (4), and P/L."""
     length = np.sqrt(dot(r, r))
     n = r[0] / length, r[1] / length, r[2] / length

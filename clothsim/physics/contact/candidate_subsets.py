@@ -1,4 +1,4 @@
-"""Subsets of contact candidates: pairs of moving vertices alone, and all but suspended ones."""
+"""Subsets of contact candidates: pairs of moving vertices alone, and all but excluded ones."""
 
 from dataclasses import dataclass
 from time import thread_time
@@ -68,56 +68,56 @@ class CandidateSubset:
 
 
 @dataclass(frozen=True)
-class Suspension:
-    """Suspended pairs of primitives: those of cloth vertices that a body carries through a pinch.
+class ExclusionMask:
+    """Contact exclusion mask: pairs of primitives left out, those of vertices that a body carries through a pinch.
 
-    A cloth primitive (point, edge, triangle) all of whose vertices are carried has no pair with a body and none with
-    another such primitive: neither moves freely. One with carried and free vertices keeps its pairs with the vertices
-    of the body that `own` lists for each carried one of them.
+    A cloth primitive (point, edge, triangle) all of whose vertices are flypapered has no pair with a body and none with
+    another such primitive: neither moves freely. One with flypapered and free vertices keeps its pairs with the
+    vertices of the body that `own` lists for each flypapered one of them.
 
     Parameters
     ----------
-    carried : (N,) bool array
-        Carried rows of x.
+    flypapered : (N,) bool array
+        Flypapered rows of x.
     own : (k,) int array
         Sorted keys v N + q: q is a body row of the part that carries the row v.
     layers : bool
-        Suspend also the pairs of two cloth primitives each of which has a carried vertex: layers that would block one
-        another at the border of a pinch.
+        Exclude also the pairs of two cloth primitives each of which has a flypapered vertex: layers that would block
+        one another at the border of a pinch.
     """
 
-    carried: np.ndarray
+    flypapered: np.ndarray
     own: Ints
     layers: bool = False
 
     def mask(self, elements: Ints, n_points: int, is_self: bool) -> np.ndarray:
-        """Mask of the suspended pairs (p,) among `elements` (p, 4), the first n_points of a point and a triangle."""
-        carried = self.carried[elements]
+        """Mask of the excluded pairs (p,) among `elements` (p, 4), the first n_points of a point and a triangle."""
+        flypapered = self.flypapered[elements]
         if is_self and not self.layers:
-            return np.asarray(carried.all(axis=1))
+            return np.asarray(flypapered.all(axis=1))
         if is_self:
             first = np.arange(4) < np.where(np.arange(len(elements)) < n_points, 1, 2)[:, None]
-            return np.asarray((carried & first).any(axis=1) & (carried & ~first).any(axis=1))
-        suspended = np.zeros(len(elements), bool)
-        some = np.flatnonzero(carried.any(axis=1))
-        rows, held = elements[some], carried[some]
+            return np.asarray((flypapered & first).any(axis=1) & (flypapered & ~first).any(axis=1))
+        excluded = np.zeros(len(elements), bool)
+        some = np.flatnonzero(flypapered.any(axis=1))
+        rows, held = elements[some], flypapered[some]
         size = np.where(some < n_points, 1, 2)
         on_cloth = np.where(np.arange(4) < size[:, None], 0, 1) == np.where(held.argmax(axis=1) < size, 0, 1)[:, None]
         result = (held | ~on_cloth).all(axis=1)
         for k in range(4):
             for q in range(4):
-                keys = rows[:, k] * len(self.carried) + rows[:, q]
+                keys = rows[:, k] * len(self.flypapered) + rows[:, q]
                 result |= held[:, k] & ~on_cloth[:, q] & ~_contains(self.own, keys)
-        suspended[some] = result
-        return suspended
+        excluded[some] = result
+        return excluded
 
 
 @dataclass(frozen=True)
-class _SuspendedSearch:
-    """A search that leaves out suspended pairs."""
+class _MaskedSearch:
+    """A search that leaves out excluded pairs."""
 
     whole: Search
-    suspension: Suspension
+    exclusion: ExclusionMask
 
     def pairs(
         self, before: Floats, after: Floats, distance: float, only: np.ndarray | None = None
@@ -125,16 +125,16 @@ class _SuspendedSearch:
         """As `Search.pairs`."""
         pairs, distances = self.whole.pairs(before, after, distance, only)
         is_self = self.whole.surface.is_self_contact
-        left = np.flatnonzero(~self.suspension.mask(pairs.elements, pairs.n_points, is_self))
+        left = np.flatnonzero(~self.exclusion.mask(pairs.elements, pairs.n_points, is_self))
         return pairs.subset(left), distances[left]
 
 
-class SuspendedCandidates(Candidates):
-    """The candidates of a whole surface without suspended pairs; trees and timers are those of the whole."""
+class MaskedCandidates(Candidates):
+    """The candidates of a whole surface without excluded pairs; trees and timers are those of the whole."""
 
-    def __init__(self, whole: Candidates, suspension: Suspension) -> None:
+    def __init__(self, whole: Candidates, exclusion: ExclusionMask) -> None:
         self.__dict__.update(whole.__dict__)
-        self.search = _SuspendedSearch(whole.search, suspension)  # type: ignore[assignment]
+        self.search = _MaskedSearch(whole.search, exclusion)  # type: ignore[assignment]
         self.clear()
 
     def count_for(self, whole: Candidates) -> None:

@@ -28,15 +28,15 @@ from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import (
     Elementwise,
+    EnergyReport,
     Grip,
     Gripping,
+    HistorySensitivity,
     Idling,
     Lagged,
     PastSensitivity,
-    Report,
-    SeesHistory,
-    SeesPast,
-    Storing,
+    RecoverableEnergy,
+    StartDerivatives,
 )
 
 NAME = "friction"
@@ -65,7 +65,9 @@ NO_CONTACTS = Contacts((), np.zeros((0, 3)), 1.0, 0.0, np.zeros((0, 3)))
 
 
 @dataclass(frozen=True)
-class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, SeesHistory, SeesPast, Storing):
+class FrictionEnergy(
+    Elementwise, Energy, Gripping, Idling, Lagged, EnergyReport, HistorySensitivity, PastSensitivity, RecoverableEnergy
+):
     """E = sum mu F f0(|u|), u = z + (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
     F [N], n and g: normal force, normal and weights of the closest points of each pair, lagged. f0 is |u| beyond e and
@@ -115,7 +117,7 @@ class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, Sees
 
     per_element = ("elements", "weights", "normals", "slips", "turns", "limits", "slides")
 
-    begins_last = True
+    depends_on_other_energies = True
     incremental = True
     exact_in_newton = False  # it is positive semi-definite: the projected Hessian is the exact one
 
@@ -152,13 +154,13 @@ class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, Sees
             objects = self.labels[anchors.elements[:, 0]], self.labels[anchors.elements[:, 3]]
             anchors = anchors.after(step.positions, slip, self.kinetic[objects] / self.static[objects])
         contacts = Contacts(tuple(found.values()), start, slip, least_gap, step.dt * step.velocities)
-        return replace(self, contacts=contacts, anchors=anchors)._with_forces(step.positions, stiffness)
+        return replace(self, contacts=contacts, anchors=anchors)._list_pairs(step.positions, stiffness)
 
     def relag(self, x: Floats) -> Self:
         """Copy with the contact forces at x, for another lagged solve of the same step."""
-        return self._with_forces(x, [barrier.stiffness for barrier in self.contacts.barriers])
+        return self._list_pairs(x, [barrier.stiffness for barrier in self.contacts.barriers])
 
-    def _with_forces(self, x: Floats, stiffness: Sequence[float]) -> Self:
+    def _list_pairs(self, x: Floats, stiffness: Sequence[float]) -> Self:
         """Copy with the pairs at x and their normal forces."""
         pairs = zip(self.contacts.barriers, stiffness, strict=True)
         found = [barrier.normal_forces(x, kappa, self.contacts.least_gap) for barrier, kappa in pairs]
@@ -212,7 +214,7 @@ class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, Sees
         """dE/dx, (N, 3) [N]."""
         return _gradient(x, *self._lagged)
 
-    def stored(self, x: Floats) -> float:
+    def recoverable(self, x: Floats) -> float:
         """Energy of the springs of anchors [J]; 0 where contacts creep."""
         if not self.elastic_slip:
             return 0.0
@@ -236,11 +238,11 @@ class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, Sees
         """Blocks (p, 12, 12) [N/m]; positive semi-definite without projection."""
         return ElementHessian(self.elements, _hessian(x, *self._lagged))
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """By the start of the displacements, and by what is lagged."""
         return self.history_sensitivity(step, x, adjoint, np.zeros_like(self.carry_over))
 
-    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, carried: Floats) -> PastSensitivity:
+    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, memory_adjoint: Floats) -> StartDerivatives:
         """By the start of the displacements, by what is lagged, and by the anchors of the step before."""
         blocks = self.hessian(x)
         products = blocks.times(adjoint[blocks.elements].reshape(len(blocks.elements), 12)).reshape(-1, 4, 3)
@@ -248,14 +250,14 @@ class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, Sees
         np.subtract.at(by_start, blocks.elements.ravel(), products.reshape(-1, 3))
         more = np.zeros((len(self.elements), 7))
         if not self.elastic_slip:
-            return PastSensitivity(positions=self._by_lag(step, x, adjoint, more), past_positions=by_start)
+            return StartDerivatives(positions=self._differentiate_lag(step, x, adjoint, more), past_positions=by_start)
         by_x, by_memory, velocities = np.zeros_like(x), None, None
         if len(self.elements):
-            by_x, by_memory, velocities = self._by_anchors(step, x, adjoint, carried, more)
-        by_lag = self._by_lag(step, x, adjoint, more)
-        return PastSensitivity(positions=by_start + by_lag + by_x, velocities=velocities, memory=by_memory)
+            by_x, by_memory, velocities = self._differentiate_anchors(step, x, adjoint, memory_adjoint, more)
+        by_lag = self._differentiate_lag(step, x, adjoint, more)
+        return StartDerivatives(positions=by_start + by_lag + by_x, velocities=velocities, memory=by_memory)
 
-    def _by_lag(self, step: Step, x: Floats, adjoint: Floats, more: Floats) -> Floats:
+    def _differentiate_lag(self, step: Step, x: Floats, adjoint: Floats, more: Floats) -> Floats:
         """By the positions (N, 3) at which pairs are lagged; more (p, 7): adjoints of their weights and normals."""
         out, done = np.zeros_like(x), 0
         for barrier in self.contacts.barriers:
@@ -272,12 +274,14 @@ class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, Sees
             out += by_lag(step.positions, x - self.contacts.start, adjoint, *lists, *lengths)
         return out
 
-    def _by_anchors(
-        self, step: Step, x: Floats, adjoint: Floats, carried: Floats, more: Floats
+    def _differentiate_anchors(
+        self, step: Step, x: Floats, adjoint: Floats, memory_adjoint: Floats, more: Floats
     ) -> tuple[Floats, Floats | None, Floats]:
         """By positions (N, 3), memory and velocities, through slips and turns; fills `more` (p, 7)."""
         pairs, start, normals = (self.elements, self.weights), self.contacts.start, self.normals
-        _, to_weights, to_normals, to_slips, *to_anchors, _ = np.split(-carried.reshape(len(more), -1), COLUMNS, axis=1)
+        _, to_weights, to_normals, to_slips, *to_anchors, _ = np.split(
+            -memory_adjoint.reshape(len(more), -1), COLUMNS, axis=1
+        )
         # the power L f u.w by the slip of each pair
         slip, u = self.contacts.slip, tangential(relative_positions(x - start, *pairs), normals)
         u, w = u + self.slips - self.turns, relative_positions(adjoint, *pairs)
@@ -299,7 +303,7 @@ class FrictionEnergy(Elementwise, Energy, Gripping, Idling, Lagged, Report, Sees
         # slips, from the anchors of the step before
         parents, _ = self.anchors.inherited(*pairs, normals, self.labels)
         known = np.flatnonzero(parents >= 0)
-        memory = np.zeros((0, carried.shape[-1]))
+        memory = np.zeros((0, memory_adjoint.shape[-1]))
         if len(known):
             before = anchors_from(step.memory[NAME], self.triangles_at)
             to_parents, of_normals = turned_adjoint(

@@ -199,7 +199,7 @@ def _terms_of_point(features, slots, out, count, x, elements, start, end, limit)
     found, count = _closest_of_triangles(features, slots, out, count, x, elements, start, end)
     _exclude_edges(features, slots, found, x, elements[start, 0], limit)
     for k in range(found):
-        coefficient = features[k, 4] + _of_vertex(features, k, x, elements[start, 0], limit)
+        coefficient = features[k, 4] + _vertex_coefficient(features, k, x, elements[start, 0], limit)
         if coefficient != 0 and features[k, 5] >= 0:
             count = _write(out, count, elements, features[k, 5], coefficient)
         elif coefficient != 0:
@@ -268,7 +268,7 @@ def _exclude_edges(features, slots, found, x, point, limit):
 
 
 @part
-def _of_vertex(features, k, x, point, limit):
+def _vertex_coefficient(features, k, x, point, limit):
     """Coefficient of a vertex closer than `limit`, 0 for an edge."""
     if features[k, 0] != features[k, 1]:
         return 0

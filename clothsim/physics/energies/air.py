@@ -23,6 +23,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import called
 from clothsim.keys.effect_tables import Gust, Vortex
 from clothsim.keys.typed_effects import Air
 from clothsim.mesh.world import World
@@ -133,7 +134,7 @@ class VortexField(Wind):
 
 
 @dataclass(frozen=True)
-class Field(Wind):
+class WindFunction(Wind):
     """A Python function of points (m, 3) [m] and time [s] that returns velocities (m, 3) or (3,) [m/s]."""
 
     name: str
@@ -141,7 +142,7 @@ class Field(Wind):
 
     def at(self, points: Floats, time: float) -> Floats:
         """The velocities that the function returns. InputError for another shape or non-finite numbers."""
-        velocities = np.asarray(self.function(points.copy(), time), np.float64)
+        velocities = np.asarray(called(self.name, self.function, points.copy(), time), np.float64)
         if velocities.shape not in (points.shape, (3,)):
             raise InputError(f"{self.name} returned an array of shape {velocities.shape}, not {points.shape}.")
         if not np.isfinite(velocities).all():
@@ -156,7 +157,7 @@ def swing(u: Floats) -> Floats:
 
 
 def wind_of(name: str, value: Any) -> Wind:
-    """The wind of a scene's value: a vector, a `Gust`, a `Vortex`, or in Python a function (`Field`).
+    """The wind of a scene's value: a vector, a `Gust`, a `Vortex`, or in Python a function (`WindFunction`).
 
     Raises
     ------
@@ -164,7 +165,7 @@ def wind_of(name: str, value: Any) -> Wind:
         For a gust without a mean wind, a vortex without an axis, or a function that a scene file has lost.
     """
     if callable(value):
-        return Field(name, value)
+        return WindFunction(name, value)
     if isinstance(value, Gust):
         return _gust(name, value)
     if isinstance(value, Vortex):

@@ -71,7 +71,7 @@ class Step:
         The energies already bound to this step, by name. Complete, as `gradient` is, for energies that begin last.
     memory : mapping
         The `History.carry_over` of each energy from the step before, by name.
-    weighed : Past or None
+    multistep_past : Past or None
         The past of a difference formula other than backward Euler.
     contact_time_scale : float or None
         Time in which the barrier stops a motion [s], None for dt.
@@ -87,14 +87,14 @@ class Step:
     gradient: Floats
     bound: Mapping[str, object] = field(default_factory=dict)
     memory: Mapping[str, float | Floats] = field(default_factory=dict)
-    weighed: Past | None = None
+    multistep_past: Past | None = None
     contact_time_scale: float | None = None
     contact_time: float = CONTACT_TIME_SCALE
 
     @property
     def past(self) -> Past:
         """The past from which velocities are computed."""
-        return self.weighed or Past(self.positions, self.velocities, self.dt)
+        return self.multistep_past or Past(self.positions, self.velocities, self.dt)
 
 
 class Energy(abc.ABC):
@@ -104,7 +104,7 @@ class Energy(abc.ABC):
     few energies have besides (contact gap, lagged data, history, report) is in `energies.protocols`.
     """
 
-    begins_last: ClassVar[bool] = False
+    depends_on_other_energies: ClassVar[bool] = False
     """True where `begin` reads `Step.gradient` or `Step.bound`: such energies are bound after all others."""
 
     incremental: ClassVar[bool] = False

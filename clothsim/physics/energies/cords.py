@@ -29,10 +29,10 @@ from clothsim.physics.energies.protocols import (
     Coupling,
     Driven,
     Elementwise,
+    EnergyReport,
     Idling,
     PastSensitivity,
-    Report,
-    SeesPast,
+    StartDerivatives,
 )
 
 SHORTEST = 0.01
@@ -42,7 +42,7 @@ MOST = 400
 
 
 @dataclass(frozen=True)
-class Cord:
+class CordSchedule:
     """One cord: k [N] and its length over that of its line, over time; rest_length of the line [m]."""
 
     stiffness: Schedule
@@ -51,7 +51,7 @@ class Cord:
 
 
 @dataclass(frozen=True)
-class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, SeesPast, Report):
+class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, PastSensitivity, EnergyReport):
     """E = sum k/2 max(l - L, 0)^2 / L over cords.
 
     Parameters
@@ -62,14 +62,14 @@ class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, SeesPast, Repor
         L [m].
     stiffnesses : (m,) array
         k [N].
-    cords : tuple of Cord
+    cords : tuple of CordSchedule
         What they are over time.
     """
 
     rows: Ints
     lengths: Floats
     stiffnesses: Floats
-    cords: tuple[Cord, ...]
+    cords: tuple[CordSchedule, ...]
 
     per_element = ("rows", "lengths", "stiffnesses")
 
@@ -85,9 +85,9 @@ class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, SeesPast, Repor
 
     def begin(self, step: Step) -> Self:
         """A copy with the lengths and stiffnesses of the end of the step."""
-        return self._at(step.time + step.dt)
+        return self._evaluate_at(step.time + step.dt)
 
-    def _at(self, now: float) -> Self:
+    def _evaluate_at(self, now: float) -> Self:
         lengths = np.array([cord.length_ratio.at(now) * cord.rest_length for cord in self.cords])
         return replace(self, lengths=lengths, stiffnesses=np.array([cord.stiffness.at(now) for cord in self.cords]))
 
@@ -100,7 +100,7 @@ class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, SeesPast, Repor
         """T dl/dx, (N, 3) [N]."""
         gradient = np.zeros_like(x)
         directions, distances = self._edges(x)
-        forces = self._tensions(distances)[:, None, None] * _by_vertex(directions)
+        forces = self._tensions(distances)[:, None, None] * _differentiate_lengths(directions)
         np.add.at(gradient, self.rows.ravel(), forces.reshape(-1, 3))
         return gradient
 
@@ -113,7 +113,7 @@ class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, SeesPast, Repor
         blocks = np.zeros((len(taut), n, 3, n, 3))
         first, second = np.arange(n - 1), np.arange(1, n)
         for place, k in enumerate(taut):
-            g = _by_vertex(directions[k : k + 1])[0]
+            g = _differentiate_lengths(directions[k : k + 1])[0]
             blocks[place] = self.stiffnesses[k] / self.lengths[k] * np.einsum("ap,bq->apbq", g, g)
             across = np.eye(3) - directions[k, :, :, None] * directions[k, :, None, :]
             known = distances[k] > 0
@@ -126,13 +126,13 @@ class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, SeesPast, Repor
         """The rows of all cords."""
         return self.rows
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """Zero: the cords are functions of time."""
-        return PastSensitivity()
+        return StartDerivatives()
 
     def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
         """Length and tension of each cord at x."""
-        ended, distances = self._at(time), self._edges(x)[1]
+        ended, distances = self._evaluate_at(time), self._edges(x)[1]
         measured = zip(distances.sum(axis=1), ended.lengths, ended._tensions(distances), strict=True)
         return tuple(
             f"cord {k} is {100 * rest:.4g} cm long, its line {100 * line:.4g} cm, and pulls with {tension:.3g} N"
@@ -167,7 +167,7 @@ def cords(world: World, keys: Cords) -> Energy | Off:
                     "Select a part of the line, or mesh the cloth more coarsely.",
                 )
             lines.append(curve.vertices)
-            made.append(Cord(stiffness, ratio, float(curve.lengths.sum())))
+            made.append(CordSchedule(stiffness, ratio, float(curve.lengths.sum())))
     if not made:
         return Off("every stiffness is 0" if keys.cord else "there is no cord")
     most = max(len(line) for line in lines)
@@ -176,7 +176,7 @@ def cords(world: World, keys: Cords) -> Energy | Off:
     return CordsEnergy(rows, lengths, np.array([cord.stiffness.at(0.0) for cord in made]), tuple(made))
 
 
-def _by_vertex(directions: Floats) -> Floats:
+def _differentiate_lengths(directions: Floats) -> Floats:
     """dl/dx of each vertex, (m, n, 3), from the directions of the edges (m, n - 1, 3)."""
     ends = np.pad(directions, ((0, 0), (1, 1), (0, 0)))
     return np.asarray(ends[:, :-1] - ends[:, 1:], np.float64)

@@ -26,11 +26,11 @@ from clothsim.physics.energies.hessians import (
 )
 from clothsim.physics.energies.hinge_bending import HingeBending, hinge_bending
 from clothsim.physics.energies.key_values import over_cloth
-from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, Restrictable, SeesPast, restricted
+from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, Restrictable, StartDerivatives, restricted
 
 
 @dataclass(frozen=True)
-class MassDamping(Elementwise, Energy, SeesPast):
+class MassDamping(Elementwise, Energy, PastSensitivity):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
     With BDF2 x^ and b h replace x_n and h (docs/theory.md#time-integration).
@@ -71,10 +71,10 @@ class MassDamping(Elementwise, Energy, SeesPast):
         """rate m (x - x_n) / h, (N, 3) [N]."""
         return weighted_difference(self.rows, self.rate * self.masses / self.dt, x, self.start)
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """-rate m a / h by x_n."""
         weights, zero = -self.rate * self.masses / self.dt, np.zeros_like(self.start)
-        return PastSensitivity(past_positions=weighted_difference(self.rows, weights, adjoint, zero))
+        return StartDerivatives(past_positions=weighted_difference(self.rows, weights, adjoint, zero))
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """rate m / h on the diagonal [N/m]."""

@@ -78,6 +78,12 @@ def edge_curves(where: str, world: World, select: Selection) -> tuple[EdgeCurve,
         lines = [vertex_numbers(where, np.asarray(select if len(select) else np.zeros(0, np.int64)), world.n_cloth)]
     if not lines or any(len(line) < 2 for line in lines):
         raise InputError(f"{where} selects no edge of the cloth.", f"Name a side, or vertices in order. {TABLES}")
+    for line in lines:
+        numbers = _numbers(np.sort(np.column_stack([line[:-1], line[1:]]), axis=1), world)
+        twice = np.setdiff1d(np.arange(len(numbers)), np.unique(numbers, return_index=True)[1])
+        if twice.size:
+            ends = f"{line[twice[0]]} and {line[twice[0] + 1]}"
+            raise InputError(f"{where} takes the edge between the vertices {ends} twice.", "Name each edge once.")
     return tuple(EdgeCurve(line, _lengths_at_rest(where, world, line)) for line in lines)
 
 

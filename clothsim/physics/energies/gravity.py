@@ -13,11 +13,11 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example
 from clothsim.physics.energies.hessians import ElementHessian, diagonal_hessian, every_vertex
-from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, SeesPast
+from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, StartDerivatives
 
 
 @dataclass(frozen=True)
-class GravityEnergy(Elementwise, Energy, SeesPast):
+class GravityEnergy(Elementwise, Energy, PastSensitivity):
     """E = -sum m g.(x - origin).
 
     Parameters
@@ -57,9 +57,9 @@ class GravityEnergy(Elementwise, Energy, SeesPast):
         out[as_rows(self.rows[:, 0])] = self._gradient
         return out
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """Zero: only the load differs from step to step."""
-        return PastSensitivity()
+        return StartDerivatives()
 
     @cached_property
     def _gradient(self) -> Floats:

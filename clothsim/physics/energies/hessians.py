@@ -87,18 +87,18 @@ class LowRankHessian:
     def blocks(self) -> Floats:
         """Dense blocks (m, 3k, 3k) [N/m]; slow, for tests and diagnostics."""
         blocks = np.zeros((len(self.elements), *2 * self.factors.shape[1:]))
-        for chosen, factors in self._by_rank():
+        for chosen, factors in self._iterate_ranks():
             blocks[chosen] += factors[:, :, None] * factors[:, None, :]
         return blocks
 
     def times(self, vectors: Floats) -> Floats:
         """Products of the blocks with `vectors` (m, 3k), (m, 3k)."""
         products = np.zeros_like(vectors)
-        for chosen, factors in self._by_rank():
+        for chosen, factors in self._iterate_ranks():
             products[chosen] += np.einsum("mi,mi->m", factors, vectors[chosen])[:, None] * factors
         return products
 
-    def _by_rank(self) -> Iterator[tuple[Ints, Floats]]:
+    def _iterate_ranks(self) -> Iterator[tuple[Ints, Floats]]:
         """The elements with a first factor, and these factors; those with a second factor, and so on."""
         for k in range(int(self.count.max(initial=0))):
             chosen = np.flatnonzero(self.count > k)

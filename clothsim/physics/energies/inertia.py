@@ -17,11 +17,11 @@ from clothsim.physics.energies.hessians import (
     weighted_difference,
     weighted_square,
 )
-from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, SeesPast
+from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, StartDerivatives
 
 
 @dataclass(frozen=True)
-class InertiaEnergy(Elementwise, Energy, SeesPast):
+class InertiaEnergy(Elementwise, Energy, PastSensitivity):
     """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n.
 
     With BDF2 x^, v^ and b h replace them (docs/theory.md#time-integration).
@@ -65,10 +65,10 @@ class InertiaEnergy(Elementwise, Energy, SeesPast):
         """m / h^2 on the diagonal [N/m]."""
         return self._hessian
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """-m a / h^2 by x_n, and h times that by v_n."""
         by_positions = weighted_difference(self.rows, -self.masses / self.dt**2, adjoint, np.zeros_like(self.target))
-        return PastSensitivity(past_positions=by_positions, past_velocities=self.dt * by_positions)
+        return StartDerivatives(past_positions=by_positions, past_velocities=self.dt * by_positions)
 
     @cached_property
     def _hessian(self) -> ElementHessian:

@@ -9,6 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_number, as_points
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import called
 from clothsim.keys.schema import FUNCTION
 from clothsim.mesh.topology import border_edges, border_vertices, components
 from clothsim.mesh.world import World
@@ -41,6 +42,8 @@ def selected_vertices(where: str, world: World, select: object) -> Ints:
     is its highest border at the start (a waist, a neck; z is up), "bottom" its lowest, "left" and "right" along x.
     Tables: { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 }, { label = "lower_interface" }.
     """
+    if not world.n_cloth and not (isinstance(select, list | tuple | np.ndarray) and not len(select)):
+        raise InputError(f"{where} selects vertices of cloth, and the scene has none.", "Add a [cloth].")
     if isinstance(select, str):
         if select not in NAMED:
             raise InputError(f"{where} is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}.")
@@ -54,7 +57,7 @@ def selected_vertices(where: str, world: World, select: object) -> Ints:
             parts.append(found + rows.start)
         return np.concatenate(parts)
     if isinstance(select, Mapping):
-        return _in_box(where, world, select) if "box" in select else of_pattern(where, world, select)
+        return _select_box(where, world, select) if "box" in select else of_pattern(where, world, select)
     indices = np.asarray(select)
     if indices.size == 0:
         return np.zeros(0, np.int64)
@@ -100,7 +103,7 @@ def of_pattern(where: str, world: World, select: Mapping[str, Any]) -> Ints:
     return np.concatenate(found)
 
 
-def _in_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
+def _select_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
     if set(select) != {"box"}:
         raise InputError(f"{where} has the keys {sorted(select)}.", TABLES)
     box = as_points(f"{where}.box", select["box"])
@@ -198,7 +201,7 @@ class Schedule:
         """The value at `time` [s]. InputError where the function returns no finite number or one below `least`."""
         if self.function is None:
             return float(np.interp(time, self.times, self.values))
-        return _bounded(f"{self.name} at {time:g} s", self.function(time), self.least)
+        return _bounded(f"{self.name} at {time:g} s", called(self.name, self.function, time), self.least)
 
     @property
     def is_constant(self) -> bool:
@@ -237,7 +240,7 @@ def schedule(name: str, value: Any, least: float = -math.inf) -> Schedule:
 def by_cloth(name: str, value: Any, world: World, least: float = -math.inf) -> tuple[Schedule, ...]:
     """A schedule for each cloth, from one value for all or a table by name. InputError names the invalid key."""
     if isinstance(value, Mapping) and set(value) != {FUNCTION}:
-        named = _of_each_cloth(name, value, world)
+        named = _read_each_cloth(name, value, world)
         return tuple(
             schedule(f"{name}.{cloth.name}", one, least) for cloth, one in zip(world.cloths, named, strict=True)
         )
@@ -253,7 +256,7 @@ def over_cloth(name: str, value: Any, world: World, least: float = -math.inf) ->
     if panels and OTHER not in whole and not any(cloth.name in whole for cloth in world.cloths):
         _refuse_uncovered(name, panels, world)
         whole[OTHER] = next(iter(panels.values()))
-    named = _of_each_cloth(name, whole, world)
+    named = _read_each_cloth(name, whole, world)
     parts = []
     for cloth, one in zip(world.cloths, named, strict=True):
         numbers = _over(f"{name}.{cloth.name}", one, cloth.triangles, len(cloth.positions), least)
@@ -281,7 +284,7 @@ def lost_function(name: str, value: Mapping[str, Any]) -> InputError:
     )
 
 
-def _of_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[Any]:
+def _read_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[Any]:
     """The value of each cloth in a table."""
     if set(table) == {FUNCTION}:
         raise lost_function(name, table)

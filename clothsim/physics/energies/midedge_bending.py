@@ -35,11 +35,11 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies import hinge_kernels, midedge_kernels
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.hessians import ImplicitHessian, LanesHessian, LowRankHessian, SumHessian
-from clothsim.physics.energies.protocols import DividedForce, Restrictable
+from clothsim.physics.energies.protocols import ElementGradients, Restrictable
 
 
 @dataclass(frozen=True)
-class MidedgeBending(DividedForce, Energy, Restrictable):
+class MidedgeBending(ElementGradients, Energy, Restrictable):
     """E = |G (theta - theta0)|^2/2; +inf where a triangle beside a hinge has no area.
 
     Such a hinge adds nothing to gradient and Hessian. An element is a triangle, or an edge whose jump counts, with the
@@ -97,7 +97,7 @@ class MidedgeBending(DividedForce, Energy, Restrictable):
         by_hinge = LanesHessian(self.vertices, lambda lanes, first: hinge_kernels.fill(lanes, first, *hinges, x))
         return by_hinge if project else SumHessian((by_hinge, self._squares(x)))
 
-    def by_element(self, x: Floats) -> tuple[Ints, Floats]:
+    def element_gradients(self, x: Floats) -> tuple[Ints, Floats]:
         """The force of each hinge's moment, (h, 4, 3)."""
         apart = np.arange(self.vertices.size).reshape(self.vertices.shape)
         forces = hinge_kernels.gradient(apart, self._moments(x), x[self.vertices].reshape(-1, 3))

@@ -45,7 +45,7 @@ from clothsim.physics.energies.hessians import ElementHessian, ImplicitHessian, 
 from clothsim.physics.energies.hinge_bending import HingeBending
 from clothsim.physics.energies.hinge_moments import BendingModel, HingeMoments, ShiftedAngles, hinges_of_bending
 from clothsim.physics.energies.midedge_bending import MidedgeBending
-from clothsim.physics.energies.protocols import PastSensitivity, SeesHistory
+from clothsim.physics.energies.protocols import HistorySensitivity, StartDerivatives
 
 NAME = "plastic_bending"
 
@@ -91,7 +91,7 @@ EXAMPLE = Example(
 
 
 @dataclass(frozen=True)
-class PlasticBendingEnergy(HingeMoments, SeesHistory):
+class PlasticBendingEnergy(HingeMoments, HistorySensitivity):
     """Plastic strains of bending.
 
     Parameters
@@ -122,7 +122,7 @@ class PlasticBendingEnergy(HingeMoments, SeesHistory):
 
     _turned: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
-    begins_last = True
+    depends_on_other_energies = True
 
     @property
     def carry_over(self) -> Floats:
@@ -171,7 +171,7 @@ class PlasticBendingEnergy(HingeMoments, SeesHistory):
             return by_hinge
         return SumHessian((by_hinge, self._lost(self.model, x, driving, beyond)))
 
-    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, carried: Floats) -> PastSensitivity:
+    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, memory_adjoint: Floats) -> StartDerivatives:
         """By the angles at the start and by the flow before, which give p by the return mapping.
 
         With e' = B dtheta/dx . a the power of the force is -w [p . e' + T(q) . e'/(1 + H)], T(q) = (1 - y/|q|)+ q.
@@ -183,14 +183,14 @@ class PlasticBendingEnergy(HingeMoments, SeesHistory):
         rates = (self.strains @ turns).reshape(self.plastic.shape)
         driving, _ = self._beyond(x)
         by_plastic = -self.weights[:, None] * (rates - _flow_slope(driving, self.yields, rates))
-        by_plastic -= carried.reshape(self.plastic.shape)
+        by_plastic -= memory_adjoint.reshape(self.plastic.shape)
         before = np.asarray(step.memory.get(NAME, np.zeros(self.plastic.size)), np.float64).reshape(self.plastic.shape)
         turned = hinge_kernels.angles(self.vertices, step.positions) - self.references
         driving, _ = _driving(self._strain(turned), before, self.yields, self.hardening)
         flow = _flow_slope(driving, self.yields, by_plastic)
         by_angles = self.strains.T @ flow.ravel() / (1 + self.hardening)
         by_start = hinge_kernels.gradient(self.vertices, np.where(np.isfinite(turned), by_angles, 0.0), step.positions)
-        return PastSensitivity(positions=by_start, memory=(by_plastic - flow).ravel())
+        return StartDerivatives(positions=by_start, memory=(by_plastic - flow).ravel())
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The energy itself: its elements have hinges in common."""

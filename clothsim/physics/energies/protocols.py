@@ -29,12 +29,12 @@ def is_idle(energy: Energy) -> bool:
     return isinstance(energy, Idling) and energy.idle
 
 
-class Storing(abc.ABC):
+class RecoverableEnergy(abc.ABC):
     """An energy of the step, part of which is stored and may come back (the springs of static friction)."""
 
     @abc.abstractmethod
-    def stored(self, x: Floats) -> float:
-        """The stored part at x [J]."""
+    def recoverable(self, x: Floats) -> float:
+        """The recoverable part at x [J]."""
 
 
 @dataclass(frozen=True)
@@ -96,11 +96,22 @@ class ChangingMaterial(Energy):
 
     Parameters
     ----------
-    at : function of time
-        The energy with the material at a time [s], the same object for the same material.
+    first : Energy
+        That of the start.
+    numbers : function of time
+        What changes, at a time [s].
+    made : function of numbers
+        The energy of a material.
     """
 
-    at: Callable[[float], Energy]
+    first: Energy
+    numbers: Callable[[float], tuple[tuple[float, ...], ...]]
+    made: Callable[[tuple[tuple[float, ...], ...]], Energy]
+
+    def at(self, time: float) -> Energy:
+        """The energy with the material at a time [s]."""
+        numbers = self.numbers(time)
+        return self.first if numbers == self.numbers(0.0) else self.made(numbers)
 
     def begin(self, step: Step) -> Energy:
         """The energy of the step's end, which works as one whose material never changes."""
@@ -118,10 +129,14 @@ class ChangingMaterial(Energy):
         """d2E/dx2 at time 0 [N/m]."""
         return self.at(0.0).hessian(x, project)
 
-    def work_of_change(self, x: Floats, start: float, end: float) -> float:
-        """Energy at x that the change of the material between two times [s] adds [J]; below 0 where it removes some."""
-        before, after = self.at(start), self.at(end)
-        return 0.0 if after is before else after.value(x) - before.value(x)
+    def work_of_change(self, x: Floats, start: float, end: float, after: Energy) -> float:
+        """Energy at x that the change of the material between two times [s] adds [J]; below 0 where it removes some.
+
+        after: the energy of the step between them, whose material is that of its end.
+        """
+        if self.numbers(start) == self.numbers(end):
+            return 0.0
+        return after.value(x) - self.at(start).value(x)
 
 
 def with_material_at(energies: Mapping[str, Energy], time: float) -> dict[str, Energy]:
@@ -240,7 +255,7 @@ def restricted(energy: AnyEnergy, moving: np.ndarray, x: Floats) -> AnyEnergy:
 
 
 @dataclass(frozen=True)
-class PastSensitivity:
+class StartDerivatives:
     """Derivatives of a.(gradient of a bound energy) by the start of its step, (N, 3) each; None for zero.
 
     Parameters
@@ -262,37 +277,37 @@ class PastSensitivity:
     memory: Floats | None = None
 
 
-class SeesPast(abc.ABC):
+class PastSensitivity(abc.ABC):
     """An energy with a closed form of its derivative by the start of the step, for differentiable runs.
 
     For others that differ from step to step it is found by differences (`adjoint.past_differences`).
     """
 
     @abc.abstractmethod
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """d(adjoint . gradient(x)) by the start of the `step` that the energy is bound to; adjoint (N, 3) [m]."""
 
 
-class SeesHistory(History):
+class HistorySensitivity(History):
     """An energy with a closed form of the derivative of its force and of what it carries over, by the start of a step.
 
     What is discrete in its history (which contact continues which, what slides) is held.
     """
 
     @abc.abstractmethod
-    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, carried: Floats) -> PastSensitivity:
-        """d(adjoint . gradient(x) - carried . carry_over); carried: the adjoint of `carry_over`, in its shape."""
+    def history_sensitivity(self, step: Step, x: Floats, adjoint: Floats, memory_adjoint: Floats) -> StartDerivatives:
+        """d(adjoint . gradient(x) - memory_adjoint . carry_over); memory_adjoint: of `carry_over`, in its shape."""
 
 
-class DividedForce(abc.ABC):
+class ElementGradients(abc.ABC):
     """An energy of elements that are not rows of its arrays, with the gradient of each."""
 
     @abc.abstractmethod
-    def by_element(self, x: Floats) -> tuple[Ints, Floats]:
+    def element_gradients(self, x: Floats) -> tuple[Ints, Floats]:
         """Rows (m, k) of the elements and their parts (m, k, 3) of dE/dx at x [N]."""
 
 
-class Report:
+class EnergyReport:
     """The report of an energy to the user; each part is empty where a subclass does not give it."""
 
     def defaults_used(self) -> tuple[str, ...]:
@@ -312,12 +327,12 @@ class Report:
         return {}
 
 
-NO_REPORT = Report()
+NO_REPORT = EnergyReport()
 
 
-def report_of(energy: Energy) -> Report:
+def report_of(energy: Energy) -> EnergyReport:
     """The report of an energy, an empty one if it has none."""
-    return energy if isinstance(energy, Report) else NO_REPORT
+    return energy if isinstance(energy, EnergyReport) else NO_REPORT
 
 
 class Elementwise(Restrictable):

@@ -38,10 +38,10 @@ from clothsim.physics.energies.protocols import (
     ContactGap,
     Coupling,
     Driven,
+    EnergyReport,
     Joining,
     PastSensitivity,
-    Report,
-    SeesPast,
+    StartDerivatives,
 )
 
 WAYS = ("side", "through", "vertices", "panel", "nearest")
@@ -202,7 +202,7 @@ class StitchedSeam:
 
 
 @dataclass(frozen=True)
-class SeamsEnergy(Links, Coupling, Driven, Joining, Report, SeesPast):
+class SeamsEnergy(Links, Coupling, Driven, Joining, EnergyReport, PastSensitivity):
     """Strings of all seams, and hinges across the closed ones.
 
     Parameters
@@ -256,7 +256,7 @@ class SeamsEnergy(Links, Coupling, Driven, Joining, Report, SeesPast):
             bending=those(self.across, np.flatnonzero(closed)),
         )
 
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """By the gaps at the start, of which the lengths of the strings are fractions."""
         active, lines, distances = self._active(x)
         gaps = self.lines(step.positions)[active]
@@ -268,7 +268,7 @@ class SeamsEnergy(Links, Coupling, Driven, Joining, Report, SeesPast):
         by_start = np.zeros_like(x)
         parts = self.weights[active][:, :, None] * (by_gaps[:, None] * gaps)[:, None]
         np.add.at(by_start, self.rows[active].ravel(), parts.reshape(-1, 3))
-        return PastSensitivity(positions=by_start)
+        return StartDerivatives(positions=by_start)
 
     def value(self, x: Floats) -> float:
         """E(x) [J]."""

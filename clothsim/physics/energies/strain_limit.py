@@ -31,7 +31,7 @@ from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.hessians import ElementHessian, LanesHessian
 from clothsim.physics.energies.key_values import over_cloth
-from clothsim.physics.energies.protocols import BarrierGap, Elementwise, Report
+from clothsim.physics.energies.protocols import BarrierGap, Elementwise, EnergyReport
 from clothsim.physics.energies.triangle_kernels import (
     VALUES_PER_LANE,
     deformation_gradient,
@@ -56,7 +56,7 @@ TIGHT = 0.9
 
 
 @dataclass(frozen=True)
-class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
+class StrainLimitEnergy(Elementwise, Energy, BarrierGap, EnergyReport):
     """E = sum over triangles and stretches of A psi; +inf where a stretch is at its limit or beyond.
 
     Parameters
@@ -99,7 +99,7 @@ class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
             return np.zeros_like(x)
         triangles, inverses = self.triangles[near], self.inverses[near]
         principal = _principal_gradient(x, triangles, inverses, np.ascontiguousarray(slopes[:, :2]))
-        threads, along = _of_threads(stretches), _of_threads(slopes)
+        threads, along = _pad_threads(stretches), _pad_threads(slopes)
         return principal + fibre_kernels.gradient(x, triangles, inverses, threads, along)
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
@@ -114,7 +114,7 @@ class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
         blocks = LanesHessian(
             triangles, lambda lanes, first: _fill(lanes, first, x, triangles, inverses, *pairs, between)
         ).blocks
-        threads, along, none = _of_threads(stretches), _of_threads(slopes), np.zeros(len(near))
+        threads, along, none = _pad_threads(stretches), _pad_threads(slopes), np.zeros(len(near))
         curved = np.column_stack([curvatures[:, 2], none, curvatures[:, 3], none])
         blocks += fibre_kernels.hessian(x, triangles, inverses, threads, along, curved, False)
         return ElementHessian(triangles, blocks)
@@ -162,7 +162,8 @@ class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
         worst = np.unravel_index(int(y.argmax()), y.shape)
         if y[worst] < TIGHT:
             return ""
-        return f"effects.strain_limit is nearly active: a stretch of {stretches[worst]:.4g} of {self.limits[worst]:g}"
+        how = "nearly active" if y[worst] < 1 else "exceeded"
+        return f"effects.strain_limit is {how}: a stretch of {stretches[worst]:.4g} of {self.limits[worst]:g}"
 
     def stretches(self, x: Floats) -> Floats:
         """Stretches s1, s2, la, lb of the triangles at x, (m, 4)."""
@@ -182,8 +183,9 @@ class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
         near = np.flatnonzero((stretches > self.begins).any(axis=1))
         stretches = stretches[near]
         y, ranges = self._range(stretches, near)
-        slopes = ranges * (y * y / (1 - y) - 2 * y * np.log1p(-y))
-        return near, stretches, (self.areas * self.stiffness)[near, None] * slopes, self._curvature(stretches, near)
+        with np.errstate(divide="ignore", invalid="ignore"):  # beyond a limit that shrank: not finite, and reported
+            slopes = ranges * (y * y / (1 - y) - 2 * y * np.log1p(-y))
+            return near, stretches, (self.areas * self.stiffness)[near, None] * slopes, self._curvature(stretches, near)
 
     def _curvature(self, stretches: Floats, near: Ints) -> Floats:
         y, _ = self._range(stretches, near)
@@ -198,7 +200,7 @@ class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
         return np.divide(past, ranges, out=np.zeros_like(past), where=limited), ranges
 
 
-def _of_threads(values: Floats) -> Floats:
+def _pad_threads(values: Floats) -> Floats:
     """The columns of la and lb of (k, 4), and 0 for I8, (k, 3)."""
     return np.column_stack([values[:, 2:], np.zeros(len(values))])
 
@@ -281,7 +283,7 @@ def strain_limit(world: World, keys: StrainLimit, *, at_start: bool = True) -> E
     own = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft"))
     stiff = np.where(stiff > 0, stiff, own)
     if of_fabric:
-        own_warp, own_weft = (_of_fabric(world, along, stiff, fraction) for along in ("warp", "weft"))
+        own_warp, own_weft = (_limits_of_fabric(world, along, stiff, fraction) for along in ("warp", "weft"))
         known = [world.per_triangle(f"extension_along_{along}") > 0 for along in ("warp", "weft")]
         unknown = ~np.any([*known, np.isfinite(warp), np.isfinite(weft)], axis=0)
         every = np.where(unknown, WITHOUT_EXTENSION, np.inf)
@@ -303,7 +305,7 @@ def strain_limit(world: World, keys: StrainLimit, *, at_start: bool = True) -> E
     return energy
 
 
-def _of_fabric(world: World, along: str, stiffness: Floats, begins: float) -> Floats:
+def _limits_of_fabric(world: World, along: str, stiffness: Floats, begins: float) -> Floats:
     """Limits (m,) of the threads at which the fabrics have their extensions, inf for a fabric without one."""
     extensions, own = world.per_triangle(f"extension_along_{along}"), world.per_triangle(f"stiffness_along_{along}")
     rows, inverse = np.unique(np.column_stack([extensions, own, stiffness]), axis=0, return_inverse=True)

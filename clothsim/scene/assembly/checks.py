@@ -239,7 +239,7 @@ def _pushed_to(world: World, energies: Mapping[str, Energy], contact: Energy, dt
     """Speed that the energy of a contact at the start gives to what it touches, cloth or a rigid body [m/s]."""
     start = world.start()
     step = Step(0.0, dt, start, world.start_velocities(), 1.0, np.zeros_like(start))
-    bound = {name: energy.begin(step) for name, energy in energies.items() if not energy.begins_last}
+    bound = {name: energy.begin(step) for name, energy in energies.items() if not energy.depends_on_other_energies}
     gradient = sum((each.gradient(start) for each in bound.values() if not is_idle(each)), np.zeros_like(start))
     pushing = contact.begin(replace(step, gradient=gradient, bound=bound))
     touched = pushing.gradient(start)[: world.n_cloth].any(axis=1)

@@ -122,7 +122,7 @@ def _listed(names: Sequence[str]) -> str:
 def refuse_unsupported(found: Sequence[Hold], world: World, energies: Mapping[str, Energy]) -> None:
     """Refuse a piece of cloth under a load without a hold, inertia or damping. InputError with its name and load."""
     # Friction resists only where there is contact, whose forces are known last.
-    if any(_resists(world, energy) for energy in energies.values() if not energy.begins_last):
+    if any(_resists(world, energy) for energy in energies.values() if not energy.depends_on_other_energies):
         return
     for each in found:
         if each.falls:
@@ -292,7 +292,7 @@ def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
     step = Step(0.0, 1.0, start, none, 1.0, none)
     forces = none.copy()
     for energy in energies.values():
-        if energy.begins_last:
+        if energy.depends_on_other_energies:
             continue
         bound = energy.at(0.0) if isinstance(energy, ChangingMaterial) else energy.begin(step)
         if not is_idle(bound):

@@ -1,14 +1,15 @@
 """World and energies of a scene: only the effects that it names are built, and imported."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.base.errors import InputError
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.inputs import raised
 from clothsim.geometry.kinematics.deformation_gradient import thread_axes
 from clothsim.keys.mesh_keys import ClothTable
 from clothsim.mesh.cloth import Cloth
@@ -125,14 +126,10 @@ def build_effects(
         supplied = {"contacts": contacts, "built": energies}
         where = f"effects.{name}"
         keys = with_arrays(where, scene.effects[name], scene.directory)
-        try:
+        with _errors_of(where, effect):
             made = effect.build(world, keys, supplied)
             if isinstance(made, Energy) and name in OF_MATERIAL and any(changes):
                 made = _changing(where, world, scene.cloths, changes, keys, effect)
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                f"{where} has a value of the wrong type: {error}.", f"`clothsim keys {where}` lists the types."
-            ) from error
         if isinstance(made, Off):
             off[name] = made.reason
         elif isinstance(made, Energy):
@@ -160,6 +157,26 @@ def build_effects(
         *(f"Nothing holds {name}: it falls, and a run until rest goes to its limit." for name in endless),
     ]
     return Built(world, energies, constraints, off, (*notes, *hold_notes(held)), tuple(warnings))
+
+
+@contextmanager
+def _errors_of(where: str, effect: Effect) -> Iterator[None]:
+    """Within the block an error of a builder of a user's own, or a wrong type, is an InputError that names the effect.
+
+    It is chained, so that `--debug` and Python show where it was raised.
+    """
+    try:
+        yield
+    except ClothsimError:
+        raise
+    except Exception as error:
+        if callable(effect.builder):
+            raise raised(where, effect.builder, error) from error
+        if not isinstance(error, TypeError | ValueError):
+            raise
+        raise InputError(
+            f"{where} has a value of the wrong type: {error}.", f"`clothsim keys {where}` lists the types."
+        ) from error
 
 
 OF_MATERIAL = ("membrane", "fibres", "strain_limit", "bending")
@@ -193,8 +210,7 @@ def _changing(
         coordinates = np.einsum("mij,mkj->mki", shorter, cloth.material_coordinates)
         return replace(cloth, fabric=fabric, material_coordinates=coordinates)
 
-    @lru_cache(maxsize=2)  # the start and the end of a step
-    def of(*numbers: tuple[float, ...], at_start: bool = False) -> Energy:
+    def of(numbers: Sequence[Sequence[float]], at_start: bool = False) -> Energy:
         by_name = [dict(zip(each, values, strict=True)) for each, values in zip(changes, numbers, strict=True)]
         now = with_material(world, tuple(map(changed, cloths, by_name, world.cloths, axes)))
         made = effect.build(now, keys, {"at_start": at_start})
@@ -205,12 +221,12 @@ def _changing(
     def numbers_at(time: float) -> tuple[tuple[float, ...], ...]:
         return tuple(tuple(each.at(time) for each in schedules.values()) for schedules in changes)
 
-    first = of(*numbers_at(0.0), at_start=True)  # with the checks of a start
+    first = of(numbers_at(0.0), at_start=True)  # with the checks of a start
     if all(each.is_constant for schedules in changes for each in schedules.values()):
         return first
     if any(world.per_triangle(f"hysteresis_along_{way}").any() for way in ("warp", "weft")):
         raise InputError("bending_hysteresis does not go with a material that changes.", "Set it to 0.")
-    return ChangingMaterial(lambda time: of(*numbers_at(time)))
+    return ChangingMaterial(first, numbers_at, of)
 
 
 def _cloth_names(scene: Scene) -> list[str]:

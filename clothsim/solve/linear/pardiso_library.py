@@ -63,13 +63,13 @@ def load_library() -> Library:
         Where neither is installed, or the library cannot be loaded.
     """
     try:
-        return _of_pypardiso()
+        return _load_pypardiso()
     except ImportError:
-        return _of_py_mkl_pardiso()
+        return _load_py_mkl_pardiso()
 
 
-def _of_pypardiso() -> Library:
-    _tell_where_mkl_is()
+def _load_pypardiso() -> Library:
+    _point_to_mkl()
     from pypardiso import PyPardisoSolver
 
     mkl = PyPardisoSolver(mtype=2).libmkl
@@ -81,10 +81,10 @@ def _of_pypardiso() -> Library:
         return is_reproducible() or mkl["MKL_CBWR_Set"](CBWR_AUTO) == 0
 
     set_threads = mkl["MKL_Set_Num_Threads_Local"]
-    return Library(_without_result(mkl, "pardiso"), np.int32, set_threads, True, is_reproducible, make_reproducible)
+    return Library(_bind_void(mkl, "pardiso"), np.int32, set_threads, True, is_reproducible, make_reproducible)
 
 
-def _of_py_mkl_pardiso() -> Library:
+def _load_py_mkl_pardiso() -> Library:
     package = find_spec("pymklpardiso")
     folders = list(package.submodule_search_locations or []) if package else []
     files = sorted(file for folder in folders for file in Path(folder).glob("_mkl_pardiso.*.so"))
@@ -93,20 +93,20 @@ def _of_py_mkl_pardiso() -> Library:
     # Its symbols bear MKL's own names: bound to themselves first, another MKL of the process does not mix in.
     module = ctypes.CDLL(str(files[0]), mode=getattr(os, "RTLD_DEEPBIND", 0))
     try:
-        pardiso = _without_result(module, "pardiso_64")
+        pardiso = _bind_void(module, "pardiso_64")
     except AttributeError as error:
         raise ImportError(f"{files[0].name} does not export pardiso_64") from error
     return Library(pardiso, np.int64, lambda threads: 0, False, lambda: False, lambda: True)
 
 
-def _without_result(library: ctypes.CDLL, name: str) -> Callable[..., None]:
+def _bind_void(library: ctypes.CDLL, name: str) -> Callable[..., None]:
     function = library[name]
     function.restype = None
     return function
 
 
 @cache
-def _tell_where_mkl_is() -> None:
+def _point_to_mkl() -> None:
     """Name MKL's library to pypardiso, which else searches every folder of the environment: seconds for each solver."""
     try:
         files = metadata.files("mkl") or []

@@ -131,7 +131,7 @@ class QuadraticModel:
             )
         solution, solver = solved
         if not trust.exact:
-            return Direction(self._with(displacement, solution), gradient)
+            return Direction(self._fill_free(displacement, solution), gradient)
         formed, implicit = split(exact)
         formed_data = self._assembled(formed)[0] if formed_data is None else formed_data
         curved = self._products(formed_data, implicit, len(x))
@@ -145,7 +145,7 @@ class QuadraticModel:
             assert cached.solver is not None
             precondition = cached.solver.back_solve
             solution = saddle_free_solve(curved, precondition, right, trust.radius, first, above=cached.age == 0)
-        dx = self._with(np.zeros_like(gradient), solution.x)
+        dx = self._fill_free(np.zeros_like(gradient), solution.x)
         cached = replace(cached, products=solution.products) if solution.products else NO_FACTOR
         return Direction(dx, gradient, solution.negative_curvature, cached)
 
@@ -154,7 +154,7 @@ class QuadraticModel:
 
         def solve(forces: Floats) -> Floats:
             assert cached.solver is not None
-            return self._with(np.zeros_like(forces), cached.solver.back_solve(self._free(forces)))
+            return self._fill_free(np.zeros_like(forces), cached.solver.back_solve(self._free(forces)))
 
         return solve
 
@@ -174,7 +174,7 @@ class QuadraticModel:
             entries = np.where(self.fixed[:, None], 0.0, entries)
         return entries.ravel()
 
-    def _with(self, displacement: Floats, solution: Floats) -> Floats:
+    def _fill_free(self, displacement: Floats, solution: Floats) -> Floats:
         """`displacement` with the solution at the free vertices."""
         dx, moved = displacement.copy(), solution.reshape(-1, 3)
         if self.fixed.any():

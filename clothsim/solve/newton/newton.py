@@ -307,7 +307,9 @@ class Newton:
                     left = float(lengths.max()) if by_motion else speed * self.dt
                     return ended(how, count + 1, contraction(speed, before) * left, forces.relative)
             if fraction == 0.0 and not trust.exact:
-                return ended(self._named(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), x, speed, model), count)
+                return ended(
+                    self._classify_failure(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), x, speed, model), count
+                )
             noise = fraction == 0.0 or (
                 direction.negative_curvature and -slope < RESOLVED * round_off(self.potential.values(x))
             )
@@ -321,9 +323,9 @@ class Newton:
         end = _at_fastest(
             Ending.ITERATION_LIMIT, x, dx, tolerance=settings.tolerance, limit=settings.max_iterations, speed=speed
         )
-        return ended(self._named(end, x, speed, model), iterations + settings.max_iterations)
+        return ended(self._classify_failure(end, x, speed, model), iterations + settings.max_iterations)
 
-    def _named(self, end: Outcome, x: Floats, speed: float, model: QuadraticModel) -> Outcome:
+    def _classify_failure(self, end: Outcome, x: Floats, speed: float, model: QuadraticModel) -> Outcome:
         """Outcome of a solve that fails: UNBALANCED where its steps are short enough and only forces are left."""
         forces = self._force_balance(x, model) if speed < self.settings.tolerance else None
         return end if forces is None or forces.within(NO_FORCE_LEFT) else _unbalanced(forces, x)

@@ -59,7 +59,7 @@ class Potential:
         gradient = np.zeros_like(step.positions)
         slower = 1.0 if step.contact_time_scale is None else step.past.dt / step.contact_time_scale
         for name, energy in self.energies.items():
-            if not energy.begins_last:
+            if not energy.depends_on_other_energies:
                 with self.timers.effect(name, ""):
                     bound[name] = energy.begin(step)
                     if is_idle(bound[name]):
@@ -67,7 +67,7 @@ class Potential:
                     part = bound[name].gradient(step.positions)
                     gradient += slower * part if energy.incremental else part  # momentum over contact's time scale
         for name, energy in self.energies.items():
-            if energy.begins_last:
+            if energy.depends_on_other_energies:
                 with self.timers.effect(name, ""):
                     bound[name] = energy.begin(replace(step, gradient=gradient, bound=dict(bound)))
         for name, energy in bound.items():

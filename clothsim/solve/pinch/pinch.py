@@ -2,8 +2,8 @@
 
 After Baraff, Witkin & Kass 2003, "Untangling cloth", section on pinches (flypapering). Before each step the vertices
 about which a gap between opposing body surfaces will close are found (`pinch_gaps`); each is fixed to a triangle of the
-part that it is closer to (`carried`), as a Dirichlet condition of the step, and its contact with the other part is
-suspended (`contact.candidate_subsets`). Where the pinch has opened they are raised until nothing intersects, then
+part that it is closer to (`flypaper`), as a Dirichlet condition of the step, and its contact with the other part is
+excluded (`contact.candidate_subsets`). Where the pinch has opened they are raised until nothing intersects, then
 released.
 """
 
@@ -17,19 +17,19 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
-from clothsim.physics.contact.candidate_subsets import SuspendedCandidates, Suspension
+from clothsim.physics.contact.candidate_subsets import ExclusionMask, MaskedCandidates
 from clothsim.physics.energies.base import Energy
-from clothsim.solve.pinch.carried import (
+from clothsim.solve.pinch.flypaper import (
     MEMORY,
-    NONE_CARRIED,
+    NONE_FLYPAPERED,
     WIDENING,
-    Carried,
-    CarriedVertices,
+    Flypapered,
+    FlypaperedPositions,
     attached,
-    carried_in,
+    flypapered_in,
     own_rows,
     with_bodies,
-    with_carriers,
+    with_supports,
 )
 from clothsim.solve.pinch.pinch_gaps import (
     INSIDE,
@@ -46,7 +46,7 @@ from clothsim.solve.stepping.state import State
 from clothsim.solve.stepping.stepping import Integrator, StepReport, advance
 
 ATTEMPTS = 4
-"""Largest number of tries of a step, each but the first with twice the limit, and more vertices carried."""
+"""Largest number of tries of a step, each but the first with twice the limit, and more vertices flypapered."""
 WIDER = 4.0
 """Factor on the limit within which the opposing surface of a squeezed vertex is looked for."""
 NONE = np.zeros(0, np.int64)
@@ -61,15 +61,15 @@ class _Attempt:
     own: bool
 
 
-def advance_carrying(integrator: Integrator, state: State, until: float) -> tuple[StepReport, Integrator]:
-    """Take one step from `state`, at most to `until` [s], with the vertices in a pinch carried.
+def advance_flypapering(integrator: Integrator, state: State, until: float) -> tuple[StepReport, Integrator]:
+    """Take one step from `state`, at most to `until` [s], with the vertices in a pinch flypapered.
 
     Returns
     -------
     StepReport
-        As of `stepping.advance`; its state remembers the carried vertices.
+        As of `stepping.advance`; its state remembers the flypapered vertices.
     Integrator
-        The integrator of that step, with the carried vertices among its constraints.
+        The integrator of that step, with the flypapered vertices among its constraints.
     """
     left = until - state.time
     end = state.time + left / max(1, int(np.ceil(left / state.dt - 1e-9)))
@@ -77,24 +77,24 @@ def advance_carrying(integrator: Integrator, state: State, until: float) -> tupl
     attempt = _Attempt(widening, NONE, own=widening == 1.0)
     before = None
     for _ in range(ATTEMPTS):
-        carried = _carried(integrator, state, end, attempt)
-        if before is not None and np.array_equal(carried.vertices, before.vertices) and not len(carried):
+        flypapered = _find_flypapered(integrator, state, end, attempt)
+        if before is not None and np.array_equal(flypapered.vertices, before.vertices) and not len(flypapered):
             break
-        bound = _carrying(integrator, state, carried, attempt.own)
+        bound = _bind_flypapered(integrator, state, flypapered, attempt.own)
         report = advance(bound, state, until)
         _count(integrator, bound)
-        held = carried.mask(len(state.positions))
+        held = flypapered.mask(len(state.positions))
         if report.converged:
             rows = _crossing(integrator, report.state.positions, held)
             if not len(rows):
                 break
         else:
             rows = squeezed(integrator.world, report.potential.energies, report.result.x, held)
-        if not len(rows) and not len(carried):
+        if not len(rows) and not len(flypapered):
             break
-        before, attempt = carried, _Attempt(2.0 * attempt.widening, np.union1d(attempt.rows, rows), own=False)
-    if report.converged and len(carried):
-        memory = {**report.state.memory, MEMORY: carried.as_array(), WIDENING: attempt.widening}
+        before, attempt = flypapered, _Attempt(2.0 * attempt.widening, np.union1d(attempt.rows, rows), own=False)
+    if report.converged and len(flypapered):
+        memory = {**report.state.memory, MEMORY: flypapered.as_array(), WIDENING: attempt.widening}
         report = replace(report, state=replace(report.state, memory=memory))
     return report, bound
 
@@ -104,14 +104,14 @@ def _barriers(integrator: Integrator) -> dict[str, Barrier]:
     return {name: each for name in ("body_contact", "self_contact") if isinstance(each := energies.get(name), Barrier)}
 
 
-def _carried(integrator: Integrator, state: State, end: float, attempt: _Attempt) -> Carried:
-    """The vertices that are carried in the step from `state` to `end` [s]."""
-    world, x, known = integrator.world, state.positions, carried_in(state.memory)
+def _find_flypapered(integrator: Integrator, state: State, end: float, attempt: _Attempt) -> Flypapered:
+    """The vertices that are flypapered in the step from `state` to `end` [s]."""
+    world, x, known = integrator.world, state.positions, flypapered_in(state.memory)
     after, barriers = with_bodies(world, x, end), _barriers(integrator)
     bodies = np.arange(world.n_cloth, world.n_vertices - len(world.ghosts))
     moves = after[bodies] - x[bodies]
     if not len(known) and not moves.any():
-        return NONE_CARRIED
+        return NONE_FLYPAPERED
     body = barriers["body_contact"]
     limit = attempt.widening * (2.0 * body.offset + body.d_hat)
     relative = float(np.linalg.norm(moves - moves.mean(axis=0), axis=1).max())
@@ -119,21 +119,21 @@ def _carried(integrator: Integrator, state: State, end: float, attempt: _Attempt
     faces = faces_of(body.candidates.search.surface, x)
     if len(known):
         gaps = [gaps_of(known, faces, world, each, OPEN * limit, reach) for each in (x, after)]
-        known = still_carried(known, Opening(world, barriers, x, faces, np.minimum(*gaps), limit))
+        known = still_flypapered(known, Opening(world, barriers, x, faces, np.minimum(*gaps), limit))
     fixed = _fixed(integrator, state)
     near = nearest(faces, x, np.arange(world.n_cloth), reach)
     found = pinched(faces, near, x, after, limit, reach).without(np.concatenate([known.vertices, fixed]))
     ahead = after.copy()
     ahead[: world.n_cloth] += (end - state.time) * state.velocities[: world.n_cloth]
-    carried = with_carriers(world, x, ahead, found, known)
+    flypapered = with_supports(world, x, ahead, found, known)
     if not len(attempt.rows):
-        return carried
+        return flypapered
     near = near.only(attempt.rows)
-    wider = pinched(faces, near, x, after, WIDER * limit, reach).without(np.concatenate([carried.vertices, fixed]))
-    carried = with_carriers(world, x, ahead, wider, carried)
-    near = near.without(np.concatenate([carried.vertices, fixed]))
+    wider = pinched(faces, near, x, after, WIDER * limit, reach).without(np.concatenate([flypapered.vertices, fixed]))
+    flypapered = with_supports(world, x, ahead, wider, flypapered)
+    near = near.without(np.concatenate([flypapered.vertices, fixed]))
     closest = near.triangles, near.weights
-    return carried.joined(attached(x, near.vertices, closest, closest))
+    return flypapered.joined(attached(x, near.vertices, closest, closest))
 
 
 def _fixed(integrator: Integrator, state: State) -> Ints:
@@ -142,26 +142,26 @@ def _fixed(integrator: Integrator, state: State) -> Ints:
     return np.concatenate([NONE, *held])
 
 
-def _carrying(integrator: Integrator, state: State, carried: Carried, own: bool) -> Integrator:
-    """The integrator with these vertices carried; itself where there are none."""
-    if not len(carried):
+def _bind_flypapered(integrator: Integrator, state: State, flypapered: Flypapered, own: bool) -> Integrator:
+    """The integrator with these vertices flypapered; itself where there are none."""
+    if not len(flypapered):
         return integrator
     world, x = integrator.world, state.positions
-    patch = own_rows(world, x, carried) if own else NONE
-    suspension = Suspension(carried.mask(len(x)), patch, layers=not own)
+    patch = own_rows(world, x, flypapered) if own else NONE
+    exclusion = ExclusionMask(flypapered.mask(len(x)), patch, layers=not own)
     energies = dict(integrator.potential.energies)
     energies |= {
-        name: replace(each, candidates=SuspendedCandidates(each.candidates, suspension))
+        name: replace(each, candidates=MaskedCandidates(each.candidates, exclusion))
         for name, each in _barriers(integrator).items()
     }
-    constraints = {**integrator.constraints, "contact.pinch": CarriedVertices(world, carried)}
+    constraints = {**integrator.constraints, "contact.pinch": FlypaperedPositions(world, flypapered)}
     return replace(integrator, potential=replace(integrator.potential, energies=energies), constraints=constraints)
 
 
 def _crossing(integrator: Integrator, x: Floats, held: np.ndarray) -> Ints:
-    """Free cloth rows of triangles that intersect at x without being exempt: carried layers may force them through.
+    """Free cloth rows of triangles that intersect at x without being exempt: flypapered layers may force them through.
 
-    Exempt are triangles with a carried vertex against bodies, and two such triangles.
+    Exempt are triangles with a flypapered vertex against bodies, and two such triangles.
     """
     if not held.any():
         return NONE
@@ -179,31 +179,31 @@ def _count(integrator: Integrator, bound: Integrator) -> None:
     """Add the work of the step's candidates to the counters of the run."""
     for name, barrier in _barriers(integrator).items():
         own = _barriers(bound)[name].candidates
-        if isinstance(own, SuspendedCandidates):
+        if isinstance(own, MaskedCandidates):
             own.count_for(barrier.candidates)
 
 
-def carried_by(world: World, memory: Mapping[str, Floats | float]) -> np.ndarray:
-    """Mask of the cloth vertices that a state remembers as carried, (n_cloth,)."""
-    return carried_in(memory).mask(world.n_cloth)
+def flypapered_mask(world: World, memory: Mapping[str, Floats | float]) -> np.ndarray:
+    """Mask of the cloth vertices that a state remembers as flypapered, (n_cloth,)."""
+    return flypapered_in(memory).mask(world.n_cloth)
 
 
-def gaps_of(carried: Carried, faces: Faces, world: World, x: Floats, limit: float, reach: float) -> Floats:
-    """Gaps in front of the triangles that carry vertices, at x (N, 3), (k,) [m].
+def gaps_of(flypapered: Flypapered, faces: Faces, world: World, x: Floats, limit: float, reach: float) -> Floats:
+    """Gaps in front of the triangles that support vertices, at x (N, 3), (k,) [m].
 
     -inf where the parts have crossed, or the triangle is inside another part of the bodies; inf where nothing is in
     front of it within `reach` [m].
     """
-    points, along = carried.points(x), normals(x, carried.triangles)
-    gaps = first_hits(faces, x, carried.vertices, (points, along), (LEAST * limit, reach), entering=True)
+    points, along = flypapered.points(x), normals(x, flypapered.triangles)
+    gaps = first_hits(faces, x, flypapered.vertices, (points, along), (LEAST * limit, reach), entering=True)
     wide = np.flatnonzero(gaps >= limit)
     inside = sides(x, points[wide], along[wide], world.body_triangles, LEAST * limit) == INSIDE
     gaps[wide[inside]] = -np.inf
-    gaps[carried.far_heights(x) < -LEAST * limit] = -np.inf
+    gaps[flypapered.far_heights(x) < -LEAST * limit] = -np.inf
     return gaps
 
 
-# Release of carried vertices where a pinch opens: untangled by displacement along the normals of the carrier.
+# Release of flypapered vertices where a pinch opens: displaced along the normals of the supporting triangles.
 
 
 OPEN = 1.5
@@ -211,7 +211,8 @@ OPEN = 1.5
 EASE = 0.25
 """Largest displacement of a vertex along the normal in a step before its release, in units of the limit."""
 LEAST_HEIGHT = 0.25
-"""Height above the carrier below which no vertex is released, in units of d_hat: the barrier would throw it out."""
+"""Height above the supporting triangle below which no vertex is released, in units of d_hat: the barrier would throw
+it out."""
 LEAST_GAP = 0.02
 """Gap below which no pair is taken up again, in units of d_hat."""
 
@@ -220,7 +221,7 @@ LEAST_GAP = 0.02
 class Opening:
     """What a release needs to know of a step.
 
-    barriers: contacts of bodies and of cloth; faces: body triangles; gaps (k,): in front of the carried
+    barriers: contacts of bodies and of cloth; faces: body triangles; gaps (k,): in front of the flypapered
     vertices [m]; limit: gap of a pinch [m].
     """
 
@@ -232,25 +233,25 @@ class Opening:
     limit: float
 
 
-def still_carried(carried: Carried, opening: Opening) -> Carried:
-    """Return those that stay carried; where the pinch is open they are raised towards the middle of the gap."""
+def still_flypapered(flypapered: Flypapered, opening: Opening) -> Flypapered:
+    """Return those that stay flypapered; where the pinch is open they are raised towards the middle of the gap."""
     body, limit, gaps = opening.barriers["body_contact"], opening.limit, opening.gaps
     is_open = gaps >= OPEN * limit
-    heights = carried.offsets[:, 2]
+    heights = flypapered.offsets[:, 2]
     free = is_open & (heights >= body.offset + LEAST_HEIGHT * body.d_hat)
-    for _ in range(len(carried) + 1):
+    for _ in range(len(flypapered) + 1):
         if not free.any():
             break
-        blocked = np.isin(carried.vertices, _tangled(carried.only(~free), carried.vertices[free], opening))
+        blocked = np.isin(flypapered.vertices, _tangled(flypapered.only(~free), flypapered.vertices[free], opening))
         if not (blocked & free).any():
             break
         free &= ~blocked
     middle = 0.5 * np.minimum(gaps, 4.0 * limit)
     raised = np.where(is_open, np.clip(middle - heights, -EASE * limit, EASE * limit), 0.0)
-    return carried.raised(raised).only(~free)
+    return flypapered.raised(raised).only(~free)
 
 
-def _tangled(remaining: Carried, released: Ints, opening: Opening) -> Ints:
+def _tangled(remaining: Flypapered, released: Ints, opening: Opening) -> Ints:
     """Rows of x whose release would leave something intersecting, or closer than contact allows."""
     x, world = opening.x, opening.world
     held = remaining.mask(len(x))
@@ -258,14 +259,14 @@ def _tangled(remaining: Carried, released: Ints, opening: Opening) -> Ints:
     touched = whole[np.isin(whole, released).any(axis=1)]
     rows = [touched[intersecting_pairs(x, touched, world.body_triangles)[:, 0]].ravel()]
     rows.append(_crossing_edges(held, released, opening))
-    suspension = Suspension(held, np.zeros(0, np.int64))
+    exclusion = ExclusionMask(held, np.zeros(0, np.int64))
     for name, barrier in opening.barriers.items():
         if name == "self_contact":
             both = intersecting_pairs(x, world.triangles)
             partly = np.asarray(held[world.triangles].any(axis=1))[both].all(axis=1)
             rows.append(world.triangles[both[~partly]].ravel())
         pairs, distances = barrier.candidates.search.pairs(x, x, barrier.offset + LEAST_GAP * barrier.d_hat)
-        taken_up = ~suspension.mask(pairs.elements, pairs.n_points, name == "self_contact")
+        taken_up = ~exclusion.mask(pairs.elements, pairs.n_points, name == "self_contact")
         rows.append(pairs.elements[taken_up & (distances <= barrier.offset + LEAST_GAP * barrier.d_hat)].ravel())
     return np.unique(np.concatenate(rows))
 
@@ -291,7 +292,7 @@ RADIUS = 2.0
 """Distance within which they belong to one pinch, in median cloth edges."""
 
 
-def squeezed(world: World, energies: Mapping[str, Energy], x: Floats, carried: np.ndarray) -> Ints:
+def squeezed(world: World, energies: Mapping[str, Energy], x: Floats, flypapered: np.ndarray) -> Ints:
     """Rows of x of cloth vertices at contacts that oppose one another, and their neighbours.
 
     One of the two is with a body, or with cloth that a body carries.
@@ -304,8 +305,8 @@ def squeezed(world: World, energies: Mapping[str, Energy], x: Floats, carried: n
         Energies bound to the step.
     x : (N, 3) array
         Where the step ended [m].
-    carried : (N,) bool array
-        Carried rows of x.
+    flypapered : (N,) bool array
+        Flypapered rows of x.
     """
     rows, places, directions, bodies = [], [], [], []
     for name in ("body_contact", "self_contact"):
@@ -315,7 +316,7 @@ def squeezed(world: World, energies: Mapping[str, Energy], x: Floats, carried: n
                 rows.append(each)
                 places.append(place)
                 directions.append(direction)
-                bodies.append((name == "body_contact") | (carried[partners] & (partners >= 0)).any(axis=1))
+                bodies.append((name == "body_contact") | (flypapered[partners] & (partners >= 0)).any(axis=1))
     if not sum(len(each) for each in rows):
         return np.zeros(0, np.int64)
     of_pair, at, along, with_body = (np.concatenate(each) for each in (rows, places, directions, bodies))

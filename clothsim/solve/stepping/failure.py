@@ -226,9 +226,10 @@ def failure_of(
     if end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
         pair = closest_contact_pair(world, potential.energies.values(), result.x)
     sentence = _sentence(world, constraints, end, pair)
-    if pair is None and end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
-        tight = (report_of(energy).tightest(result.x) for energy in potential.energies.values())
-        sentence = "; ".join([sentence.removesuffix("."), *filter(None, tight)]) + "."
+    tight = []
+    if pair is None and end.ending in (Ending.BLOCKED, Ending.NO_ROOM, Ending.NOT_FINITE):
+        tight = [*filter(None, (report_of(energy).tightest(result.x) for energy in potential.energies.values()))]
+        sentence = "; ".join([sentence.removesuffix("."), *tight]) + "."
     tries = f"dt was halved down to {dts[-1]:.2g} s."
     if infeasible:
         tries = f"{state.blocked} tries with dt down to {dts[-1]:.2g} s ended there: the motion is infeasible."
@@ -240,6 +241,8 @@ def failure_of(
     position = None if position is None else position + world.origin
     if end.ending is Ending.BLOCKED:
         remedy = _unblock(world, _movers(world, constraints, result.x, target), pair)
+    elif tight and end.ending is Ending.NOT_FINITE:
+        remedy = "Let the rest shape or the limit change more slowly, or set a larger limit."
     else:
         remedy = _remedy(world, end, pair, potential, constraints)
     return Failure(
@@ -368,4 +371,4 @@ def _names(world: World, constraints: Collection[Constraint], pair: ContactPair)
 
 def _resisted(potential: Potential) -> bool:
     """True where inertia or damping resists every motion (friction, which begins last, only that of contacts)."""
-    return any(energy.incremental and not energy.begins_last for energy in potential.energies.values())
+    return any(energy.incremental and not energy.depends_on_other_energies for energy in potential.energies.values())

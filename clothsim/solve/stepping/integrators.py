@@ -127,7 +127,7 @@ def predicted_start(world: World, dependent: DependentRows, bound: Potential, st
         spin = angular_velocity(body, now, rates)
         if np.linalg.norm(spin) * h > LEAST_TURN:
             turns = True
-            displacement[rows] = _moved(body, now, rates, rotation_matrix(h * spin), h) - now
+            displacement[rows] = _advance_rigid(body, now, rates, rotation_matrix(h * spin), h) - now
     if not turns:
         return state.positions
     displacement = dependent.follow(displacement)
@@ -143,7 +143,7 @@ def angular_velocity(body: RigidBody, coordinates: Floats, rates: Floats) -> Flo
     return 0.5 * np.array([rate[2, 1] - rate[1, 2], rate[0, 2] - rate[2, 0], rate[1, 0] - rate[0, 1]])
 
 
-def _moved(body: RigidBody, coordinates: Floats, rates: Floats, rotation: Floats, h: float) -> Floats:
+def _advance_rigid(body: RigidBody, coordinates: Floats, rates: Floats, rotation: Floats, h: float) -> Floats:
     """The coordinates after a rotation, and of a free body after the flight of its centre."""
     if len(coordinates) < len(CORNERS):
         return coordinates @ rotation.T

@@ -15,7 +15,7 @@ import numpy as np
 
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Prescribed
-from clothsim.physics.energies.protocols import Storing, is_driven
+from clothsim.physics.energies.protocols import RecoverableEnergy, is_driven
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.state import State
 
@@ -60,7 +60,7 @@ def mechanical_energy(world: World, potential: Potential, state: State) -> Mecha
     energies, values = potential.acting.values(), potential.values(state.positions)
     stored = [value for energy, value in zip(energies, values, strict=False) if not energy.incremental]
     dynamic = len(stored) < len(values)
-    stored += [energy.stored(state.positions) for energy in energies if isinstance(energy, Storing)]
+    stored += [energy.recoverable(state.positions) for energy in energies if isinstance(energy, RecoverableEnergy)]
     speeds = (state.velocities[: world.n_unknowns] ** 2).sum(axis=1)
     kinetic = 0.5 * float(world.inertial_masses @ speeds) if dynamic else 0.0
     least = 0.5 * float(world.inertial_masses.sum()) * LEAST_SPEED**2

@@ -93,8 +93,8 @@ class Integrator:
         True where unstable equilibria are left (`time_loop`).
     perturbation_seed : int
         Chooses the side.
-    carries_pinched : bool
-        True where cloth in a pinch of bodies is carried (`solve.pinch`).
+    flypapers : bool
+        True where cloth in a pinch of bodies is flypapered (`solve.pinch`).
     refine : callable
         Refinement of each converged solve (differentiable runs).
     contact_time : float
@@ -114,7 +114,7 @@ class Integrator:
     rest_speed: float = 1e-3
     leaves_unstable: bool = True
     perturbation_seed: int = 0
-    carries_pinched: bool = False
+    flypapers: bool = False
     refine: Refine = unrefined
     contact_time: float = CONTACT_TIME_SCALE
 
@@ -222,7 +222,7 @@ def _advance(integrator: Integrator, state: State, until: float, retries: bool) 
         formula = formula_of(BACKWARD_EULER if restarted else integrator.formula, state, h)
         bound, result = _solve(patient if attempt == 1 else integrator, state, formula, h, end, target)
         if result.outcome.converged:
-            after, error = _after(integrator, tried, formula, result, h, end, target)
+            after, error = _make_report(integrator, tried, formula, result, h, end, target)
             last = attempt == MOST_TRIES
             if not last and formula.order == 2 and gains_energy(integrator.world, bound, state, after, target):
                 restarted = True
@@ -249,7 +249,7 @@ def _advance(integrator: Integrator, state: State, until: float, retries: bool) 
         cause = unbalanced[0]  # shorter steps end at round-off, which only hides why
     failure = failure_of(integrator.world, held, cause[0], tried, cause[1], target, dts, infeasible)
     moving = any(not body.motion.still for body in integrator.world.bodies)
-    if result.outcome.ending is Ending.BLOCKED and moving and not integrator.carries_pinched:
+    if result.outcome.ending is Ending.BLOCKED and moving and not integrator.flypapers:
         failure = replace(failure, remedy=f"{failure.remedy} {PINCH_REMEDY}")
     return replace(_report(integrator, state, h, result, bound, failures), failure=failure, rejected=rejected)
 
@@ -280,7 +280,7 @@ def step_of(integrator: Integrator, state: State, formula: Formula, h: float, en
     control = integrator.control
     least = integrator.contact_time
     scale = max(h, least) if control is None else control.contact_time_scale
-    return replace(start, weighed=formula.past, contact_time_scale=scale, contact_time=least)
+    return replace(start, multistep_past=formula.past, contact_time_scale=scale, contact_time=least)
 
 
 def _solve(
@@ -331,7 +331,7 @@ def _newton(
     return Newton(bound, integrator.system, settings, h, observe, balance, least)
 
 
-def _after(
+def _make_report(
     integrator: Integrator,
     state: State,
     formula: Formula,

@@ -55,10 +55,10 @@ def next_step(integrator: Integrator, state: State, duration: float, frames_per_
     until = (state.frame + 1) / frames_per_second
     if state.frame < frame_count(duration, frames_per_second):
         until = min(until, duration)
-    if integrator.carries_pinched:
-        from clothsim.solve.pinch.pinch import advance_carrying  # no other run imports it
+    if integrator.flypapers:
+        from clothsim.solve.pinch.pinch import advance_flypapering  # no other run imports it
 
-        report, integrator = advance_carrying(integrator, state, until)
+        report, integrator = advance_flypapering(integrator, state, until)
     else:
         report = advance(integrator, state, until)
     if report.converged and report.state.time == until:
@@ -162,7 +162,7 @@ def _changes(integrator: Integrator, report: StepReport, until: float) -> bool:
 
 def _timed(bound: Potential) -> list[Energy]:
     """The energies that may depend on time: those that are bound to a step, but for those bound last (contact)."""
-    return [e for e in bound.energies.values() if type(e).begin is not Energy.begin and not e.begins_last]
+    return [e for e in bound.energies.values() if type(e).begin is not Energy.begin and not e.depends_on_other_energies]
 
 
 def _varies(integrator: Integrator, state: State, energy: Energy, later: list[float]) -> bool:
@@ -209,7 +209,7 @@ COMPRESSED = 1 - 1e-9
 
 
 @dataclass(frozen=True)
-class Side:
+class ModeDisplacement:
     """A displacement dx (N, 3) [m] along a mode; 0 where the state is kept."""
 
     mode: Mode
@@ -298,7 +298,7 @@ def unstable_side(
     amplitude: float | None = None,
     longest: float = 1.0,
     along: Floats | None = None,
-) -> Side | None:
+) -> ModeDisplacement | None:
     """Return the displacement that leaves an unstable state; None where it is stable, or has no way down.
 
     Parameters
@@ -321,10 +321,10 @@ def unstable_side(
     dx = way_down(model, mode, amplitude, longest)
     if dx is None:
         return None
-    return Side(mode, dx if integrator.leaves_unstable else np.zeros_like(dx))
+    return ModeDisplacement(mode, dx if integrator.leaves_unstable else np.zeros_like(dx))
 
 
-def displaced(report: StepReport, side: Side) -> StepReport:
+def displaced(report: StepReport, side: ModeDisplacement) -> StepReport:
     """Return the report with its state displaced; the state before it too, so that no velocity is added."""
     state = report.state
     before = state.previous

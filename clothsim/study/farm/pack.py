@@ -142,7 +142,8 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD, overwrite: bool = F
     ID.cloth.npy, ID.summary.json, ID.params.json, and the meshes in meshes.tar; the same bytes whenever they are made
     of the same drapes.
     """
-    refuse_replacing(packed_files(Path(target)), overwrite)
+    earlier = sorted(Path(target).glob("shard-[0-9]*.tar"))
+    refuse_replacing([*packed_files(Path(target)), *earlier], overwrite)
     demand_verified(farm)
     rows = manifest(farm)
     used = [row for row in rows if row["usable"]]
@@ -156,6 +157,8 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD, overwrite: bool = F
     else:
         path.mkdir(parents=True, exist_ok=True)
         files = list(_shards(farm, path, used, shard))
+        for stale in set(earlier) - set(files):  # of a data set of more shards, which readers would take for this one's
+            stale.unlink()
         beside = path / "data"
     lines = "".join(f"{json.dumps(row)}\n" for row in rows)
     texts = {".jsonl": lines, ".md": card(farm, rows)}

@@ -94,16 +94,18 @@ def lay(cloth: Mapping[str, Any], size: float, seed: int, fall: float = FALL) ->
 
 
 def lays(
-    cloth: Mapping[str, Any], count: int, size: float, tell: Callable[[str], None] | None = None, fall: float = FALL
+    cloth: Mapping[str, Any], count: int, size: float, message: Callable[[str], None] | None = None, fall: float = FALL
 ) -> list[Lay]:
-    """`count` lays, with the seeds 0, 1, ...; `tell` gets a line for each."""
+    """`count` lays, with the seeds 0, 1, ...; `message` gets a line for each."""
     done = []
     for seed in range(count):
         done.append(lay(cloth, size, seed, fall))
         c, n, d = (getattr(done[-1].shape, name) for name in ("coefficient", "folds", "depth"))
-        if tell is not None:
+        if message is not None:
             rest = "" if done[-1].at_rest else ", NOT at rest"
-            tell(f"lay {seed + 1} of {count}: coefficient {100 * c:.1f} %, n_eff {n:.1f}, sd r {1e3 * d:.1f} mm{rest}")
+            message(
+                f"lay {seed + 1} of {count}: coefficient {100 * c:.1f} %, n_eff {n:.1f}, sd r {1e3 * d:.1f} mm{rest}"
+            )
     return done
 
 

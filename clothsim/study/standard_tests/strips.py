@@ -89,7 +89,7 @@ def pull(cloth: Mapping[str, Any], degrees: float, stretch: float, seed: int = 0
     """
     points, triangles = _strip(GAUGE, WIDTH, 24, 6, seed)
     held = [np.flatnonzero(np.isclose(points[:, 0], end)).tolist() for end in (0.0, GAUGE)]
-    forces = _moved(cloth, (points, triangles), _in_fabric(points, degrees), held, (stretch * GAUGE, 0.0, 0.0))
+    forces = _pull_ends(cloth, (points, triangles), _turn_to_fabric(points, degrees), held, (stretch * GAUGE, 0.0, 0.0))
     return np.linspace(0, stretch, STEPS + 1)[1:], forces[:, 0] / WIDTH
 
 
@@ -111,7 +111,7 @@ def shear(cloth: Mapping[str, Any], degrees: float, angle: float, seed: int = 0)
     points, triangles = _strip(GAUGE, WIDTH, 24, 6, seed)
     held = [np.flatnonzero(np.isclose(points[:, 1], end)).tolist() for end in (0.0, WIDTH)]
     way = np.tan(angle) * WIDTH
-    forces = _moved(cloth, (points, triangles), _in_fabric(points, degrees), held, (way, 0.0, 0.0))
+    forces = _pull_ends(cloth, (points, triangles), _turn_to_fabric(points, degrees), held, (way, 0.0, 0.0))
     return np.arctan(np.linspace(0, np.tan(angle), STEPS + 1)[1:]), forces[:, 0] / GAUGE
 
 
@@ -129,13 +129,13 @@ def _fall_angle(cloth: Mapping[str, Any], overhang: float, degrees: float, seed:
         "damping": {"rate": 8.0},
     }
     settings = {"duration": 8.0, "until": "rest", "rest_speed": 1e-3 * overhang, "frames_per_second": 2.5}
-    made = clothsim.Cloth(start, triangles, rest=_in_fabric(points, degrees), name="strip", **cloth)
+    made = clothsim.Cloth(start, triangles, rest=_turn_to_fabric(points, degrees), name="strip", **cloth)
     run = _run(clothsim.Scene(cloth=made, effects=effects, solver={"dt": 0.04}, run=settings))
     x, _, z = run[0][: len(points)][tip].mean(axis=0)
     return float(np.arctan2(-z, x))
 
 
-def _moved(
+def _pull_ends(
     cloth: Mapping[str, Any], mesh: tuple[Floats, Ints], rest: Floats, held: list[list[int]], way: tuple[float, ...]
 ) -> Floats:
     """Reaction of the second of two clamps at each of `STEPS` steps of its way, (STEPS, 3) [N]."""
@@ -176,7 +176,7 @@ def _strip(length: float, width: float, along: int, across: int, seed: int) -> t
     return points, np.concatenate([one, two])
 
 
-def _in_fabric(points: Floats, degrees: float) -> Floats:
+def _turn_to_fabric(points: Floats, degrees: float) -> Floats:
     """Material coordinates of points of a strip that lies at `degrees` from the warp, (n, 2) [m]."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return points @ np.array([[c, s], [-s, c]])

@@ -131,8 +131,16 @@ def test_velocities_are_taken_from_the_past_of_the_formula():
     x = world.start()
     step = step_at(x, np.tile([0, 0, 2.0], (len(x), 1)), 0.1)
     past = Past(x - [0, 0, 0.3], step.velocities, 0.15)
-    energy = air(world, density=1.0, drag=1.0).begin(replace(step, weighed=past))
+    energy = air(world, density=1.0, drag=1.0).begin(replace(step, multistep_past=past))
     assert -energy.gradient(x).sum(axis=0)[2] == pytest.approx(-0.5 * 2.0 * 2.0, rel=1e-13)
+
+
+def test_a_wind_that_raises_is_an_error_with_its_name():
+    def gusty(points, time):
+        return points["x"]
+
+    with pytest.raises(InputError, match=r"w: .*gusty raised IndexError"):
+        wind_of("w", gusty).at(np.zeros((2, 3)), 0.0)
 
 
 # --- the fields -----------------------------------------------------------------------------------------------------

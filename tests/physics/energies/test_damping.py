@@ -36,7 +36,7 @@ def bdf2_step(before, now, dt_before, dt):
     zero = np.zeros_like(now)
     world = replace(first_state(small_world(), dt), positions=now, velocities=zero)
     past = bdf2_past(world, Previous(before, zero, dt_before), dt, dt / dt_before)
-    return replace(step_at(now, dt=dt), weighed=past)
+    return replace(step_at(now, dt=dt), multistep_past=past)
 
 
 def test_rigid_motions_are_left_alone():

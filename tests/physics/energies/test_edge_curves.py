@@ -61,6 +61,12 @@ def test_numbers_are_taken_in_their_order_and_must_be_neighbours():
             edge_curves("x", sheet(), nothing)
 
 
+@pytest.mark.parametrize("numbers", [[0, 1, 0], [0, 1, 2, 1], [0, 3, 4, 1, 0, 3]])
+def test_an_edge_counts_once(numbers):
+    with pytest.raises(InputError, match="twice"):
+        edge_curves("x", sheet(), numbers)
+
+
 def test_a_branching_line_is_refused():
     with pytest.raises(InputError, match="branches at vertex 1"):
         chained("x", np.array([[0, 1], [1, 2], [1, 3]]))

@@ -60,6 +60,17 @@ def test_a_function_of_the_time():
         schedule("p", lambda time: -2 * time, least=0.0).at(3.0)
     with pytest.raises(InputError, match="p at 3 s is nan, not a finite number"):
         schedule("p", lambda time: np.nan).at(3.0)
+    with pytest.raises(InputError, match=r"p: .*raised ZeroDivisionError"):
+        schedule("p", lambda time: 1 / (time - 3.0)).at(3.0)
+
+
+@pytest.mark.parametrize("select", ["left", "corners", [0], {"box": [[0, 0, 0], [1, 1, 1]]}, {"label": "waist"}])
+def test_without_cloth_nothing_is_selected(select):
+    rigid = {"mesh": "slab"}
+    world = build(Scene(rigid=rigid, effects={"inertia": {}, "gravity": {}})).world
+    with pytest.raises(InputError, match="the scene has none"):
+        selected_vertices("pins.select", world, select)
+    assert len(selected_vertices("pins.select", world, [])) == 0
 
 
 @pytest.mark.parametrize(

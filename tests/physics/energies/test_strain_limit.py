@@ -1,6 +1,7 @@
 """Strain limit: barrier of a single stretch in closed form, zero below its onset, step limit."""
 
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -301,3 +302,16 @@ def test_at_its_extension_a_thread_and_the_barrier_bear_the_force_of_the_test(ex
     sides = [barrier(1 + extension + step, limit, begin) for step in (1e-7, -1e-7)]
     slope = stiffness * (sides[0] - sides[1]) / 2e-7
     assert own * extension + slope == pytest.approx(EXTENDED, rel=1e-6)
+
+
+def test_a_cloth_that_shrinks_past_its_limit_is_reported(tmp_path):
+    """A strip between clamps that shrinks by more than its limit allows."""
+    cloth = {"mesh": "rectangle", "size": [0.3, 0.3], "cells": [3, 3], "youngs_modulus": 1e4}
+    cloth["shrinkage_warp"] = [[0.0, 0.0], [0.02, 0.3]]
+    effects = {"inertia": {}, "membrane": {}, "strain_limit": {"limit": 1.05}, "pins": {"select": "left"}}
+    scene = Scene(cloth=cloth, effects=effects, solver={"dt": 0.01, "linear": "superlu"}, run={"duration": 0.1})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = simulate(scene, tmp_path)
+    assert run.status == "failed"
+    assert re.search(r"effects\.strain_limit .* of 1\.05", run.reason)

@@ -47,7 +47,7 @@ class Limited(Energy, ContactGap):
     gap: float
     received_gradient: np.ndarray | None = None
 
-    begins_last = True
+    depends_on_other_energies = True
 
     def begin(self, step: Step):
         return Limited(self.limit, self.gap, step.gradient)

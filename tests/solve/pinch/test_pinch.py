@@ -1,4 +1,4 @@
-"""Cloth carried through a pinch (contact.pinch): two plates of one body that close on a sheet and open again."""
+"""Cloth flypapered through a pinch (contact.pinch): two plates of one body that close on a sheet and open again."""
 
 from itertools import pairwise
 from types import SimpleNamespace
@@ -16,8 +16,8 @@ from clothsim.cli import main
 from clothsim.cli.run_command import verdict
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
-from clothsim.physics.contact.candidate_subsets import Suspension
-from clothsim.solve.pinch.carried import Carried, PinchRecord, attached, carried_in
+from clothsim.physics.contact.candidate_subsets import ExclusionMask
+from clothsim.solve.pinch.flypaper import Flypapered, PinchRecord, attached, flypapered_in
 from clothsim.solve.pinch.pinch import _contacts
 from clothsim.solve.pinch.pinch_gaps import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, nearest, pinched, sides
 
@@ -61,7 +61,7 @@ def positions(run):
 
 
 @pytest.fixture(scope="module")
-def carried(tmp_path_factory):
+def flypapered(tmp_path_factory):
     return clothsim.simulate(scene(-0.004, CARRY), tmp_path_factory.mktemp("carried"))
 
 
@@ -74,9 +74,9 @@ def test_without_the_policy_the_run_stops(tmp_path):
     assert "carried" not in run.trajectory.fields
 
 
-def test_plates_that_cross_complete_and_release_the_sheet(carried):
-    assert carried.status == "completed", carried.summary["reason"]
-    record = carried.summary["certificate"]["carried"]
+def test_plates_that_cross_complete_and_release_the_sheet(flypapered):
+    assert flypapered.status == "completed", flypapered.summary["reason"]
+    record = flypapered.summary["certificate"]["carried"]
     assert record["policy"] == "carry"
     assert record["most"] <= record["vertices"] <= 81
     assert record["released"] >= record["vertices"] > 8
@@ -85,27 +85,27 @@ def test_plates_that_cross_complete_and_release_the_sheet(carried):
     assert abs(np.array(record["first_position"])).max() < 0.03
 
 
-def test_all_that_intersects_is_carried_and_the_certificate_says_so(carried):
-    certificate = carried.summary["certificate"]
+def test_all_that_intersects_is_carried_and_the_certificate_says_so(flypapered):
+    certificate = flypapered.summary["certificate"]
     assert certificate["intersection_free"] is False
     assert certificate["intersections"]["carried"]["states"] == certificate["carried"]["exempt_states"] > 0
     assert certificate["intersections"]["carried"]["most_pairs"] == certificate["carried"]["exempt_pairs"]
     for kind in ("cloth_body", "cloth_cloth", "excluded"):
         assert certificate["intersections"][kind]["states"] == 0
-    assert set(certificate["intersecting_frames"]) < set(range(len(carried)))
-    assert len(carried) - 1 not in certificate["intersecting_frames"]
+    assert set(certificate["intersecting_frames"]) < set(range(len(flypapered)))
+    assert len(flypapered) - 1 not in certificate["intersecting_frames"]
 
 
-def test_every_frame_says_which_vertices_are_carried(carried):
-    masks = np.array([carried.field("carried", k) for k in range(len(carried))])
+def test_every_frame_says_which_vertices_are_carried(flypapered):
+    masks = np.array([flypapered.field("carried", k) for k in range(len(flypapered))])
     assert set(np.unique(masks)) == {0.0, 1.0}
     assert not masks[0].any()
     assert not masks[-1].any()
-    x = positions(carried)
+    x = positions(flypapered)
     inside = (abs(x[..., :2]) < 0.07).all(axis=2)
     assert (inside | (masks == 0)).all()
-    counts = {entry["time"]: entry["carried"] for entry in carried.record()}
-    last = {float(time): int(mask.sum()) for time, mask in zip(carried.times[1:], masks[1:], strict=True)}
+    counts = {entry["time"]: entry["carried"] for entry in flypapered.record()}
+    last = {float(time): int(mask.sum()) for time, mask in zip(flypapered.times[1:], masks[1:], strict=True)}
     assert {time: counts[time] for time in last} == last
 
 
@@ -117,7 +117,7 @@ def test_a_gap_that_stays_open_carries_nothing_bit_for_bit(tmp_path):
     assert runs[1].summary["certificate"]["intersection_free"] is True
 
 
-def test_a_resumed_run_remembers_the_carried_vertices(tmp_path, carried):
+def test_a_resumed_run_remembers_the_carried_vertices(tmp_path, flypapered):
     def stop(progress):
         if progress.time > 0.135:
             raise KeyboardInterrupt
@@ -125,16 +125,18 @@ def test_a_resumed_run_remembers_the_carried_vertices(tmp_path, carried):
     with pytest.raises(KeyboardInterrupt):
         clothsim.simulate(scene(-0.004, CARRY), tmp_path, progress=stop)
     again = clothsim.resume(tmp_path)
-    assert np.array_equal(positions(again), positions(carried))
-    assert again.summary["certificate"]["carried"] == carried.summary["certificate"]["carried"]
+    assert np.array_equal(positions(again), positions(flypapered))
+    assert again.summary["certificate"]["carried"] == flypapered.summary["certificate"]["carried"]
 
 
-def test_by_hand_the_history_is_the_same(carried):
+def test_by_hand_the_history_is_the_same(flypapered):
     simulation = clothsim.Simulation(scene(-0.004, CARRY))
     states = list(simulation)
-    assert np.array_equal(states[-1].positions["cloth"], carried.positions(-1))
+    assert np.array_equal(states[-1].positions["cloth"], flypapered.positions(-1))
     assert simulation.intersection_free is False
-    assert simulation.intersections["carried"]["states"] == carried.summary["certificate"]["carried"]["exempt_states"]
+    assert (
+        simulation.intersections["carried"]["states"] == flypapered.summary["certificate"]["carried"]["exempt_states"]
+    )
 
 
 def test_what_cannot_be_carried_is_refused(tmp_path):
@@ -150,11 +152,11 @@ def test_a_run_without_the_policy_imports_nothing_of_it():
     assert not policy & reached(*roots, within_functions=False)
 
 
-def test_the_command_line_names_the_carried_vertices(carried, capsys):
-    assert main(["check", str(carried.directory)]) == 0
+def test_the_command_line_names_the_carried_vertices(flypapered, capsys):
+    assert main(["check", str(flypapered.directory)]) == 0
     assert "contact.pinch" in capsys.readouterr().out
-    record = carried.summary["certificate"]["carried"]
-    line = next(line for line in verdict(carried, []).splitlines() if line.strip().startswith("pinch"))
+    record = flypapered.summary["certificate"]["carried"]
+    line = next(line for line in verdict(flypapered, []).splitlines() if line.strip().startswith("pinch"))
     assert f"{record['vertices']} vertices" in line
 
 
@@ -165,16 +167,18 @@ def test_carried_vertices_follow_a_rigid_motion():
     random = np.random.default_rng(1)
     x, triangles = random.normal(size=(12, 3)), np.array([[4, 5, 6], [7, 8, 9]])
     weights = random.dirichlet(np.ones(3), 2)
-    carried = attached(x, np.array([0, 2]), (triangles, weights), (triangles[::-1], weights))
+    flypapered = attached(x, np.array([0, 2]), (triangles, weights), (triangles[::-1], weights))
     turned = x @ rotation_matrix(np.array([0.3, -1.0, 0.5])).T + [1.0, 2.0, 3.0]
-    assert np.abs(carried.positions(x) - x[[0, 2]]).max() < 1e-14
-    assert np.abs(carried.positions(turned) - turned[[0, 2]]).max() < 1e-13
+    assert np.abs(flypapered.positions(x) - x[[0, 2]]).max() < 1e-14
+    assert np.abs(flypapered.positions(turned) - turned[[0, 2]]).max() < 1e-13
     by, start = np.array([0.1, -0.2]), x[triangles]
     normal = np.cross(start[:, 1] - start[:, 0], start[:, 2] - start[:, 0])
     along = normal / np.linalg.norm(normal, axis=1)[:, None]
-    assert carried.raised(by).positions(x) == pytest.approx(carried.positions(x) + by[:, None] * along, rel=1e-12)
-    again = carried_in({"contact.pinch": carried.as_array()})
-    assert all(np.array_equal(getattr(again, name), getattr(carried, name)) for name in Carried.__dataclass_fields__)
+    assert flypapered.raised(by).positions(x) == pytest.approx(flypapered.positions(x) + by[:, None] * along, rel=1e-12)
+    again = flypapered_in({"contact.pinch": flypapered.as_array()})
+    assert all(
+        np.array_equal(getattr(again, name), getattr(flypapered, name)) for name in Flypapered.__dataclass_fields__
+    )
 
 
 def faces(x, triangles):
@@ -263,11 +267,11 @@ def test_a_vertex_beside_a_plate_by_more_than_the_limit_is_not_in_its_gap(beside
     assert len(pinched(plates, nearest(plates, start, np.array([0]), 0.03), start, end, limit, 0.03).vertices) == count
 
 
-def test_pairs_are_suspended_by_their_definition():
-    """Against the definition, pair by pair: rows 0..5 are cloth, 0..2 carried; 6..9 body, 6 and 7 of the patch of 0."""
-    carried = np.arange(10) < 3
+def test_pairs_are_excluded_by_their_definition():
+    """Pair by pair: rows 0..5 are cloth, 0..2 flypapered; 6..9 body, 6 and 7 of the patch of 0."""
+    flypapered = np.arange(10) < 3
     own = {(0, 6), (0, 7)}
-    suspension = Suspension(carried, np.array(sorted(v * 10 + q for v, q in own)))
+    exclusion = ExclusionMask(flypapered, np.array(sorted(v * 10 + q for v, q in own)))
     random = np.random.default_rng(3)
     cloth, body = random.integers(0, 6, (400, 3)), random.integers(6, 10, (400, 3))
     kinds = {"point": (1, 3), "triangle": (3, 1), "edges": (2, 2)}
@@ -275,13 +279,13 @@ def test_pairs_are_suspended_by_their_definition():
     for kind, (n_cloth, n_body) in kinds.items():
         for c, b in zip(cloth[:, :n_cloth], body[:, :n_body], strict=True):
             elements.append([*b, *c] if kind == "triangle" else [*c, *b])
-            held = [v for v in c if carried[v]]
+            held = [v for v in c if flypapered[v]]
             wanted.append(len(held) == n_cloth or any((v, q) not in own for v in held for q in b))
-    mask = suspension.mask(np.array(elements), 800, is_self=False)
+    mask = exclusion.mask(np.array(elements), 800, is_self=False)
     assert mask.tolist() == wanted
     assert 0 < sum(wanted) < len(wanted)
     self_pairs = random.integers(0, 6, (200, 4))
-    assert np.array_equal(suspension.mask(self_pairs, 100, is_self=True), (self_pairs < 3).all(axis=1))
+    assert np.array_equal(exclusion.mask(self_pairs, 100, is_self=True), (self_pairs < 3).all(axis=1))
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.1])
@@ -300,7 +304,7 @@ def test_a_contact_has_the_vertices_that_bear_it(offset):
 
 def test_the_record_has_the_first_place_and_the_most_of_the_carried_vertices(monkeypatch):
     monkeypatch.setattr(
-        "clothsim.solve.pinch.carried.carried_in", lambda rows: SimpleNamespace(vertices=np.array(rows))
+        "clothsim.solve.pinch.flypaper.flypapered_in", lambda rows: SimpleNamespace(vertices=np.array(rows))
     )
     x, world = np.arange(12.0).reshape(4, 3), SimpleNamespace(origin=np.array([10.0, 20.0, 30.0]))
     memories = [[], [1, 3], [1], [0, 1, 2]]

@@ -9,13 +9,15 @@ import time
 
 import numpy as np
 import pytest
+from command_line import refused
 from small_scenes import SHEET, small_scene
 
 from clothsim import InputError
 from clothsim.base.errors import MachineError
 from clothsim.base.file_writing import full_or_forbidden
 from clothsim.cli import main
-from clothsim.cli.farm_command import terminated_like_interrupted
+from clothsim.cli.farm_command import SHIPPED, _values, terminated_like_interrupted
+from clothsim.scene.toml_file import scenes_folder
 from clothsim.study.farm.claims import Worker, claimed, is_stale, worker_of
 from clothsim.study.farm.dask_work import make_one
 from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
@@ -380,6 +382,29 @@ def test_a_sweep_makes_every_combination(tmp_path, capsys):
     ]
     assert all(row["status"] == "completed" and row["usable"] for row in rows)
     assert main(["sweep", "sphere", "-o", str(tmp_path / "none")]) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("cloth.density=.1, 2", [0.1, 2]),
+        ("cloth.fabric=cotton,denim", ["cotton", "denim"]),
+        ("cloth.size=[0.3, 0.2],[0.4, 0.4]", [[0.3, 0.2], [0.4, 0.4]]),
+        ("effects.pins.select={ box = [[0, 0, 0], [1, 1, 1]] },left", [{"box": [[0, 0, 0], [1, 1, 1]]}, "left"]),
+        ("cloth.name='a,b',c", ["a,b", "c"]),
+        ("run.forces=true,false", [True, False]),
+    ],
+)
+def test_values_are_parted_outside_brackets(text, values):
+    assert _values(text) == (text.partition("=")[0], {"grid": values})
+
+
+def test_a_recipe_that_is_not_there_is_answered_with_those_that_are(tmp_path, capsys):
+    for action in ("sample", "plan"):
+        lines = refused(capsys, "farm", action, "nosuch", "-o", str(tmp_path / "farm"))
+        assert all(name in lines[1] for name in SHIPPED)
+    assert "'shirt_by_body'" in refused(capsys, "farm", "sample", "shirt_by_bod", "-o", str(tmp_path / "farm"))[1]
+    assert {f"{name}.recipe" for name in SHIPPED} == {file.name for file in scenes_folder().glob("*.recipe")}
 
 
 def test_the_recipe_of_the_benchmark_can_be_planned(tmp_path):

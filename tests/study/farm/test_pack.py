@@ -79,6 +79,24 @@ def test_shards_are_plain_tar_and_the_same_bytes_twice(farm, tmp_path):
         assert len(archive.getnames()) == 3
 
 
+def test_shards_of_an_older_set_do_not_stay(farm, tmp_path):
+    first = pack(farm, tmp_path / "set", shard=1)
+    assert len(list((tmp_path / "set").glob("shard-*.tar"))) == 4
+    (tmp_path / "set" / "shard-notes.txt").write_text("mine")
+    for name in ("shard-000000.tar", "data.jsonl", "data.md", "data.parquet"):
+        (tmp_path / "set" / name).unlink(missing_ok=True)
+    with pytest.raises(InputError, match="exists"):  # readers would take the others for shards of this set
+        pack(farm, tmp_path / "set", shard=3)
+    again = pack(farm, tmp_path / "set", shard=3, overwrite=True)
+    assert {file.name for file in (tmp_path / "set").glob("shard-*")} == {
+        "shard-000000.tar",
+        "shard-000001.tar",
+        "shard-notes.txt",
+    }
+    assert all(file.exists() for file in again.files)
+    assert first.drapes == again.drapes == 4
+
+
 def test_the_manifest_in_parquet(farm, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     pack(farm, tmp_path / "data.h5")

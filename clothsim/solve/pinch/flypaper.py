@@ -1,4 +1,4 @@
-"""Carried vertices: cloth vertices that follow a triangle of a body while two parts close on them; their record."""
+"""Flypapered vertices: cloth vertices that follow a triangle of a body while two parts close on them; their record."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -8,27 +8,27 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.world import Surface, World
+from clothsim.mesh.world import SurfaceRows, World
 from clothsim.physics.energies.base import Constraint, Prescribed
-from clothsim.solve.pinch.pinch_gaps import Sides, frames, normals
+from clothsim.solve.pinch.pinch_gaps import PinchedVertices, frames, normals
 from clothsim.solve.stepping.state import State
 
 MEMORY = "contact.pinch"
-"""Name of the carried vertices in `State.memory`."""
+"""Name of the flypapered vertices in `State.memory`."""
 WIDENING = "contact.pinch.widening"
 """Name of the factor on the gap of a pinch in `State.memory`."""
 
 
 @dataclass(frozen=True)
-class Carried:
-    """Carried vertices and where each is on its triangle.
+class Flypapered:
+    """Flypapered vertices and where each is on its triangle.
 
     Parameters
     ----------
     vertices : (k,) int array
         Rows of x, ascending.
     triangles : (k, 3) int array
-        Rows of x of the body triangle that carries each.
+        Rows of x of the body triangle that supports each.
     weights : (k, 3) array
         Weights of its corners, at the point to which the offset belongs.
     offsets : (k, 3) array
@@ -92,25 +92,25 @@ class Carried:
         return self.vertices, self.triangles, self.weights, self.offsets, self.far, self.far_weights
 
 
-def carried_in(memory: Mapping[str, Any]) -> Carried:
-    """Return the carried vertices that a state remembers."""
+def flypapered_in(memory: Mapping[str, Any]) -> Flypapered:
+    """Return the flypapered vertices that a state remembers."""
     rows = np.asarray(memory.get(MEMORY, ()), np.float64).reshape(-1, 16)
     whole = rows.astype(np.int64)
-    return Carried(whole[:, 0], whole[:, 1:4], rows[:, 4:7], rows[:, 7:10], whole[:, 10:13], rows[:, 13:])
+    return Flypapered(whole[:, 0], whole[:, 1:4], rows[:, 4:7], rows[:, 7:10], whole[:, 10:13], rows[:, 13:])
 
 
-NONE_CARRIED = carried_in({})
+NONE_FLYPAPERED = flypapered_in({})
 
 
-def attached(x: Floats, vertices: Ints, near: tuple[Ints, Floats], far: tuple[Ints, Floats]) -> Carried:
-    """Return the vertices carried from where they are in x (N, 3) [m].
+def attached(x: Floats, vertices: Ints, near: tuple[Ints, Floats], far: tuple[Ints, Floats]) -> Flypapered:
+    """Return the vertices flypapered from where they are in x (N, 3) [m].
 
-    near, far: triangles (k, 3) that carry them and that close on them, and the weights (k, 3) of a point of each.
+    near, far: triangles (k, 3) that support them and that close on them, and the weights (k, 3) of a point of each.
     """
     triangles, weights = near
     points = np.einsum("kc,kcd->kd", weights, x[triangles])
     offsets = np.einsum("kd,kcd->kc", x[vertices] - points, frames(x, triangles))
-    return Carried(vertices, triangles, weights, offsets, *far)
+    return Flypapered(vertices, triangles, weights, offsets, *far)
 
 
 def with_bodies(world: World, x: Floats, time: float) -> Floats:
@@ -123,11 +123,11 @@ def with_bodies(world: World, x: Floats, time: float) -> Floats:
 
 
 @dataclass(frozen=True)
-class CarriedVertices(Constraint):
-    """Dirichlet positions of carried vertices: those of their triangles at the time, and their offsets."""
+class FlypaperedPositions(Constraint):
+    """Dirichlet positions of flypapered vertices: those of their triangles at the time, and their offsets."""
 
     world: World
-    carried: Carried
+    flypapered: Flypapered
 
     @property
     def still(self) -> bool:
@@ -135,25 +135,25 @@ class CarriedVertices(Constraint):
         return False
 
     def at(self, time: float) -> Prescribed:
-        """The carried vertices and their positions at `time` [s]."""
+        """The flypapered vertices and their positions at `time` [s]."""
         bodies = with_bodies(self.world, self.world.start(), time)
-        return Prescribed(self.carried.vertices, self.carried.positions(bodies))
+        return Prescribed(self.flypapered.vertices, self.flypapered.positions(bodies))
 
     def holder(self, row: int) -> str:
-        """The key of the scene, for a carried row."""
-        return "contact.pinch" if row in self.carried.vertices else ""
+        """The key of the scene, for a flypapered row."""
+        return "contact.pinch" if row in self.flypapered.vertices else ""
 
 
-# Parts of bodies at a pinch: the carrier of each vertex, and the patch of the body that is its own.
+# Parts of bodies at a pinch: the supporting surface of each vertex, and the patch of the body that is its own.
 
 SAME_PINCH = 4.0
-"""Distance within which a vertex is carried by the part that carries its neighbour, in median cloth edges."""
+"""Distance within which a vertex is held by the part that carries its neighbour, in median cloth edges."""
 MUCH_MORE = 1.5
 """Ratio of the displacements of two parts in a step from which on they are not alike."""
 OWN_PATCH = 2.5
-"""Radius of the patch about a carrier with which contact goes on, in longest cloth edges."""
+"""Radius of the patch about a supporting triangle with which contact goes on, in longest cloth edges."""
 FACES_AWAY = -0.3
-"""Cosine of the normals from which on a triangle does not belong to the patch of a carrier."""
+"""Cosine of the normals from which on a triangle does not belong to the patch of a supporting triangle."""
 
 
 def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
@@ -162,11 +162,11 @@ def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
     return float(np.median(lengths)), float(lengths.max())
 
 
-def with_carriers(world: World, x: Floats, end: Floats, found: Sides, known: Carried) -> Carried:
+def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, known: Flypapered) -> Flypapered:
     """Carry the vertices of a pinch from where they are.
 
-    The vertex in the narrowest gap is carried by the part that moves less against the whole cloth, of two alike by the
-    one that it is closer to, and those about it by the same part: cloth that two parts carried would be torn where they
+    The vertex in the narrowest gap is held by the part that moves less against the whole cloth, of two alike by the
+    one that it is closer to, and those about it by the same part: cloth on two parts would be torn where they
     slide along one another.
 
     Parameters
@@ -175,10 +175,10 @@ def with_carriers(world: World, x: Floats, end: Floats, found: Sides, known: Car
         Meshes.
     x, end : (N, 3) array
         At the start of the step, and as it would end: the bodies there, the cloth with its velocity [m].
-    found : Sides
+    found : PinchedVertices
         The pinch, without vertices of `known`.
-    known : Carried
-        Carried already.
+    known : Flypapered
+        Flypapered already.
     """
     if not len(found.vertices):
         return known
@@ -204,12 +204,12 @@ def with_carriers(world: World, x: Floats, end: Floats, found: Sides, known: Car
             np.where((closer < distance)[:, None], normal, along),
         )
     takes = takes_near[:, None]
-    carrier = np.where(takes, found.near, found.far), np.where(takes, found.near_weights, found.far_weights)
+    support = np.where(takes, found.near, found.far), np.where(takes, found.near_weights, found.far_weights)
     other = np.where(takes, found.far, found.near), np.where(takes, found.far_weights, found.near_weights)
-    return known.joined(attached(x, found.vertices, carrier, other))
+    return known.joined(attached(x, found.vertices, support, other))
 
 
-def _moves_less(world: World, moves: Floats, found: Sides) -> np.ndarray:
+def _moves_less(world: World, moves: Floats, found: PinchedVertices) -> np.ndarray:
     """Mask (k,) of the vertices whose nearer part moves less against the cloth than the other, or about as much."""
     common = moves[: world.n_cloth].mean(axis=0)
     parts = (found.near, found.near_weights), (found.far, found.far_weights)
@@ -217,8 +217,8 @@ def _moves_less(world: World, moves: Floats, found: Sides) -> np.ndarray:
     return np.asarray(near <= MUCH_MORE * far)
 
 
-def own_rows(world: World, x: Floats, carried: Carried) -> Ints:
-    """Sorted keys v N + q of the body rows q of the patch about the carrier of each carried row v.
+def own_rows(world: World, x: Floats, flypapered: Flypapered) -> Ints:
+    """Sorted keys v N + q of the body rows q of the patch about the supporting triangle of each flypapered row v.
 
     The patch grows from the triangle over common edges, as far as OWN_PATCH and while the normals do not face away.
     """
@@ -226,9 +226,9 @@ def own_rows(world: World, x: Floats, carried: Carried) -> Ints:
     unit, centres = normals(x, triangles), x[triangles].mean(axis=1)
     radii = np.linalg.norm(x[triangles] - centres[:, None], axis=2).max(axis=1)
     radius = OWN_PATCH * median_and_longest_edge(world, x)[1]
-    starts = _faces(triangles, carried.triangles, len(x))
-    points, across = carried.points(x), _adjacent(triangles, len(x))
-    seen = front = np.arange(len(carried)) * len(triangles) + starts
+    starts = _faces(triangles, flypapered.triangles, len(x))
+    points, across = flypapered.points(x), _adjacent(triangles, len(x))
+    seen = front = np.arange(len(flypapered)) * len(triangles) + starts
     while len(front):
         of, face = np.repeat(front // len(triangles), 3), across[front % len(triangles)].ravel()
         of, face = of[face >= 0], face[face >= 0]
@@ -238,7 +238,7 @@ def own_rows(world: World, x: Floats, carried: Carried) -> Ints:
         front = np.setdiff1d(keys, seen)
         seen = np.union1d(seen, front)
     rows = triangles[seen % len(triangles)]
-    return np.unique(carried.vertices[seen // len(triangles)][:, None] * len(x) + rows)
+    return np.unique(flypapered.vertices[seen // len(triangles)][:, None] * len(x) + rows)
 
 
 def _faces(triangles: Ints, wanted: Ints, size: int) -> Ints:
@@ -260,7 +260,7 @@ def _adjacent(triangles: Ints, size: int) -> Ints:
     return across.reshape(-1, 3)
 
 
-# Record of carried vertices over a run, and the intersections that the policy of a pinch exempts.
+# Record of flypapered vertices over a run, and the intersections that the policy of a pinch exempts.
 
 
 if TYPE_CHECKING:
@@ -269,12 +269,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PinchRecord:
-    """Carried vertices so far.
+    """Flypapered vertices so far.
 
     Parameters
     ----------
     vertices : tuple of int
-        Rows of x of all that were ever carried.
+        Rows of x of all that were ever flypapered.
     most, now : int
         The most in one step, and those of the last one.
     steps : int
@@ -286,7 +286,7 @@ class PinchRecord:
     first_position : (3,) tuple of float or None
         Their mean position at the end of the first one, in the coordinates of the scene [m].
     exempt_states : int
-        Checked states in which triangles of carried vertices intersect.
+        Checked states in which triangles of flypapered vertices intersect.
     exempt_pairs : int
         The most such pairs of triangles in one state.
     """
@@ -304,7 +304,7 @@ class PinchRecord:
 
     def after(self, world: World, before: State, state: State, found: "Sequence[Crossing]") -> Self:
         """Return the record after one more step from `before` to `state`, whose intersections are `found`."""
-        was, now = (carried_in(each.memory).vertices for each in (before, state))
+        was, now = (flypapered_in(each.memory).vertices for each in (before, state))
         exempt = sum(len(each.pairs) for each in found if each.role == "carried")
         more = replace(
             self,
@@ -336,10 +336,10 @@ def record_from(fields: Mapping[str, Any]) -> PinchRecord:
     return PinchRecord(**plain)
 
 
-def exempted(found: "Sequence[Crossing]", surfaces: Sequence[Surface], vertices: Ints) -> "tuple[Crossing, ...]":
-    """Separate the intersections of carried vertices (k,), rows of x: their role is "carried".
+def exempted(found: "Sequence[Crossing]", surfaces: Sequence[SurfaceRows], vertices: Ints) -> "tuple[Crossing, ...]":
+    """Separate the intersections of flypapered vertices (k,), rows of x: their role is "carried".
 
-    With a body, those of triangles with a carried vertex; among cloth, those of two such triangles.
+    With a body, those of triangles with a flypapered vertex; among cloth, those of two such triangles.
     """
     by_name = {s.name: np.asarray(np.isin(s.triangles, vertices).any(axis=1)) for s in surfaces}
     separated = []

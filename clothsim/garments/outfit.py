@@ -1,0 +1,352 @@
+"""Outfits: several patterns sewn one over another in a given order, then all garments draped together.
+
+Each garment is sewn on the wrap of the body and of what it wears already, so that its stages are those of one
+garment on one body, and what they do cannot touch the garments below. Then the wrap is left out: all garments fall onto
+the real body and one another under contact.
+"""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim import Body, Cloth, Pattern, Run, Scene, open_run
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.base.file_writing import make_directory
+from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.engine import intersecting_pairs, refuse_earlier_run
+from clothsim.garments.dress.pipeline import FRICTION
+from clothsim.garments.dressed import Dress, body_of_wearer, dress, short_name, surface_of
+from clothsim.garments.inputs import BodyMesh, as_body_mesh
+from clothsim.garments.penetration import Counts, counted
+from clothsim.garments.stages import Announcement, Listener, StageCallback, dress_drape, named_stage, simulate_stage
+from transfer.errors import TransferError
+from transfer.signed_distance import BodySurface, body_surface
+from transfer.wrap import Sheet, wrap
+
+CELL, LAYER = 0.01, 0.007
+"""Lattice cell of a wrap, and its distance from body and garments [m]: above half a cell, so that it sees every fold.
+"""
+GROWTH = 0.002
+"""Growth of this distance where something reaches out of the wrap [m]."""
+ROUNDS = 5
+"""Bound on the wraps that are tried."""
+SAME = 1e-6
+"""Largest distance of corresponding vertices of one body in two files [m]."""
+SANK = 0.03
+"""Descent of the top of a garment in the drape of all, as a fraction of the body's height, beyond which a note says
+so."""
+
+
+@dataclass(frozen=True)
+class Worn:
+    """A garment as it is worn: its cloth at its positions, and the tables of `[effects.seams]` that are not welded."""
+
+    cloth: Cloth
+    seams: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the garment."""
+        return str(self.cloth.name)
+
+    @property
+    def positions(self) -> Floats:
+        """Vertices (n, 3) [m]."""
+        return np.asarray(self.cloth.vertices, np.float64)
+
+    @property
+    def triangles(self) -> Ints:
+        """Triangles (m, 3)."""
+        return np.asarray(self.cloth.triangles, np.int64)
+
+    def moved_to(self, positions: Floats) -> "Worn":
+        """Copy at other positions (n, 3) [m]."""
+        return replace(self, cloth=replace(self.cloth, vertices=positions))
+
+
+@dataclass(frozen=True)
+class Outfit:
+    """Result of `outfit`.
+
+    Attributes
+    ----------
+    directory : Path
+        Directory of the run of all garments; each garment that was sewn has a folder of its name in it.
+    status : str
+        "completed" (all garments rest on the body, free of intersections) or "failed".
+    reason : str
+        Reason for the status, one sentence.
+    body : BodyMesh
+        Body that wears them.
+    worn : tuple of Worn
+        Garments at the end, the innermost first, also those of the run that they were sewn over.
+    sewn : tuple of Dress
+        Garments that were sewn, each on the wrap of what is below it.
+    run : Run or None
+        Drape of all garments; None where none was started.
+    counts : Counts or None
+        Penetration counts of all garments together by the exact check; None without a drape.
+    notes : tuple of str
+        Defaults used and what was noticed.
+    """
+
+    directory: Path
+    status: str
+    reason: str
+    body: BodyMesh
+    worn: tuple[Worn, ...]
+    sewn: tuple[Dress, ...]
+    run: Run | None
+    counts: Counts | None
+    notes: tuple[str, ...]
+
+
+def outfit(
+    patterns: Sequence[str | Path | Pattern],
+    on: str | Path | Any = None,
+    output: str | Path | None = None,
+    *,
+    over: str | Path | None = None,
+    scale: float | None = None,
+    body_group: str | None = None,
+    overwrite: bool = False,
+    on_stage: StageCallback = lambda stage: None,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+    **settings: Any,
+) -> Outfit:
+    """Sew patterns one over another on a body, and drape all garments together.
+
+    Parameters
+    ----------
+    patterns : sequence of str, Path or Pattern
+        Sewing patterns as of `dress`, the innermost garment first.
+    on : str, Path, Body or mesh object, optional
+        The body, as of `dress`; None: that of `over`.
+    output : str or Path, optional
+        Directory for the run of all garments, with a folder for each; None: a new temporary one.
+    over : str or Path, optional
+        Directory of a completed run of `dress` or `outfit`, whose garments are below those of the patterns.
+    scale, body_group
+        Of the body's file, as of `dress`.
+    overwrite : bool
+        True: replace an earlier run in the directory.
+    on_stage, progress, announce : callable, optional
+        As of `dress`; `announce` of the drape of all.
+    **settings
+        size, fabric, waistband and other arguments of `dress`, for each of the patterns.
+
+    Returns
+    -------
+    Outfit
+        Its status is "completed" or "failed".
+
+    Raises
+    ------
+    InputError
+        Invalid files or arguments, two garments of one name, a run that did not complete or of another body.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.outfit(["trousers.json", "shirt.json"], on="body.obj", output="worn").status  # doctest: +SKIP
+    'completed'
+    """
+    body, worn = _wearer(on, over, scale, body_group)
+    names = _names(patterns, [each.name for each in worn])
+    if output is None:
+        directory = Path(tempfile.mkdtemp(prefix="clothsim-outfit-"))
+    else:
+        directory = Path(output)
+        refuse_earlier_run(directory, overwrite, (), (on, over, *patterns))
+    make_directory(directory)
+    surface = surface_of(body)
+    sewn: list[Dress] = []
+    notes = list(body.notes)
+    end = Outfit(directory, "failed", "", body, (), (), None, None, ())
+    for pattern, name in zip(patterns, names, strict=True):
+        below = [(each.positions, each.triangles) for each in worn]
+        wearer = wrapped(body, surface, below) if below else body
+        own: dict[str, Any] = {"overwrite": overwrite, "on_stage": on_stage, "progress": named_stage(name, progress)}
+        sewn.append(dress(pattern, wearer, directory / name, **own, **settings))
+        notes += [f"{name}: {note}" for note in sewn[-1].notes if note not in body.notes]
+        if sewn[-1].run is None or sewn[-1].status != "completed":
+            reason = f"{name}, over {worn[-1].name}" if worn else name
+            reason = f"{reason}: {sewn[-1].reason}"
+            return _written(replace(end, reason=reason, worn=worn, sewn=tuple(sewn), notes=tuple(notes)))
+        worn = (*worn, *worn_in(sewn[-1].run, name))
+    end = replace(end, worn=worn, sewn=tuple(sewn), notes=tuple(notes))
+    try:
+        run = draped_together(worn, body, directory, progress, announce)
+    except InputError as error:
+        return _written(replace(end, reason=f"The drape of all could not start: {error.sentence}"))
+    if run.status != "completed":
+        return _written(replace(end, run=run, reason=f"In the drape of all: {run.reason}"))
+    counts = counted(run.positions(-1), run.triangles, surface)
+    last = tuple(each.moved_to(run[-1].positions[each.name]) for each in worn)
+    notes += _sunk(worn, last, body)
+    reason = f"{len(worn)} garments rest on {body.name}: {', '.join(each.name for each in worn)}."
+    status = "completed" if counts.clean else "failed"
+    reason = reason if counts.clean else f"The drape of all ended with {counts}, {counts.where}."
+    return _written(replace(end, status=status, reason=reason, worn=last, run=run, counts=counts, notes=tuple(notes)))
+
+
+def _wearer(
+    on: Any, over: str | Path | None, scale: float | None, body_group: str | None
+) -> tuple[BodyMesh, tuple[Worn, ...]]:
+    """The body and the garments that it wears. InputError for neither, and for a run that cannot be sewn over."""
+    given = None if on is None else body_of_wearer(on, scale, body_group)
+    if over is None:
+        if given is None:
+            raise InputError("There is no body.", "Give it (--on BODY), or a run to sew over (--over RUN).")
+        return given, ()
+    run = open_run(over)
+    if run.status != "completed":
+        what = f"The run {over} did not complete ({run.status}): {run.reason}"
+        raise InputError(what, "Sew over a run that completed.")
+    scene = run.scene
+    if len(scene.bodies) != 1:
+        raise InputError(f"The run {over} has {len(scene.bodies)} bodies.", "Sew over a run with one body.")
+    (_, positions, triangles), *_ = run.bodies(-1)
+    body = replace(as_body_mesh(Body(positions, triangles)), name="the body")
+    if given is not None:
+        if given.positions.shape != body.positions.shape or np.abs(given.positions - body.positions).max() > SAME:
+            raise InputError(
+                f"The garments of {over} are on another body than {given.name}.", "Leave out --on, or give that body."
+            )
+        body = given
+    summary = read_summary(run.directory / SUMMARY_NAME)
+    return body, worn_in(run, str(summary.get("pattern", run.directory.name)))
+
+
+def _names(patterns: Sequence[str | Path | Pattern], taken: Sequence[str]) -> list[str]:
+    """Name of the garment of each pattern. InputError for no pattern, and for a name that is there twice."""
+    if not patterns:
+        raise InputError("The outfit has no pattern.", "Give one or more.")
+    found = [*taken]
+    for number, pattern in enumerate(patterns):
+        name = f"pattern{number}" if isinstance(pattern, Pattern) else short_name(pattern)
+        if name in found:
+            raise InputError(f"The outfit has the garment {name} twice.", "Name each once, or copy its file.")
+        found.append(name)
+    return found[len(taken) :]
+
+
+def worn_in(run: Run, name: str) -> tuple[Worn, ...]:
+    """Garments of a run at its end; name: of the garment of a run of one.
+
+    InputError for a garment that is not of arrays, as those that `dress` sews are.
+    """
+    scene, last = run.scene, run[-1].positions
+    found = []
+    for cloth in scene.cloths:
+        own = str(cloth.name)
+        keys = {key: value for key, value in dict(cloth).items() if key not in ("mesh", "name")}
+        mesh = cloth["mesh"]
+        if isinstance(mesh, str) or set(keys) & {"position", "rotation_degrees", "scale", "weld", "cells"}:
+            raise InputError(f"{own} in {run.directory} is not of `clothsim dress`.", "Sew over one that is.")
+        called = name if len(scene.cloths) == 1 else own
+        rest = mesh.vertices if mesh.rest is None else mesh.rest
+        made = Cloth(last[own], mesh.triangles, rest=rest, groups=mesh.groups or None, name=called, **keys)
+        found.append(Worn(made, _seams_of(scene, own, called)))
+    return tuple(found)
+
+
+def _seams_of(scene: Scene, cloth: str, called: str) -> tuple[Mapping[str, Any], ...]:
+    """Tables of the seams of one cloth of a scene, with its new name."""
+    every = scene.effects["seams"].seam if "seams" in scene.effects else ()
+    found = []
+    for seam in every:
+        lines = {side: dict(seam[side]) for side in ("from", "to")}
+        if lines["from"].get("cloth") in (None, cloth):
+            found.append({**dict(seam), **{side: {**line, "cloth": called} for side, line in lines.items()}})
+    return tuple(found)
+
+
+def draped_together(
+    worn: Sequence[Worn], body: BodyMesh, folder: Path, listener: Listener | None, announce: Announcement | None
+) -> Run:
+    """Run of all garments on the real body until they rest. InputError for a start that cannot be simulated."""
+    seams = [seam for each in worn for seam in each.seams]
+    scene = dress_drape(body.up, seams, FRICTION).scene(
+        cloth=[each.cloth for each in worn], body=Body(body.positions, body.triangles, name="body")
+    )
+    return simulate_stage(scene, folder, named_stage("drape of all garments", listener), announce)
+
+
+def _sunk(before: Sequence[Worn], after: Sequence[Worn], body: BodyMesh) -> list[str]:
+    """A note for each garment whose top sank in the drape of all."""
+    least = SANK * float(np.ptp(body.positions @ body.up))
+    found = []
+    for first, last in zip(before, after, strict=True):
+        down = float((first.positions @ body.up).max() - (last.positions @ body.up).max())
+        if down > least:
+            found.append(f"{first.name} sank by {1e3 * down:.0f} mm when all garments were draped")
+    return found
+
+
+def _written(done: Outfit) -> Outfit:
+    """The outfit, with its summary written."""
+    file = done.directory / SUMMARY_NAME
+    previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
+    entries: dict[str, Any] = {
+        "status": done.status,
+        "reason": done.reason,
+        "garments": [each.name for each in done.worn],
+        "sewn": {
+            each.directory.name: {
+                "status": each.status,
+                "welded": len(each.state.welded),
+                "seams": len(each.state.mesh.seams),
+            }
+            for each in done.sewn
+        },
+        "notes": [*done.notes, *previous["notes"]],
+    }
+    if done.status == "failed":
+        failed = {"cause": "dress", "sentence": done.reason, "element": str(done.counts or ""), "position": None}
+        remedy = "Look at the last garment's own folder: its pictures and its summary."
+        entries["failure"] = {**failed, "remedy": remedy, **dict.fromkeys(("step", "time", "dt"))}
+    write_summary(file, {**previous, **entries})
+    return done
+
+
+def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[Sheet]) -> BodyMesh:
+    """The wrap of a body and the garments on it, outward, with the landmarks of the body.
+
+    Raises
+    ------
+    InputError
+        Where the garments reach out of each wrap that was tried.
+    """
+    for number in range(ROUNDS):
+        made = wrap(surface, garments, LAYER + number * GROWTH, CELL)
+        if _holds(made, surface, garments):
+            return BodyMesh(body.name, *made, body.scale, body.notes, body)
+    raise InputError(
+        f"No surface round {body.name} and its {len(garments)} garments holds them all.",
+        "Look for cloth that is far from the body, or intersects it: `clothsim check`.",
+    )
+
+
+def _holds(made: Sheet, surface: BodySurface, garments: Sequence[Sheet]) -> bool:
+    """True where body and garments lie inside a wrap: no vertex outside, no triangle through it."""
+    positions, triangles = made
+    try:
+        outside = body_surface(positions, triangles)
+    except TransferError:
+        return False
+    used = np.unique(surface.triangles)
+    for points, faces in ((surface.positions, surface.triangles[surface.outer]), *garments):
+        rows = used if points is surface.positions else np.arange(len(points))
+        if (outside.closest(points[rows]).signed_distance >= 0).any():
+            return False
+        both = np.concatenate([positions, points])
+        if len(intersecting_pairs(both, triangles, faces + len(positions))):
+            return False
+    return True

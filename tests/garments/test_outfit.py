@@ -1,0 +1,112 @@
+"""Outfits: two skirts one over the other, the wrap between them, and what cannot be sewn over."""
+
+import json
+
+import numpy as np
+import pytest
+from capsule_bodies import person
+from sewing_patterns import panel, specification, stitch
+
+import clothsim
+from clothsim.base.errors import InputError
+from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.garments import outfit
+from clothsim.garments.inputs import is_closed
+from transfer.signed_distance import body_surface
+
+SPACING = 0.08
+CELL, LAYER = 0.02, 0.014
+"""Lattice and distance of a wrap for a mesh as coarse [m]."""
+
+
+def skirt(width: float) -> dict:
+    """A skirt of two panels of this width [cm] and 25 cm of length."""
+    front = [[-width / 2, 0], [width / 2, 0], [width / 2, 25], [-width / 2, 25]]
+    panels = {
+        "front": panel(front, translation=[0, 82, 20]),
+        "back": panel([[-x, y] for x, y in front], translation=[0, 82, -20]),
+    }
+    return specification(panels, [stitch(("front", 1), ("back", 3)), stitch(("front", 3), ("back", 1))])
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """Folder with two skirts, and a run of the inner one on a person of capsules."""
+    folder = tmp_path_factory.mktemp("outfit")
+    for name, width in (("slip", 42), ("skirt", 50)):
+        (folder / f"{name}_specification.json").write_text(json.dumps(skirt(width)))
+    body = clothsim.Body(*person(0.06), name="person")
+    slip = clothsim.dress(folder / "slip_specification.json", body, folder / "slip", size=SPACING)
+    assert slip.status == "completed"
+    return folder, body
+
+
+@pytest.fixture(scope="module")
+def worn(place):
+    """The skirt over the run of the slip."""
+    folder, _ = place
+    with pytest.MonkeyPatch.context() as coarse:
+        coarse.setattr(outfit, "CELL", CELL)
+        coarse.setattr(outfit, "LAYER", LAYER)
+        pattern = folder / "skirt_specification.json"
+        return clothsim.outfit([pattern], output=folder / "both", over=folder / "slip", size=SPACING)
+
+
+def test_garments_over_one_another_rest_without_an_intersection(worn):
+    assert worn.status == "completed", worn.reason
+    assert worn.counts.clean
+    assert worn.run.intersection_free
+    assert [each.name for each in worn.worn] == list(worn.run.cloth_names) == ["slip", "skirt"]
+    assert read_summary(worn.directory / SUMMARY_NAME)["garments"] == ["slip", "skirt"]
+
+
+def test_the_later_garment_is_the_outer_one(worn):
+    slip, skirt = (each.positions for each in worn.worn)
+    radius = [np.median(np.hypot(points[:, 0], points[:, 2])) for points in (slip, skirt)]
+    assert radius[1] > radius[0]
+
+
+def test_the_rest_shape_of_a_garment_of_a_run_stays(place, worn):
+    before = clothsim.open_run(place[0] / "slip").scene.cloths[0]["mesh"]
+    after = clothsim.open_run(place[0] / "both").scene.cloths[0]["mesh"]
+    np.testing.assert_array_equal(before.rest, after.rest)
+    assert set(after.groups) == {"front", "back"}
+
+
+@pytest.mark.parametrize("status", ["failed", "interrupted"])
+def test_a_run_that_did_not_complete_is_named(place, tmp_path, status):
+    folder, _ = place
+    for name in ("trajectory.vtkhdf", "checkpoint.npz", SUMMARY_NAME):
+        (tmp_path / name).write_bytes((folder / "slip" / name).read_bytes())
+    write_summary(tmp_path / SUMMARY_NAME, {**read_summary(tmp_path / SUMMARY_NAME), "status": status})
+    with pytest.raises(InputError, match=status):
+        clothsim.outfit([folder / "skirt_specification.json"], over=tmp_path)
+
+
+def test_bad_outfits_are_refused(place, tmp_path):
+    folder, body = place
+    slip, skirt = (folder / f"{name}_specification.json" for name in ("slip", "skirt"))
+    other = clothsim.Body(*person(0.07), name="other")
+    with pytest.raises(InputError, match="twice"):
+        clothsim.outfit([slip, slip], body)
+    with pytest.raises(InputError, match="twice"):
+        clothsim.outfit([slip], over=folder / "slip")
+    with pytest.raises(InputError, match="another body"):
+        clothsim.outfit([skirt], other, over=folder / "slip")
+    with pytest.raises(InputError, match="no body"):
+        clothsim.outfit([skirt])
+    with pytest.raises(InputError, match="no pattern"):
+        clothsim.outfit([], body)
+    with pytest.raises(InputError, match="no run directory"):
+        clothsim.outfit([skirt], over=tmp_path / "nowhere")
+
+
+def test_a_wrap_is_closed_and_holds_body_and_garment(place, worn):
+    wrapping = worn.sewn[0].body
+    outside = body_surface(wrapping.positions, wrapping.triangles)
+    assert is_closed(wrapping.triangles)
+    slip = clothsim.open_run(place[0] / "slip").positions(-1)
+    for points in (worn.body.positions, slip):
+        assert outside.closest(points).signed_distance.max() < 0
+    assert -outside.closest(slip).signed_distance.min() > LAYER / 2
+    assert wrapping.like is worn.body

@@ -1,0 +1,97 @@
+"""Wrap of a body and what it wears: one closed surface at a distance from all of it.
+
+The wrap is the level set d = c of the distance d to the body and its garments, negative inside: inside the body by its
+winding number, and inside a garment where the magnitude of its winding number is above one half, so that the space
+under a skirt or a loose shirt is filled up to its openings (Jacobson, Kavan & Sorkine-Hornung 2013). Marching cubes on
+a lattice, evaluated near the surface alone. A level set has an error of the order of the curvature times the square of
+a cell, and sees no sheet thinner than a cell: whether it holds what it should is for the caller to test.
+"""
+
+from collections.abc import Sequence
+
+import igl
+import numpy as np
+
+from transfer.signed_distance import BodySurface
+from transfer.triangle_surface import Floats, Ints, vertex_components
+
+COARSE = 4
+"""Cells of the lattice along a side of those by which the surface is found first."""
+FLAT = 0.1
+"""Least magnitude of d - c at a node, as a fraction of a cell: below, triangles would be slivers."""
+
+Sheet = tuple[Floats, Ints]
+"""Vertices (n, 3) [m] and triangles (m, 3) of a garment."""
+
+
+def wrap(surface: BodySurface, garments: Sequence[Sheet], layer: float, cell: float) -> Sheet:
+    """The closed surface round a body and garments, outward; it may have several pieces, none of them a cavity.
+
+    Parameters
+    ----------
+    surface : BodySurface
+        The body, in any number of pieces that may overlap.
+    garments : sequence of Sheet
+        Open surfaces on it.
+    layer, cell : float
+        Distance from both, and side of a lattice cell [m].
+
+    Returns
+    -------
+    Sheet
+        Vertices (n, 3) [m] and triangles (m, 3).
+    """
+    every = np.concatenate([surface.positions, *(positions for positions, _ in garments)])
+    room = layer + 2 * COARSE * cell
+    low, high = every.min(axis=0) - room, every.max(axis=0) + room
+    blocks = np.ceil((high - low) / (COARSE * cell)).astype(np.int64)
+    shape = COARSE * blocks + 1
+    shells = [_Shell(*garment) for garment in garments]
+
+    def level(points: Floats) -> Floats:
+        """Distance of points (k, 3) less that of the wrap, (k,) [m]."""
+        distances = [surface.closest(points).signed_distance, *(shell.distance(points) for shell in shells)]
+        return np.asarray(np.min(distances, axis=0) - layer, np.float64)
+
+    middles = low + COARSE * cell * (np.argwhere(np.ones(blocks, bool)) + 0.5)
+    coarse = level(middles).reshape(blocks)
+    near = np.abs(coarse) <= np.sqrt(3) / 2 * COARSE * cell
+    values = np.pad(coarse.repeat(COARSE, 0).repeat(COARSE, 1).repeat(COARSE, 2), [(0, 1)] * 3, mode="edge")
+    chosen = np.zeros(shape, bool)
+    for block in np.argwhere(near) * COARSE:
+        chosen[tuple(slice(start, start + COARSE + 1) for start in block)] = True
+    rows = np.argwhere(chosen)
+    values[chosen] = level(low + cell * rows)
+    values = np.where(np.abs(values) < FLAT * cell, np.copysign(FLAT * cell, values), values)
+
+    nodes = low + cell * np.argwhere(np.ones(shape[::-1], bool))[:, ::-1]
+    positions, triangles, _ = igl.marching_cubes(values.ravel(order="F"), nodes, *(int(n) for n in shape), 0.0)
+    return _outer(np.asarray(positions, np.float64), np.asarray(triangles, np.int64))
+
+
+class _Shell:
+    """Garment with its search tree; `distance` is negative in the space that it encloses."""
+
+    def __init__(self, positions: Floats, triangles: Ints) -> None:
+        self._mesh = np.ascontiguousarray(positions), np.ascontiguousarray(triangles)
+        self._tree = igl.AABB()
+        self._tree.init(*self._mesh)
+
+    def distance(self, points: Floats) -> Floats:
+        """Distance of points (k, 3) [m]."""
+        squared = self._tree.squared_distance(*self._mesh, points)[0].ravel()
+        inside = np.abs(np.asarray(igl.fast_winding_number(*self._mesh, points)).ravel()) > 0.5
+        return np.asarray(np.where(inside, -1.0, 1.0) * np.sqrt(squared), np.float64)
+
+
+def _outer(positions: Floats, triangles: Ints) -> Sheet:
+    """The pieces of a level set that are no cavities, turned outward."""
+    label = vertex_components(triangles, len(positions))[triangles[:, 0]]
+    corners = positions[triangles]
+    volumes = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    volume = np.bincount(label, volumes)
+    sign = np.sign(volume[np.argmax(np.abs(volume))])
+    kept = triangles[(sign * volume > 0)[label]]
+    used, renumbered = np.unique(kept, return_inverse=True)
+    faces = renumbered.reshape(-1, 3).astype(np.int64)
+    return positions[used], faces if sign > 0 else faces[:, [0, 2, 1]]
