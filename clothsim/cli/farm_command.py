@@ -43,18 +43,11 @@ if TYPE_CHECKING:
     from clothsim.study.farm.status import Status
 
 _LEARN = """\
-Learn a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model".
+Learn a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model". With --motion it
+is of a garment on moving bodies, from a farm of clips or its recipe; errors are those on what was held out.
 
   clothsim learn drapes -o model.npz
-
-Its error on held-out drapes is printed, beside those of the nearest and of the mean drape.
-
-With --motion the farm is of clips: moving bodies, all frames. Models of the garment in motion are learned, tested on a
-kind of motion and on bodies that they have not seen, and the best is written. A recipe in place of the farm makes it
-first.
-
-  clothsim learn clips --motion -o moving.npz
-  clothsim learn shirt_in_motion --motion -o moving.npz     farm and training in one command: ten minutes of one core
+  clothsim learn shirt_in_motion --motion -o moving.npz     farm and training in one command
 """
 
 

@@ -159,7 +159,6 @@ class _Motion:
             formula=BACKWARD_EULER,
             settings=replace(integrator.settings, max_iterations=self.newton),
             control=None,
-            carries_pinched=False,
         )
         state = State(earlier, time - earlier, 0, 0, at, velocities)
         report = advance(brief, state, time, retries=False)
