@@ -37,7 +37,7 @@ from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
     from clothsim.study.farm.drape import Drape
-    from clothsim.study.farm.plan import Farm, Job
+    from clothsim.study.farm.plan import DrapeJob, Farm
     from clothsim.study.farm.recipe import Recipe
     from clothsim.study.farm.status import Status
 
@@ -324,7 +324,7 @@ def terminated_like_interrupted() -> Iterator[None]:
 def _line(farm: "Farm") -> Any:
     """A callback that prints a line for each drape."""
 
-    def show(job: "Job", made: "Drape") -> None:
+    def show(job: "DrapeJob", made: "Drape") -> None:
         verdict = on_demand.verdict_text(made.summary)
         print(f"{job.id} {made.summary.get('cpu_seconds', 0.0):.1f} s {verdict}", flush=True)
 

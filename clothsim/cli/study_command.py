@@ -29,7 +29,7 @@ from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
     from clothsim import Scene
-    from clothsim.study.evaluation import Progress
+    from clothsim.study.evaluation import StudyProgress
     from clothsim.study.goal_report import NamedGoal
 
 FILES = ("study.md", "study.json", "study.png", "goal.png")
@@ -113,15 +113,15 @@ def terminated() -> "Iterator[Callable[[], bool]]":
         signal.signal(signal.SIGTERM, before)
 
 
-def shown(quiet: bool) -> "AbstractContextManager[Callable[[Progress], None]]":
+def shown(quiet: bool) -> "AbstractContextManager[Callable[[StudyProgress], None]]":
     """A callback that shows the progress of a study on stderr: a bar on a terminal, else a line every few seconds."""
     return listener_for(quiet, _bar, _lines())
 
 
-def _lines() -> "Callable[[Progress], None]":
+def _lines() -> "Callable[[StudyProgress], None]":
     last = [-SECONDS_BETWEEN_LINES]
 
-    def listener(progress: "Progress") -> None:
+    def listener(progress: "StudyProgress") -> None:
         if progress.seconds - last[0] >= SECONDS_BETWEEN_LINES:
             last[0] = progress.seconds
             print(_state(progress), file=sys.stderr, flush=True)
@@ -130,18 +130,18 @@ def _lines() -> "Callable[[Progress], None]":
 
 
 @contextmanager
-def _bar() -> "Iterator[Callable[[Progress], None]]":
+def _bar() -> "Iterator[Callable[[StudyProgress], None]]":
     columns = (on_demand.BarColumn(bar_width=24), on_demand.TextColumn("{task.fields[state]}"))
     with on_demand.Bar(*columns, console=on_demand.Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0, state="")
 
-        def listener(progress: "Progress") -> None:
+        def listener(progress: "StudyProgress") -> None:
             bar.update(task, total=progress.budget, completed=progress.seconds, state=_state(progress))
 
         yield listener
 
 
-def _state(progress: "Progress") -> str:
+def _state(progress: "StudyProgress") -> str:
     """Time of the budget, runs done, the one that began or ended."""
     time = f"{clock(progress.seconds)} of {clock(progress.budget)}"
     return f"{time}: {progress.done} runs done, {progress.known - progress.done} to go ({progress.label})"

@@ -21,7 +21,7 @@ from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
 from clothsim.garments.fit.pipeline import FitState, Task, run_fit
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, read_markers
-from clothsim.garments.fit.wear_check import Cost, WearCheck, check_wear, cost_of
+from clothsim.garments.fit.wear_check import Distortion, WearCheck, check_wear, cost_of
 from clothsim.garments.inputs import (
     BodyMesh,
     Garment,
@@ -67,7 +67,7 @@ class Fit:
         The one that is the result: the last; of a failed fit the one with the fewest intersections on the target.
     run : Run or None
         Drape; None where none was started.
-    cost : Cost
+    cost : Distortion
         Stretches and displacement of the garment.
     size : Size
         Whether it is graded, and its factors of girths and lengths.
@@ -98,7 +98,7 @@ class Fit:
     stages: tuple[Stage, ...]
     answer: Stage
     run: Run | None
-    cost: Cost
+    cost: Distortion
     size: Size
     look: WearCheck
     notes: tuple[str, ...]

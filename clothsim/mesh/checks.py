@@ -49,7 +49,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Report:
+class MeshReport:
     """Findings of a check of the mesh `name`."""
 
     name: str
@@ -66,7 +66,7 @@ class Report:
         return tuple(finding for finding in self.findings if finding.severity == "warning")
 
 
-def examine(name: str, positions: ArrayLike, triangles: ArrayLike, role: Role = "cloth") -> Report:
+def examine(name: str, positions: ArrayLike, triangles: ArrayLike, role: Role = "cloth") -> MeshReport:
     """Check raw arrays for all faults; their content raises no error.
 
     For a cloth every finding is an error but a "seam" (border vertices at one position that no triangle joins: panels
@@ -99,10 +99,10 @@ def examine(name: str, positions: ArrayLike, triangles: ArrayLike, role: Role = 
     points, faces = findings.table("positions", positions), findings.table("triangles", triangles)
     if points is not None and faces is not None:
         _examine_numbers(points, faces, findings)
-    return Report(name, tuple(findings.entries))
+    return MeshReport(name, tuple(findings.entries))
 
 
-def refuse(report: Report) -> None:
+def refuse(report: MeshReport) -> None:
     """Raise InputError where the report has errors: one line for each, then the remedies."""
     if report.errors:
         lines = [f"{report.name}: {finding.sentence}" for finding in report.errors]

@@ -255,7 +255,7 @@ def _slices(sizes: Sequence[int], start: int) -> tuple[slice, ...]:
 
 
 @dataclass(frozen=True)
-class Surface:
+class SurfaceRows:
     """A cloth or body.
 
     rows: of x; triangles (m, 3): in rows of x; moving: False where its positions are the same in all frames; rigid:
@@ -280,15 +280,15 @@ class Surface:
         return self.triangles - self.rows.start
 
 
-def world_surfaces(world: World) -> tuple[Surface, ...]:
+def world_surfaces(world: World) -> tuple[SurfaceRows, ...]:
     """The surfaces of a world in the order of its rows of x: cloths, then bodies."""
     cloths = [
-        Surface(cloth.name, "cloth", rows, cloth.triangles + rows.start, True)
+        SurfaceRows(cloth.name, "cloth", rows, cloth.triangles + rows.start, True)
         for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
     ]
     prescribed = len(world.prescribed_bodies)
     bodies = [
-        Surface(
+        SurfaceRows(
             body.name,
             "body",
             rows,
@@ -301,7 +301,7 @@ def world_surfaces(world: World) -> tuple[Surface, ...]:
     return (*cloths, *bodies)
 
 
-def check_surfaces(surfaces: Sequence[Surface]) -> None:
+def check_surfaces(surfaces: Sequence[SurfaceRows]) -> None:
     """InputError unless cloths, then bodies, at least one of them cloth or rigid, follow one another in x from row 0.
 
     There is no gap, but for the coordinates of rigid bodies between the cloths and the bodies.
@@ -320,10 +320,10 @@ def check_surfaces(surfaces: Sequence[Surface]) -> None:
         end = surface.rows.stop
 
 
-def same_surfaces(one: Sequence[Surface], other: Sequence[Surface]) -> bool:
+def same_surfaces(one: Sequence[SurfaceRows], other: Sequence[SurfaceRows]) -> bool:
     """True where both have the same names, rows, triangles and motions in the same order."""
 
-    def key(surface: Surface) -> tuple[object, ...]:
+    def key(surface: SurfaceRows) -> tuple[object, ...]:
         return surface.name, surface.role, surface.n_vertices, surface.moving
 
     return [key(s) for s in one] == [key(s) for s in other] and all(

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.record import FITTED_NAME
-from clothsim.files.exchange.animation import Animation, Part, PartFrame
+from clothsim.files.exchange.animation import AnimatedPart, Animation, PartFrame
 from clothsim.files.meshes.mesh_file import read_polygons
 from clothsim.files.meshes.polygons import Polygons
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
@@ -192,7 +192,7 @@ def _sample(times: Floats, time: float) -> Sample:
     return Sample(float(time), first, weight if weight > SAME_TIME else 0.0)
 
 
-def parts_of(run: "Run") -> tuple[tuple[Part, ...], tuple[str, ...]]:
+def parts_of(run: "Run") -> tuple[tuple[AnimatedPart, ...], tuple[str, ...]]:
     """The surfaces of a run; of its scene, where it can be built again, texture and panels; polygons of a fit."""
     trajectory, none = run.trajectory, np.zeros((0, 3, 2))
     cloths: dict[str, Cloth] = {}
@@ -201,7 +201,7 @@ def parts_of(run: "Run") -> tuple[tuple[Part, ...], tuple[str, ...]]:
         cloths = {cloth.name: cloth for cloth in _rest_cloths(run)}
     except InputError as error:
         notes = (f"Texture and panels are left out: {error.sentence}",)
-    parts: list[Part] = []
+    parts: list[AnimatedPart] = []
     file = run.directory / FITTED_NAME  # of a garment that was fitted, in the faces of its own file
     drawn = read_polygons(file) if file.is_file() else None
     for surface in trajectory.surfaces:
@@ -215,7 +215,7 @@ def parts_of(run: "Run") -> tuple[tuple[Part, ...], tuple[str, ...]]:
             notes = (*notes, *left_out)
         groups = {} if cloth is None else dict(cloth.groups)
         own = surface.own_triangles
-        parts.append(Part(surface.name, surface.role, own, texture, groups, surface.moving, joined))
+        parts.append(AnimatedPart(surface.name, surface.role, own, texture, groups, surface.moving, joined))
     return tuple(parts), notes
 
 

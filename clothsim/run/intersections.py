@@ -10,7 +10,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
-from clothsim.mesh.world import Surface, world_surfaces
+from clothsim.mesh.world import SurfaceRows, world_surfaces
 from clothsim.solve.stepping.failure import Failure, crossing_failure
 from clothsim.solve.stepping.state import State
 
@@ -32,7 +32,7 @@ class IntersectionCheck:
 
     Parameters
     ----------
-    surfaces : tuple of Surface
+    surfaces : tuple of SurfaceRows
         Cloths and bodies of the scene.
     on : frozenset of str
         Contact effects that are on.
@@ -42,7 +42,7 @@ class IntersectionCheck:
         Separations proved at the last state; None: each state is searched in full.
     """
 
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[SurfaceRows, ...]
     on: frozenset[str]
     excluded: frozenset[frozenset[str]]
     proofs: "ProvedSeparations | None" = None
@@ -108,7 +108,7 @@ class IntersectionCheck:
 
 
 def intersection_check_of(
-    surfaces: Sequence[Surface],
+    surfaces: Sequence[SurfaceRows],
     effects: Mapping[str, Any],
     on: Collection[str],
     proofs: "ProvedSeparations | None" = None,

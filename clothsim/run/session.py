@@ -19,7 +19,7 @@ from clothsim.solve.linear.dependent_rows import DependentRows
 from clothsim.solve.linear.linear_solvers import slowness
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.pardiso_library import load_library
-from clothsim.solve.linear.sparsity import Pattern, make_pattern
+from clothsim.solve.linear.sparsity import SparsityPattern, make_pattern
 from clothsim.solve.newton.convergence import LEAST_SPEED
 from clothsim.solve.newton.newton import NewtonSettings
 from clothsim.solve.newton.potential import Potential
@@ -162,12 +162,12 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
     return Session(scene, built, integrator, session.notes)
 
 
-def _system(pattern: Pattern, settings: Solver, dependent: DependentRows) -> System:
+def _system(pattern: SparsityPattern, settings: Solver, dependent: DependentRows) -> System:
     """The Newton matrix and its solver, by the scene's settings."""
     return System(pattern, settings.linear, settings.threads, dependent=dependent, repeatable=settings.repeatable)
 
 
-def _pattern(built: Built) -> Pattern:
+def _pattern(built: Built) -> SparsityPattern:
     """The blocks that the mesh and the energies couple at the start."""
     start = built.world.start()
     hessians = [energy.hessian(start) for energy in built.energies.values()]

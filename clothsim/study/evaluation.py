@@ -14,9 +14,9 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.record import read_summary, to_json
-from clothsim.study.points import BASE, Bench, Outcome, Point, predicted_seconds
+from clothsim.study.points import BASE, Bench, Point, PointOutcome, predicted_seconds
 from clothsim.study.resample import Material, at_points_of, material_of
-from clothsim.study.workers import SHORT, TIMES, Answer, Job, ProcessorTime, Runner
+from clothsim.study.workers import SHORT, TIMES, Answer, PointJob, ProcessorTime, Runner
 
 STUDY_NAME, FOLDER = "study.json", "points"
 FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
@@ -24,8 +24,8 @@ FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
 
 
 @dataclass(frozen=True)
-class Progress:
-    """Progress at the start or end of a run: runs done and known, CPU seconds so far, budget [s], label."""
+class StudyProgress:
+    """Progress of a study at the start or end of a run: runs done and known, CPU seconds so far, budget [s], label."""
 
     done: int
     known: int
@@ -52,23 +52,23 @@ class Gatherer:
     spent: ProcessorTime
     budget: float
     left: Callable[[], float]
-    progress: Callable[[Progress], None]
+    progress: Callable[[StudyProgress], None]
     stored: dict[str, dict[str, Any]]
-    outcomes: dict[Point, Outcome] = field(default_factory=dict)
+    outcomes: dict[Point, PointOutcome] = field(default_factory=dict)
     left_out: dict[Point, str] = field(default_factory=dict)
     begun: dict[str, float] = field(default_factory=dict)
     reused: int = 0
 
     def gather(self, points: Sequence[Point], fraction: float = 1.0) -> None:
         """Run the points, the cheapest first, where each fits into `fraction` of what is left of the budget."""
-        jobs: dict[str, tuple[Point, Job]] = {}
+        jobs: dict[str, tuple[Point, PointJob]] = {}
         for where in sorted((p for p in dict.fromkeys(points) if p not in self.outcomes), key=self._guess):
             try:
                 key, scene = self.bench.key(where), self.bench.scene(where)
             except InputError as error:
                 self.left_out[where] = error.sentence.rstrip(".")
                 continue
-            job = Job(scene.to_text(), self.warm, self._file(key), where.seed)
+            job = PointJob(scene.to_text(), self.warm, self._file(key), where.seed)
             if key in self.stored and self._reuse(where, key):
                 continue
             jobs[str(job.target)] = (where, job)
@@ -96,8 +96,8 @@ class Gatherer:
         missing = [where for where in points if where not in self.outcomes]
         return sum(_timed(predicted_seconds(where, done, self.bench.parameters)) for where in missing)
 
-    def _run(self, jobs: dict[str, tuple[Point, Job]], fraction: float) -> None:
-        def fits(job: Job) -> bool:
+    def _run(self, jobs: dict[str, tuple[Point, PointJob]], fraction: float) -> None:
+        def fits(job: PointJob) -> bool:
             where = jobs[str(job.target)][0]
             left, guess = self.left() - sum(self.begun.values()), _timed(self._guess(where))
             if guess > left * fraction:
@@ -118,7 +118,7 @@ class Gatherer:
             self._keep(where, answer, job)
             self._tell(where.label(), len(jobs) - done)
 
-    def _keep(self, where: Point, answer: Answer, job: Job) -> None:
+    def _keep(self, where: Point, answer: Answer, job: PointJob) -> None:
         key = self.bench.key(where)
         self.stored[key] = {"key": key, "label": where.label(), "settings": self._settings(where), **answer}
         self._reuse(where, key)
@@ -135,7 +135,7 @@ class Gatherer:
         self.reused += 1
         return True
 
-    def _outcome(self, where: Point, key: str) -> Outcome:
+    def _outcome(self, where: Point, key: str) -> PointOutcome:
         """The outcome of a stored point."""
         entry = self.stored[key]
         failed = str(entry.get("failed", ""))
@@ -144,7 +144,7 @@ class Gatherer:
         times = entry.get("seconds") or 0.0, entry.get("wall_seconds") or 0.0
         energy = np.nan if entry.get("energy") is None else entry["energy"]
         estimate = sum(each or 0.0 for each in entry.get("estimate", {}).values())
-        return Outcome(where, positions, *times, counts, energy, estimate, failed)
+        return PointOutcome(where, positions, *times, counts, energy, estimate, failed)
 
     def _positions(self, file: Path) -> Floats:
         with np.load(file) as arrays:
@@ -169,7 +169,7 @@ class Gatherer:
 
     def _tell(self, label: str, left: int) -> None:
         known = len(self.outcomes)
-        self.progress(Progress(known, known + left, self.spent.seconds(), self.budget, label))
+        self.progress(StudyProgress(known, known + left, self.spent.seconds(), self.budget, label))
 
 
 def _timed(seconds: float) -> float:

@@ -45,7 +45,7 @@ VARIANTS = {CONVERGENT: ("effects.bending.model", CONVERGENT)}
 
 
 @dataclass(frozen=True)
-class Outcome:
+class PointOutcome:
     """Outcome of the run of a point.
 
     positions (n, 3): of the base's material points at the end [m]; seconds: of the processor, warm-up apart;

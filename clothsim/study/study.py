@@ -23,7 +23,7 @@ from clothsim.engine import World, build
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
 from clothsim.study.error_control.resolution import Resolution, refinable_scene
-from clothsim.study.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
+from clothsim.study.evaluation import FOLDER, Gatherer, StudyProgress, stored_points, write_points
 from clothsim.study.goal_report import NamedGoal, goal_report, refuse_goal
 from clothsim.study.parameters import usable, with_explicit_lengths
 from clothsim.study.pictures import draw_study
@@ -125,7 +125,7 @@ def study_accuracy(
     parameters: Sequence[str] | None = None,
     budget: float = 120.0,
     workers: int | None = None,
-    progress: Callable[[Progress], None] = lambda done: None,
+    progress: Callable[[StudyProgress], None] = lambda done: None,
     runners: Callable[[int, ProcessorTime], AbstractContextManager[Runner]] = worker_processes,
     name: str = "the scene",
     stopped: Callable[[], bool] = lambda: False,
@@ -151,7 +151,7 @@ def study_accuracy(
     workers : int, optional
         Number of processes; None: one a core.
     progress : callable
-        Called with a `Progress` at the start and the end of each run.
+        Called with a `StudyProgress` at the start and the end of each run.
     runners : callable
         Context manager of a runner of jobs, given the number of processes and what counts their CPU seconds.
     name : str

@@ -34,7 +34,7 @@ TICK = 0.2
 
 
 @dataclass(frozen=True)
-class Job:
+class PointJob:
     """A scene's text, that of the one to warm up with, the file of the arrays, and the jitter's seed."""
 
     scene: str
@@ -60,7 +60,9 @@ class ProcessorTime:
 
 
 Answer = dict[str, Any]
-Runner = Callable[[Sequence[Job], Callable[[Job], bool], Callable[[], float]], Iterator[tuple[Job, Answer | None]]]
+Runner = Callable[
+    [Sequence[PointJob], Callable[[PointJob], bool], Callable[[], float]], Iterator[tuple[PointJob, Answer | None]]
+]
 """Runs jobs in their order: asks of each, when it is its turn, whether it still fits, and stops all when the function
 of the seconds that are left returns none.
 
@@ -76,9 +78,9 @@ class _Process:
     scratch: str
     spent: ProcessorTime
     process: "subprocess.Popen[str] | None" = None
-    job: Job | None = None
+    job: PointJob | None = None
 
-    def give(self, job: Job) -> None:
+    def give(self, job: PointJob) -> None:
         self.job = job
         if self.process is None:
             self.process = _started(self.scratch)
@@ -109,8 +111,8 @@ def worker_processes(count: int, spent: ProcessorTime) -> "Iterator[Runner]":
         processes = [_Process(answers, scratch, spent) for _ in range(count)]
 
         def run(
-            jobs: Sequence[Job], fits: Callable[[Job], bool], left: Callable[[], float]
-        ) -> Iterator[tuple[Job, Answer | None]]:
+            jobs: Sequence[PointJob], fits: Callable[[PointJob], bool], left: Callable[[], float]
+        ) -> Iterator[tuple[PointJob, Answer | None]]:
             return _run(processes, answers, list(jobs), fits, left)
 
         try:
@@ -123,10 +125,10 @@ def worker_processes(count: int, spent: ProcessorTime) -> "Iterator[Runner]":
 def _run(
     processes: Sequence[_Process],
     answers: "Queue[tuple[_Process, Answer]]",
-    waiting: list[Job],
-    fits: Callable[[Job], bool],
+    waiting: list[PointJob],
+    fits: Callable[[PointJob], bool],
     left: Callable[[], float],
-) -> Iterator[tuple[Job, Answer | None]]:
+) -> Iterator[tuple[PointJob, Answer | None]]:
     """Give the waiting jobs to the processes that are free, and yield what comes back."""
     while True:
         for worker in processes:

@@ -23,7 +23,7 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.text import text_table
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments.fit.pipeline import Task, seed_fit
-from clothsim.garments.fit.wear_check import Cost, cost_of
+from clothsim.garments.fit.wear_check import Distortion, cost_of
 from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.garments.penetration import Counts, counted
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
@@ -59,7 +59,7 @@ class Row:
     depth: float
     method: str
     left: Counts
-    cost: Cost
+    cost: Distortion
     passes: int
     seconds: float
     said: str = ""

@@ -32,7 +32,7 @@ from clothsim.scene.assembly.drape_model import DrapeModel, predicted
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
 from clothsim.study.farm.drape import drape
-from clothsim.study.farm.plan import Farm, Job, open_farm
+from clothsim.study.farm.plan import DrapeJob, Farm, open_farm
 from clothsim.study.farm.publication import processor
 from clothsim.study.farm.reading import CLOTH
 from clothsim.study.farm.status import manifest
@@ -97,7 +97,13 @@ def _nearest(known: Mapping[str, Mapping[str, Any]], values: Mapping[str, Any], 
 
 
 def _rows(
-    farm: Farm, job: Job, near: Job, base: World, starts: Mapping[str, Floats], model: DrapeModel, folder: Path
+    farm: Farm,
+    job: DrapeJob,
+    near: DrapeJob,
+    base: World,
+    starts: Mapping[str, Floats],
+    model: DrapeModel,
+    folder: Path,
 ) -> list[Row]:
     """The drape as the farm has it, and from each start."""
     scene, label, other = farm.scene_of(job), _drape(farm, job), world_of(farm.scene_of(near))
@@ -120,11 +126,11 @@ def _rows(
     return rows
 
 
-def _drape(farm: Farm, job: Job) -> Floats:
+def _drape(farm: Farm, job: DrapeJob) -> Floats:
     return np.load(farm.directory / "drapes" / job.id / CLOTH).astype(np.float64)
 
 
-def _summary(farm: Farm, job: Job) -> dict[str, Any]:
+def _summary(farm: Farm, job: DrapeJob) -> dict[str, Any]:
     return dict(json.loads((farm.directory / "drapes" / job.id / "summary.json").read_text(encoding="utf-8")))
 
 

@@ -16,7 +16,7 @@ from clothsim import InputError, check, load_scene
 from clothsim.base.file_reading import read_numbers, read_regular_file
 from clothsim.files.meshes import mesh_file
 from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
-from clothsim.files.meshes.polygons import Part
+from clothsim.files.meshes.polygons import MeshPart
 from clothsim.files.runs.checkpoint import read_checkpoint
 from clothsim.run.export import unpack_bundle
 
@@ -92,7 +92,7 @@ def test_a_pattern_of_everything_is_bounded(tmp_path, monkeypatch):
     assert len(files) == 7
     monkeypatch.setattr(mesh_file, "MOST_BYTES", 100)
     with pytest.raises(InputError, match="7 frames"):
-        read_frames(files, Part())
+        read_frames(files, MeshPart())
 
 
 READERS = {

@@ -24,7 +24,7 @@ from clothsim.files.meshes.mesh_file import ENDINGS, read_mesh
 from clothsim.files.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TrajectoryWriter, read_trajectory
 from clothsim.mesh.generators.shapes import sphere
-from clothsim.mesh.world import Surface
+from clothsim.mesh.world import SurfaceRows
 from clothsim.solve.stepping.state import State
 
 FEW = settings(
@@ -351,7 +351,7 @@ def test_a_trajectory_cut_short_is_refused_or_read(tmp_path, fraction):
     """Cut only: on some changed bytes the HDF5 library itself never returns."""
     path = tmp_path / "trajectory.vtkhdf"
     path.unlink(missing_ok=True)
-    surface = Surface("cloth", "cloth", slice(0, 3), np.array([[0, 1, 2]]), True)
+    surface = SurfaceRows("cloth", "cloth", slice(0, 3), np.array([[0, 1, 2]]), True)
     with TrajectoryWriter(path, [surface], stretches=False) as writer:
         writer.append(0.0, np.eye(3))
     content = path.read_bytes()
@@ -374,7 +374,7 @@ def test_a_trajectory_cut_short_is_refused_or_read(tmp_path, fraction):
 )
 def test_a_trajectory_that_contradicts_itself_is_refused(tmp_path, block, change, message):
     path = tmp_path / "trajectory.vtkhdf"
-    surface = Surface("cloth", "cloth", slice(0, 3), np.array([[0, 1, 2]]), True)
+    surface = SurfaceRows("cloth", "cloth", slice(0, 3), np.array([[0, 1, 2]]), True)
     with TrajectoryWriter(path, [surface], stretches=False) as writer:
         writer.append(0.0, np.eye(3))
     with h5py.File(path, "r+") as file:

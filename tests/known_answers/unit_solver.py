@@ -12,7 +12,7 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Energy, Off, Prescribed, Step
 from clothsim.physics.energies.hessians import ByElement, SumHessian
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.linear.sparsity import Pattern, make_pattern
+from clothsim.solve.linear.sparsity import SparsityPattern, make_pattern
 from clothsim.solve.newton.newton import Newton, NewtonResult, NewtonSettings
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.state import first_state
@@ -50,7 +50,7 @@ def held(x: Floats, vertices: Any) -> Prescribed:
     return Prescribed(rows, x[rows])
 
 
-def pattern_of(world: World, energies: Mapping[str, Energy], x: Floats) -> Pattern:
+def pattern_of(world: World, energies: Mapping[str, Energy], x: Floats) -> SparsityPattern:
     """The pattern of the Newton matrix of some energies."""
     return make_pattern(world.n_cloth, world.triangles, [energy.hessian(x) for energy in energies.values()])
 

@@ -5,7 +5,7 @@ import pytest
 from meshes import grid, irregular_grid
 
 from clothsim.base.errors import InputError
-from clothsim.mesh.checks import Report, examine, index_text, refuse
+from clothsim.mesh.checks import MeshReport, examine, index_text, refuse
 from clothsim.mesh.generators.shapes import rectangle, tube
 
 NX = 6
@@ -141,7 +141,7 @@ def test_one_fault_is_one_finding_with_its_place(fault):
 
 def test_a_sound_mesh_has_no_findings():
     report = examine("tee", *irregular_grid())
-    assert report == Report("tee", ())
+    assert report == MeshReport("tee", ())
     refuse(report)
 
 

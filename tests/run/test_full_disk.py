@@ -78,7 +78,7 @@ def test_the_space_reserved_for_a_frame_is_enough(tmp_path, monkeypatch):
         sizes.append((path.stat().st_size, size))
 
     monkeypatch.setattr(trajectory, "require_space", reserved)
-    surface = trajectory.Surface("cloth", "cloth", slice(0, 500), np.arange(498)[:, None] + [0, 1, 2], True)
+    surface = trajectory.SurfaceRows("cloth", "cloth", slice(0, 500), np.arange(498)[:, None] + [0, 1, 2], True)
     noise = np.random.default_rng(0)
     with trajectory.TrajectoryWriter(tmp_path / "a", [surface]) as writer:
         for frame in range(520):

@@ -12,7 +12,7 @@ from clothsim.base.errors import InputError
 from clothsim.cli import main
 from clothsim.cli.study_command import as_seconds, shown, terminated
 from clothsim.scene.scene import scene_from_text
-from clothsim.study.evaluation import Progress
+from clothsim.study.evaluation import StudyProgress
 
 SCENE = """
 [cloth]
@@ -111,7 +111,7 @@ def test_bad_times(text):
 def test_progress_lines_are_few(capsys):
     with shown(quiet=False) as on_progress:
         for second in range(20):
-            on_progress(Progress(second, 20, float(second), 120.0, "dt +1"))
+            on_progress(StudyProgress(second, 20, float(second), 120.0, "dt +1"))
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "0.0 s of 2:00 min: 0 runs done, 20 to go (dt +1)"
     assert len(lines) == 4

@@ -6,14 +6,14 @@ import numpy as np
 from small_scenes import small_scene, without
 
 from clothsim.study import workers
-from clothsim.study.workers import JITTER, Job, ProcessorTime, _started, answer, worker_processes
+from clothsim.study.workers import JITTER, PointJob, ProcessorTime, _started, answer, worker_processes
 
 SCENE = small_scene(effects=without("body_contact"), body=(), run={"duration": 0.04, "frames_per_second": 25})
 
 
 def test_a_run_that_is_too_long_is_stopped_when_the_budget_is_spent(tmp_path, monkeypatch):
     endless = replace(SCENE, run={"duration": 1000.0, "frames_per_second": 25}).to_text()
-    jobs = [Job(endless, endless, tmp_path / f"{k}.npz") for k in range(3)]
+    jobs = [PointJob(endless, endless, tmp_path / f"{k}.npz") for k in range(3)]
     begun = []
     monkeypatch.setattr(workers, "_started", lambda scratch: begun.append(_started(scratch)) or begun[-1])
     spent = ProcessorTime()
@@ -27,7 +27,7 @@ def test_a_run_that_is_too_long_is_stopped_when_the_budget_is_spent(tmp_path, mo
 
 
 def test_jobs_that_do_not_fit_start_no_process(tmp_path):
-    job = Job("", "", tmp_path / "a.npz")
+    job = PointJob("", "", tmp_path / "a.npz")
     with worker_processes(1, ProcessorTime()) as run:
         assert list(run([job], lambda job: False, lambda: 10.0)) == [(job, None)]
 

@@ -12,7 +12,7 @@ from clothsim.base.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)
-class Part:
+class AnimatedPart:
     """A cloth or body; all but its positions is the same in all frames.
 
     Attributes
@@ -101,7 +101,7 @@ class Animation:
 
     Attributes
     ----------
-    parts : tuple of Part
+    parts : tuple of AnimatedPart
         Cloths, then bodies.
     times : (k,) ndarray
         Of the frames [s].
@@ -119,7 +119,7 @@ class Animation:
         True for one frame that is to be a still file.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[AnimatedPart, ...]
     times: Floats
     rate: float
     unit: float
@@ -134,13 +134,13 @@ def linear_rgb(colours: Floats) -> Floats:
     return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 
-def flat_texture(part: Part) -> tuple[Floats, Ints]:
+def flat_texture(part: AnimatedPart) -> tuple[Floats, Ints]:
     """Different texture coordinates (t, 2), and the row of each corner (m, 3)."""
     rows, corners = np.unique(part.texture.reshape(-1, 2), axis=0, return_inverse=True)
     return rows, corners.reshape(-1, 3).astype(np.int64)
 
 
-def split_vertices(part: Part, count: int) -> tuple[Ints, Ints, Floats]:
+def split_vertices(part: AnimatedPart, count: int) -> tuple[Ints, Ints, Floats]:
     """Rows of a mesh whose vertices have one texture coordinate each.
 
     Returns
@@ -177,7 +177,7 @@ def vertex_means(values: Floats, triangles: Ints, count: int) -> Floats:
     return np.where(number > 0, np.bincount(corners, np.repeat(values, 3), count) / np.maximum(number, 1), 1.0)
 
 
-def group_runs(part: Part) -> list[tuple[tuple[str, ...], int, int]]:
+def group_runs(part: AnimatedPart) -> list[tuple[tuple[str, ...], int, int]]:
     """Runs of consecutive triangles of the same groups: names of the groups, first triangle, one behind the last."""
     names = list(part.groups)
     member = np.zeros((len(part.triangles), len(names)), bool)

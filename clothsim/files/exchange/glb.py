@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
-from clothsim.files.exchange.animation import Animation, Part, PartFrame, linear_rgb, split_vertices
+from clothsim.files.exchange.animation import AnimatedPart, Animation, PartFrame, linear_rgb, split_vertices
 
 FLOAT, UNSIGNED_INT, UNSIGNED_BYTE = 5126, 5125, 5121
 VERTICES, INDICES = 34962, 34963
@@ -122,7 +122,7 @@ def glb_bytes(animation: Animation) -> bytes:
     return buffer.glb(_document(animation, meshes, _animation(buffer, animation, meshes, moving)))
 
 
-def _base(buffer: GlbBuffer, part: Part, shape: PartFrame, split: tuple[Ints, Ints, Floats]) -> dict[str, Any]:
+def _base(buffer: GlbBuffer, part: AnimatedPart, shape: PartFrame, split: tuple[Ints, Ints, Floats]) -> dict[str, Any]:
     """The mesh of a part in the first frame."""
     vertices, triangles, texture = split
     attributes = {
@@ -142,7 +142,7 @@ def _base(buffer: GlbBuffer, part: Part, shape: PartFrame, split: tuple[Ints, In
     }
 
 
-def panels(part: Part) -> dict[str, Ints]:
+def panels(part: AnimatedPart) -> dict[str, Ints]:
     """Triangles of each primitive by name: the panels, each triangle in its first, and the rest under the part's."""
     free, found = np.ones(len(part.triangles), bool), {}
     for name, own in part.groups.items():

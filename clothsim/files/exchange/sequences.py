@@ -24,8 +24,8 @@ import numpy as np
 from clothsim.base.arrays import Ints
 from clothsim.base.file_writing import replacing, write_atomically
 from clothsim.files.exchange.animation import (
+    AnimatedPart,
     Animation,
-    Part,
     PartFrame,
     different,
     flat_texture,
@@ -77,7 +77,7 @@ def frame_text(animation: Animation, frame: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _part_lines(name: str, part: Part, shape: PartFrame, counts: list[int]) -> list[str]:
+def _part_lines(name: str, part: AnimatedPart, shape: PartFrame, counts: list[int]) -> list[str]:
     """The lines of a surface; counts: vertices and texture coordinates before it, which grow."""
     lines = [f"o {name}"]
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.points.tolist()]
@@ -101,7 +101,7 @@ def _part_lines(name: str, part: Part, shape: PartFrame, counts: list[int]) -> l
     return lines
 
 
-def still_mesh(part: Part, shape: PartFrame) -> bytes:
+def still_mesh(part: AnimatedPart, shape: PartFrame) -> bytes:
     """An OBJ of one surface."""
     return ("\n".join(_part_lines(one_word(part.name), part, shape, [0, 0])) + "\n").encode()
 
@@ -148,7 +148,7 @@ def frame_bytes(animation: Animation, frame: int) -> bytes:
     return "\n".join(header).encode() + b"".join([*(each.tobytes() for each in vertices), *faces])
 
 
-def _ply_faces(part: Part, triangles: Ints) -> bytes:
+def _ply_faces(part: AnimatedPart, triangles: Ints) -> bytes:
     """The faces of a surface: for each a byte with the number of its corners, then these."""
     corners, sizes = part.corners(triangles)
     starts = np.cumsum(sizes) - sizes
@@ -161,7 +161,7 @@ def _ply_faces(part: Part, triangles: Ints) -> bytes:
     return packed.tobytes()
 
 
-def _ply_part(part: Part, shape: PartFrame) -> tuple[np.ndarray, np.ndarray]:
+def _ply_part(part: AnimatedPart, shape: PartFrame) -> tuple[np.ndarray, np.ndarray]:
     """The vertices of a surface, and its triangles by their rows."""
     split, triangles, texture = split_vertices(part, len(shape.points))
     rows = np.zeros(len(split), _VERTEX)

@@ -13,8 +13,8 @@ import numpy as np
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.base.file_writing import replacing
 from clothsim.files.exchange.animation import (
+    AnimatedPart,
     Animation,
-    Part,
     PartFrame,
     different,
     flat_texture,
@@ -79,7 +79,7 @@ def time_code(animation: Animation, time: float) -> float:
     return float(round(code)) if abs(code - round(code)) < 1e-6 else float(code)
 
 
-def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animation) -> Any:
+def _mesh(stage: Any, path: str, part: AnimatedPart, shape: PartFrame, animation: Animation) -> Any:
     """A mesh with all that is the same at all times."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     vertices, sizes = part.corners(part.triangles)
@@ -112,7 +112,7 @@ def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animat
     return mesh
 
 
-def _sample(mesh: Any, part: Part, shape: PartFrame, code: Any) -> None:
+def _sample(mesh: Any, part: AnimatedPart, shape: PartFrame, code: Any) -> None:
     """Write what changes at a time."""
     points = shape.points.astype(np.float32)
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(points), code)

@@ -8,7 +8,7 @@ from clothsim.base.file_writing import replacing
 from clothsim.files.exchange.animation import Animation
 from clothsim.files.runs.trajectory import TrajectoryWriter
 from clothsim.files.runs.vtkhdf import FrameArray
-from clothsim.mesh.world import Surface
+from clothsim.mesh.world import SurfaceRows
 
 STRETCH = FrameArray("stretch", "triangle")
 
@@ -23,7 +23,7 @@ def write(animation: Animation, target: Path) -> None:
     surfaces, start = [], 0
     for part, shape in zip(animation.parts, animation.at(0), strict=True):
         rows = slice(start, start + len(shape.points))
-        surfaces.append(Surface(part.name, part.role, rows, part.triangles + start, part.moving))
+        surfaces.append(SurfaceRows(part.name, part.role, rows, part.triangles + start, part.moving))
         start = rows.stop
     with replacing(target) as beside, TrajectoryWriter(beside, surfaces, stretches=False, fields=[STRETCH]) as writer:
         for k, time in enumerate(animation.times):

@@ -22,7 +22,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import bounded_decompression, read_regular_file
 from clothsim.base.own_process import in_own_process
-from clothsim.files.meshes.polygons import MeshFile, Part, Polygons, choose, cut_polygons
+from clothsim.files.meshes.polygons import MeshFile, MeshPart, Polygons, choose, cut_polygons
 from clothsim.files.meshes.readers.gmsh import read_msh
 from clothsim.files.meshes.readers.obj import read_obj
 from clothsim.files.meshes.readers.vtk_legacy import read_vtk
@@ -210,7 +210,7 @@ def read_mesh(
     """
     file = Path(path)
     polygons = read_polygons(file)
-    part = Part(scale, group, component, vertices)
+    part = MeshPart(scale, group, component, vertices)
     return choose(file, polygons, cut_polygons(polygons), part)
 
 
@@ -314,14 +314,14 @@ def frame_files(directory: Path, pattern: str) -> list[Path]:
     return [directory / name for name in sorted(names, key=lambda name: (_natural(name), name))]
 
 
-def read_frames(files: Sequence[Path], part: Part, rate: float = 25.0) -> tuple[MeshFile, Floats]:
+def read_frames(files: Sequence[Path], part: MeshPart, rate: float = 25.0) -> tuple[MeshFile, Floats]:
     """Read the frames of an animation.
 
     Parameters
     ----------
     files : sequence of Path
         Meshes of the same vertices and faces.
-    part : Part
+    part : MeshPart
         The part of each file, and its unit.
     rate : float
         Frames a second that are taken of one USD file, which has its own times.
@@ -345,7 +345,7 @@ def read_frames(files: Sequence[Path], part: Part, rate: float = 25.0) -> tuple[
     return _one_topology(files, (read_polygons(file) for file in files), part)
 
 
-def _one_topology(files: Sequence[Path], states: Iterator[Polygons], part: Part) -> tuple[MeshFile, Floats]:
+def _one_topology(files: Sequence[Path], states: Iterator[Polygons], part: MeshPart) -> tuple[MeshFile, Floats]:
     """The mesh and the frames of polygons that have the faces of the first; files: where each comes from."""
     first = next(states)
     cut = cut_polygons(first)

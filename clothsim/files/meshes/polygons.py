@@ -115,7 +115,7 @@ class MeshFile:
 
 
 @dataclass(frozen=True)
-class Part:
+class MeshPart:
     """A part of a file and its unit: the keywords of `read_mesh`."""
 
     scale: float = 1.0
@@ -124,7 +124,7 @@ class Part:
     vertices: Sequence[int] | None = None
 
 
-def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...]], part: Part) -> MeshFile:
+def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...]], part: MeshPart) -> MeshFile:
     """The `part` of `polygons` with the triangles `cut`, which `cut_polygons` made. InputError names `file`."""
     factor = as_positive("scale", part.scale)
     corner_rows, faces, messages = cut

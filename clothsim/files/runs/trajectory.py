@@ -30,7 +30,7 @@ from clothsim.files.runs.vtkhdf import (
     set_frame_count,
     write_frame,
 )
-from clothsim.mesh.world import Surface, check_surfaces, same_surfaces
+from clothsim.mesh.world import SurfaceRows, check_surfaces, same_surfaces
 
 TRAJECTORY_NAME = "trajectory.vtkhdf"
 
@@ -41,7 +41,7 @@ class TrajectoryWriter:
     def __init__(
         self,
         path: str | Path,
-        surfaces: Sequence[Surface],
+        surfaces: Sequence[SurfaceRows],
         resume_at: int | None = None,
         stretches: bool = True,
         fields: Sequence[FrameArray] = (),
@@ -52,7 +52,7 @@ class TrajectoryWriter:
         ----------
         path : str or Path
             The file.
-        surfaces : sequence of Surface
+        surfaces : sequence of SurfaceRows
             Cloths, then bodies, in the order of their rows of x.
         resume_at : int, optional
             Number of frames to keep of an existing file.
@@ -166,7 +166,7 @@ class TrajectoryWriter:
         return parts
 
 
-def _row_count(surface: Surface, array: FrameArray) -> int:
+def _row_count(surface: SurfaceRows, array: FrameArray) -> int:
     return surface.n_vertices if array.location == "vertex" else len(surface.triangles)
 
 
@@ -176,7 +176,7 @@ class Trajectory:
 
     path: Path
     times: Floats
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[SurfaceRows, ...]
 
     @property
     def cloth_names(self) -> tuple[str, ...]:
@@ -220,7 +220,7 @@ class Trajectory:
             raise InputError(f"{self.path} holds no {name}.")
         return np.concatenate(parts)
 
-    def _points(self, frame: int, role: str) -> list[tuple[Surface, Floats]]:
+    def _points(self, frame: int, role: str) -> list[tuple[SurfaceRows, Floats]]:
         i, points = self._number(frame), []
         with _opened(self.path) as file:
             for surface, block in zip(self.surfaces, blocks(file), strict=True):
@@ -250,15 +250,15 @@ def read_trajectory(path: str | Path) -> Trajectory:
         return Trajectory(Path(path), steps["Values"][: int(steps.attrs["NSteps"])], _read_surfaces(file))
 
 
-def _read_surfaces(file: h5py.File) -> tuple[Surface, ...]:
-    surfaces: list[Surface] = []
+def _read_surfaces(file: h5py.File) -> tuple[SurfaceRows, ...]:
+    surfaces: list[SurfaceRows] = []
     start = 0
     for block in blocks(file):
         stop = start + int(block["NumberOfPoints"][0])
         triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
         name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
         rigid = bool(block.attrs.get("Rigid", 0))
-        surfaces.append(Surface(name, role, slice(start, stop), triangles, bool(moving), rigid))
+        surfaces.append(SurfaceRows(name, role, slice(start, stop), triangles, bool(moving), rigid))
         if triangles.size and not start <= triangles.min() <= triangles.max() < stop:
             raise ValueError(f"{name} has triangles of vertices that are not there")
         start = stop
@@ -266,7 +266,7 @@ def _read_surfaces(file: h5py.File) -> tuple[Surface, ...]:
     return tuple(surfaces)
 
 
-def _create(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
+def _create(path: Path, surfaces: tuple[SurfaceRows, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
     try:
         # Without a lock, so that a viewer may look at a run while it goes on.
         file = h5py.File(path, "w", locking=False)
@@ -285,7 +285,7 @@ def _create(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray,
     return file
 
 
-def _resume(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
+def _resume(path: Path, surfaces: tuple[SurfaceRows, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
     trajectory = read_trajectory(path)
     if not 0 <= frames <= len(trajectory.times):
         raise InputError(f"{path} holds {len(trajectory.times)} frames, so no run can go on from frame {frames}.")

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Ints
-from clothsim.mesh.world import Surface
+from clothsim.mesh.world import SurfaceRows
 
 _TABLE_ROWS = 256
 _INDEX_BYTES = 6_144
@@ -58,7 +58,7 @@ class FrameArray:
 STRETCHES = FrameArray("principal_stretches", "triangle", (2,))
 
 
-def lay_out(file: h5py.File, surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> None:
+def lay_out(file: h5py.File, surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> None:
     """Write the parts that are the same in every frame into the empty `file`."""
     root = file.create_group("VTKHDF", track_order=True)
     _mark(root, "MultiBlockDataSet")
@@ -107,7 +107,7 @@ def grow_tables(file: h5py.File, frame: int) -> None:
             _write_offsets(block[array.offsets], rows, rows_of(block, array))
 
 
-def frame_bytes(surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> int:
+def frame_bytes(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
     """Upper bound on the bytes that a frame adds, uncompressed, with the pieces of index and tables that it may add."""
     size = _INDEX_BYTES * (3 + len(surfaces) * (3 + 2 * len(arrays)))
     for surface in surfaces:
@@ -118,7 +118,7 @@ def frame_bytes(surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> in
     return size + size // 100  # gzip adds up to that to what it cannot compress
 
 
-def layout_bytes(surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> int:
+def layout_bytes(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
     """Upper bound on the bytes of `lay_out`."""
     blocks_size = _INDEX_BYTES * (3 + len(surfaces) * (10 + 2 * len(arrays)))
     return blocks_size + sum(40 * len(surface.triangles) for surface in surfaces)
@@ -142,7 +142,7 @@ def blocks(file: h5py.File) -> Iterator[h5py.Group]:
     return (root[f"surface{k}"] for k in range(len(root["Assembly"])))
 
 
-def arrays_for(surface: Surface, arrays: Sequence[FrameArray]) -> list[FrameArray]:
+def arrays_for(surface: SurfaceRows, arrays: Sequence[FrameArray]) -> list[FrameArray]:
     """The arrays of a surface's role."""
     return [array for array in arrays if array.role == surface.role]
 
@@ -162,7 +162,7 @@ def rows_of(block: h5py.Group, array: FrameArray) -> int:
     return int(block["NumberOfPoints" if array.location == "vertex" else "Polygons/NumberOfCells"][0])
 
 
-def _create_block(block: h5py.Group, surface: Surface, shared: h5py.Group, arrays: Sequence[FrameArray]) -> None:
+def _create_block(block: h5py.Group, surface: SurfaceRows, shared: h5py.Group, arrays: Sequence[FrameArray]) -> None:
     triangles = surface.own_triangles
     _mark(block, "PolyData")
     block.attrs.update({"Name": surface.name, "Role": surface.role, "Moving": int(surface.moving)})

@@ -126,7 +126,7 @@ PERCENTILES = (1.0, 99.0)
 
 
 @dataclass(frozen=True)
-class Cost:
+class Distortion:
     """Distortion of a fitted garment.
 
     Attributes
@@ -149,7 +149,7 @@ class Cost:
         return {"stretch_low": self.low, "stretch_high": self.high, "displacement": self.displacement}
 
 
-def cost_of(garment: Garment, positions: Floats, worn: Floats | None = None) -> Cost:
+def cost_of(garment: Garment, positions: Floats, worn: Floats | None = None) -> Distortion:
     """Distortion of the garment at `positions` (n, 3) [m]; worn (n, 3) [m]: its place on that body; None: as given."""
     planes = triangle_planes(garment.positions, garment.triangles)
     edges = np.stack([planes[:, 1] - planes[:, 0], planes[:, 2] - planes[:, 0]], axis=2)
@@ -157,4 +157,4 @@ def cost_of(garment: Garment, positions: Floats, worn: Floats | None = None) -> 
     stretches = np.asarray(principal_stretches(np.asarray(F)), np.float64)
     low, high = np.percentile(stretches, PERCENTILES)
     moved = np.linalg.norm(positions - (garment.positions if worn is None else worn), axis=1)
-    return Cost(stretches, float(low), float(high), float(moved.max()))
+    return Distortion(stretches, float(low), float(high), float(moved.max()))

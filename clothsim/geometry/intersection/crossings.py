@@ -11,7 +11,7 @@ from clothsim.geometry.intersection.intersecting_pairs import LIMIT, intersectin
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 
 
-class Surface(Protocol):
+class CheckedSurface(Protocol):
     """A cloth or a body of a scene; `triangles (m, 3)` are rows of x."""
 
     @property
@@ -65,7 +65,7 @@ class Crossing:
 
 
 def crossings(
-    x: Floats, parts: Sequence[Surface], limit: int = LIMIT, proofs: ProvedSeparations | None = None
+    x: Floats, parts: Sequence[CheckedSurface], limit: int = LIMIT, proofs: ProvedSeparations | None = None
 ) -> tuple[Crossing, ...]:
     """All intersections of cloths with bodies, with themselves and with each other, and of rigid bodies with bodies.
 
@@ -75,7 +75,7 @@ def crossings(
     ----------
     x : (N, 3) array
         Positions of all vertices [m].
-    parts : sequence of Surface
+    parts : sequence of CheckedSurface
         Cloths, then bodies.
     limit : int
         Number of triangle pairs at which a search ends.
@@ -112,8 +112,8 @@ def crossings(
 
 def _between(
     x: Floats,
-    cloths: Sequence[Surface],
-    bodies: Sequence[Surface] | None,
+    cloths: Sequence[CheckedSurface],
+    bodies: Sequence[CheckedSurface] | None,
     limit: int,
     proofs: ProvedSeparations | None,
 ) -> list[Crossing]:
@@ -142,7 +142,7 @@ def _between(
     return found
 
 
-def _together(parts: Sequence[Surface]) -> tuple[Ints, Ints]:
+def _together(parts: Sequence[CheckedSurface]) -> tuple[Ints, Ints]:
     """Triangles of all parts, and the first of each."""
     counts = [len(part.triangles) for part in parts]
     return np.concatenate([part.triangles for part in parts]), np.cumsum([0, *counts[:-1]])

@@ -82,7 +82,7 @@ class ProvedSeparations:
     """The proofs of the searches of a scene: those of one state, which the next one uses and replaces."""
 
     def __init__(self) -> None:
-        self._searches: list[_Search] = []
+        self._searches: list[_PairProof] = []
         self._effort = Effort()
 
     def take_effort(self) -> Effort:
@@ -110,7 +110,7 @@ class ProvedSeparations:
         x = as_points("positions", positions)
         search = next((each for each in self._searches if each.is_of(len(x), first, second)), None)
         if search is None:
-            search = _Search(first, second, len(x))
+            search = _PairProof(first, second, len(x))
             self._searches.append(search)
         search.idle = 0
         if not search.abandoned:
@@ -129,7 +129,7 @@ class ProvedSeparations:
         self._searches = [search for search in self._searches if search.idle <= IDLE]
 
 
-class _Search:
+class _PairProof:
     """All pairs of two surfaces, or of one with itself.
 
     Parameters

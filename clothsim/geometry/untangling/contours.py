@@ -176,7 +176,7 @@ MOSTLY = 0.5
 
 
 @dataclass(frozen=True)
-class Mesh:
+class FilledMesh:
     """Surfaces that are filled.
 
     triangles (m, 3); edges (e, 2), sorted; areas (n,) of the vertices at rest [m2].
@@ -187,14 +187,14 @@ class Mesh:
     areas: Floats
 
 
-def make_mesh(triangles: Ints, areas: Floats, n_vertices: int) -> Mesh:
+def make_mesh(triangles: Ints, areas: Floats, n_vertices: int) -> FilledMesh:
     """Return the surfaces of `triangles (m, 3)` with `areas (m,)` [m2]."""
     of_vertices = np.bincount(triangles.ravel(), np.repeat(areas / 3, 3), minlength=n_vertices).astype(np.float64)
-    return Mesh(triangles, unique_edges(triangles), of_vertices)
+    return FilledMesh(triangles, unique_edges(triangles), of_vertices)
 
 
 @dataclass(frozen=True)
-class Sides:
+class InsideEnds:
     """Inside ends of cut edges.
 
     Parameters
@@ -228,7 +228,7 @@ class Region:
     is_old: bool
 
 
-def sides(mesh: Mesh, found: EdgeTriangleIntersections, graph: Contours, inside_before: Flags) -> Sides:
+def sides(mesh: FilledMesh, found: EdgeTriangleIntersections, graph: Contours, inside_before: Flags) -> InsideEnds:
     """Return the inside end of each intersection's edge: of one curve for each contour."""
     n = len(mesh.areas)
     rows = np.searchsorted(mesh.edges[:, 0] * n + mesh.edges[:, 1], found.edges[:, 0] * n + found.edges[:, 1])
@@ -246,11 +246,11 @@ def sides(mesh: Mesh, found: EdgeTriangleIntersections, graph: Contours, inside_
         chosen = _chosen(candidates)
         inner[chosen.intersections] = chosen.inner
         inside |= chosen.vertices
-    return Sides(inner, ~np.isin(graph.contour, list(regions)), inside)
+    return InsideEnds(inner, ~np.isin(graph.contour, list(regions)), inside)
 
 
 def _region(
-    mesh: Mesh, found: EdgeTriangleIntersections, patch: Ints, rows: Ints, own: Ints, before: Flags
+    mesh: FilledMesh, found: EdgeTriangleIntersections, patch: Ints, rows: Ints, own: Ints, before: Flags
 ) -> Region | None:
     """The smaller side of the curve with the intersections `own`, of edges `rows`; None for an open curve."""
     times = np.zeros(rows.max(initial=-1) + 1, np.int64)
@@ -282,7 +282,7 @@ def _chosen(candidates: list[Region]) -> Region:
     return min(candidates, key=lambda region: (not region.is_old, region.is_disc, region.area, region.intersections[0]))
 
 
-def _is_disc(mesh: Mesh, inside: Flags) -> bool:
+def _is_disc(mesh: FilledMesh, inside: Flags) -> bool:
     """True where the part of the mesh on the flagged vertices has Euler characteristic 1."""
     edges = np.count_nonzero(inside[mesh.edges].all(axis=1))
     faces = np.count_nonzero(inside[mesh.triangles].all(axis=1))

@@ -17,8 +17,8 @@ from clothsim.geometry.kinematics.deformation_gradient import deformation_gradie
 from clothsim.geometry.untangling.contours import (
     Contours,
     EdgeTriangleIntersections,
+    FilledMesh,
     Flags,
-    Mesh,
     contours,
     edge_triangle_intersections,
     sides,
@@ -205,7 +205,7 @@ Part = tuple[Ints, Floats, Floats]
 
 def displacement_targets(
     x: Floats,
-    mesh: Mesh,
+    mesh: FilledMesh,
     solid: Ints,
     pairs: tuple[Ints, Ints],
     inside_before: Flags,
@@ -230,7 +230,7 @@ def displacement_targets(
 
 
 def _cloth_targets(
-    x: Floats, mesh: Mesh, own: Ints, inside_before: Flags, layers: Ints | None, gap: float, step: float
+    x: Floats, mesh: FilledMesh, own: Ints, inside_before: Flags, layers: Ints | None, gap: float, step: float
 ) -> tuple[list[Part], Flags]:
     """Targets for the contours of cloth with cloth, and the vertices inside."""
     x = _leave_planes(x, mesh.triangles, own, JITTER * step)
@@ -285,7 +285,7 @@ def _pull_through(triangles: Ints, found: EdgeTriangleIntersections, inner: Ints
     return doubled, np.column_stack([np.ones(len(rows)), np.zeros(len(rows)), -found.barycentric[rows]]), shifts
 
 
-def _part_touching(x: Floats, mesh: Mesh, pairs: Ints, gap: float) -> Part:
+def _part_touching(x: Floats, mesh: FilledMesh, pairs: Ints, gap: float) -> Part:
     """Pairs without an intersection, coplanar or folded onto one another: their corners part along the mean normal."""
     one, other = mesh.triangles[pairs[:, 0]], mesh.triangles[pairs[:, 1]]
     normal = [np.cross(x[t[:, 1]] - x[t[:, 0]], x[t[:, 2]] - x[t[:, 0]]) for t in (one, other)]

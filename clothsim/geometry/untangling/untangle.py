@@ -15,7 +15,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints, as_points, as_triangles
 from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
-from clothsim.geometry.untangling.contours import Flags, Mesh, make_mesh
+from clothsim.geometry.untangling.contours import FilledMesh, Flags, make_mesh
 from clothsim.geometry.untangling.displacement_targets import NO_TARGETS, Sheet, displacement_targets
 from clothsim.mesh.cloth import triangle_planes
 
@@ -63,7 +63,7 @@ class Untangled:
 
 
 @dataclass
-class State:
+class UntanglingState:
     """Positions (n, 3) [m], their intersecting pairs, and the vertices inside (n,) of the round before."""
 
     x: Floats
@@ -78,7 +78,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Search:
+class UntanglingSearch:
     """Rounds from positions x: sheet, mesh, body (positions, triangles behind those of the cloth), layers, gap [m].
 
     relieves: True where strain beyond the limits is relieved also where nothing intersects.
@@ -86,7 +86,7 @@ class Search:
 
     x: Floats
     sheet: Sheet
-    mesh: Mesh
+    mesh: FilledMesh
     obstacle: Floats
     solid: Ints
     layers: Ints | None
@@ -111,13 +111,13 @@ class Search:
         end = "rounds" if done == rounds else "stalled"
         return Untangled(best.x, start.count, best.count, done, end, self.point(best))
 
-    def examine(self, x: Floats, inside: Flags) -> State:
+    def examine(self, x: Floats, inside: Flags) -> UntanglingState:
         """The intersecting pairs at x."""
         everything, faces = np.concatenate([x, self.obstacle]), self.mesh.triangles
         with_body = intersecting_pairs(everything, faces, self.solid)
-        return State(x, intersecting_pairs(everything, faces), with_body, inside)
+        return UntanglingState(x, intersecting_pairs(everything, faces), with_body, inside)
 
-    def advance(self, state: State, step: float, wider: float) -> State:
+    def advance(self, state: UntanglingState, step: float, wider: float) -> UntanglingState:
         """The state after a round whose targets are at most `step` long [m]; wider: factor of their spread."""
         everything, pairs = np.concatenate([state.x, self.obstacle]), (state.own, state.with_body)
         targets, inside = displacement_targets(
@@ -141,7 +141,7 @@ class Search:
             x = x + fraction * moved
         return x
 
-    def point(self, state: State) -> Floats:
+    def point(self, state: UntanglingState) -> Floats:
         """A point of the first pair [m]."""
         everything, faces = np.concatenate([state.x, self.obstacle]), self.mesh.triangles
         pairs, other = (state.own, faces) if len(state.own) else (state.with_body, self.solid)
@@ -209,7 +209,7 @@ def untangle(
     mesh = make_mesh(faces, sheet.areas, len(x))
     step = float(np.median(np.linalg.norm(shape - np.roll(shape, 1, axis=1), axis=2)))
     apart = 0.1 * step if gap is None else float(gap)
-    search = Search(x, sheet, mesh, obstacle, solid, layers, apart, limits is not None)
+    search = UntanglingSearch(x, sheet, mesh, obstacle, solid, layers, apart, limits is not None)
     return search.run(step, rounds)
 
 

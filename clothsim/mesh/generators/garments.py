@@ -83,7 +83,7 @@ LEAST_EASE, SAGITTA, MOST_EASE = 0.003, 3.0, 0.06
 
 
 @dataclass(frozen=True)
-class Pattern:
+class Construction:
     """Construction of a garment on the template.
 
     Parameters
@@ -105,12 +105,12 @@ class Pattern:
     high: tuple[float, float, float]
 
 
-def garment_mesh(pattern: Pattern, proportions: Proportions, ease: float, edge: float) -> tuple[Floats, Ints]:
+def garment_mesh(pattern: Construction, proportions: Proportions, ease: float, edge: float) -> tuple[Floats, Ints]:
     """Mesh a garment on the mannequin of `proportions`.
 
     Parameters
     ----------
-    pattern : Pattern
+    pattern : Construction
         Construction on the template.
     proportions : Proportions
         Proportions to which the mesh is warped.
@@ -220,7 +220,7 @@ def shirt(
         cut((ARM, _SHOULDER + length * ARM), ((1, 0, 0), (0.195, 0, 0))),
     )
     wrist = _SHOULDER + (length + 0.02) * ARM
-    pattern = Pattern(
+    pattern = Construction(
         _TRUNK + _ARMS, (trunk, *both_sides(sleeve_limb)), cuts, (0, -0.13, 0.82), (wrist[0] + 0.05, 0.14, 1.50)
     )
     return garment_mesh(pattern, proportions, ease, edge)
@@ -242,7 +242,7 @@ def skirt(
     low = _check_range("hem", hem, 0.15, 0.75)
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.055))))
-    pattern = Pattern(("pelvis", "spine", *_LEGS), (cone,), cuts, (0, -0.24, low - 0.02), (0.30, 0.26, 1.08))
+    pattern = Construction(("pelvis", "spine", *_LEGS), (cone,), cuts, (0, -0.24, low - 0.02), (0.30, 0.26, 1.08))
     return garment_mesh(pattern, proportions, ease, edge)
 
 
@@ -265,7 +265,9 @@ def trousers(
         JOINT_POSITIONS[joint("left_hip")], (0.115, 0.012, 0.05), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03)
     )
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.045))))
-    pattern = Pattern(("pelvis", "spine", *_LEGS), both_sides(leg), cuts, (0, -0.13, low - 0.02), (0.19, 0.15, 1.07))
+    pattern = Construction(
+        ("pelvis", "spine", *_LEGS), both_sides(leg), cuts, (0, -0.13, low - 0.02), (0.19, 0.15, 1.07)
+    )
     return garment_mesh(pattern, proportions, ease, edge)
 
 

@@ -15,7 +15,7 @@ from clothsim.physics.contact.psd_projection import positive_factors
 from clothsim.physics.contact.stiffness import HeavyBody, barrier_stiffness, bounded_stiffness, kinetic_energy_of_impact
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ByElement, ElementHessian, LowRankHessian, room_for
-from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, Coupling, Report, Restrictable
+from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, Coupling, EnergyReport, Restrictable
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ EMPTY_HESSIAN = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12))
 
 
 @dataclass(frozen=True)
-class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Report):
+class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, EnergyReport):
     """Barrier energy E = kappa sum w m b(d) over the pairs closer than offset + d_hat.
 
     Li et al. 2020 (IPC); area weights, and distinct features of a surface: Li et al. 2023 (`pair_list`). w is

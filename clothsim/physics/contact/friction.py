@@ -28,6 +28,7 @@ from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.protocols import (
     Elementwise,
+    EnergyReport,
     Grip,
     Gripping,
     HistorySensitivity,
@@ -35,7 +36,6 @@ from clothsim.physics.energies.protocols import (
     Lagged,
     PastSensitivity,
     RecoverableEnergy,
-    Report,
     StartDerivatives,
 )
 
@@ -66,7 +66,7 @@ NO_CONTACTS = Contacts((), np.zeros((0, 3)), 1.0, 0.0, np.zeros((0, 3)))
 
 @dataclass(frozen=True)
 class FrictionEnergy(
-    Elementwise, Energy, Gripping, Idling, Lagged, Report, HistorySensitivity, PastSensitivity, RecoverableEnergy
+    Elementwise, Energy, Gripping, Idling, Lagged, EnergyReport, HistorySensitivity, PastSensitivity, RecoverableEnergy
 ):
     """E = sum mu F f0(|u|), u = z + (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 

@@ -134,7 +134,7 @@ class VortexField(Wind):
 
 
 @dataclass(frozen=True)
-class Field(Wind):
+class WindFunction(Wind):
     """A Python function of points (m, 3) [m] and time [s] that returns velocities (m, 3) or (3,) [m/s]."""
 
     name: str
@@ -157,7 +157,7 @@ def swing(u: Floats) -> Floats:
 
 
 def wind_of(name: str, value: Any) -> Wind:
-    """The wind of a scene's value: a vector, a `Gust`, a `Vortex`, or in Python a function (`Field`).
+    """The wind of a scene's value: a vector, a `Gust`, a `Vortex`, or in Python a function (`WindFunction`).
 
     Raises
     ------
@@ -165,7 +165,7 @@ def wind_of(name: str, value: Any) -> Wind:
         For a gust without a mean wind, a vortex without an axis, or a function that a scene file has lost.
     """
     if callable(value):
-        return Field(name, value)
+        return WindFunction(name, value)
     if isinstance(value, Gust):
         return _gust(name, value)
     if isinstance(value, Vortex):

@@ -29,9 +29,9 @@ from clothsim.physics.energies.protocols import (
     Coupling,
     Driven,
     Elementwise,
+    EnergyReport,
     Idling,
     PastSensitivity,
-    Report,
     StartDerivatives,
 )
 
@@ -42,7 +42,7 @@ MOST = 400
 
 
 @dataclass(frozen=True)
-class Cord:
+class CordSchedule:
     """One cord: k [N] and its length over that of its line, over time; rest_length of the line [m]."""
 
     stiffness: Schedule
@@ -51,7 +51,7 @@ class Cord:
 
 
 @dataclass(frozen=True)
-class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, PastSensitivity, Report):
+class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, PastSensitivity, EnergyReport):
     """E = sum k/2 max(l - L, 0)^2 / L over cords.
 
     Parameters
@@ -62,14 +62,14 @@ class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, PastSensitivity
         L [m].
     stiffnesses : (m,) array
         k [N].
-    cords : tuple of Cord
+    cords : tuple of CordSchedule
         What they are over time.
     """
 
     rows: Ints
     lengths: Floats
     stiffnesses: Floats
-    cords: tuple[Cord, ...]
+    cords: tuple[CordSchedule, ...]
 
     per_element = ("rows", "lengths", "stiffnesses")
 
@@ -167,7 +167,7 @@ def cords(world: World, keys: Cords) -> Energy | Off:
                     "Select a part of the line, or mesh the cloth more coarsely.",
                 )
             lines.append(curve.vertices)
-            made.append(Cord(stiffness, ratio, float(curve.lengths.sum())))
+            made.append(CordSchedule(stiffness, ratio, float(curve.lengths.sum())))
     if not made:
         return Off("every stiffness is 0" if keys.cord else "there is no cord")
     most = max(len(line) for line in lines)

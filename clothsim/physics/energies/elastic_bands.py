@@ -21,14 +21,14 @@ from clothsim.physics.energies.edge_curves import drawn_curves
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.key_values import Schedule
 from clothsim.physics.energies.links import Links
-from clothsim.physics.energies.protocols import Driven, PastSensitivity, Report, StartDerivatives
+from clothsim.physics.energies.protocols import Driven, EnergyReport, PastSensitivity, StartDerivatives
 
 SHORTEST = 0.05
 """Least length of a band over that of its edge: a band of no length would be infinitely stiff."""
 
 
 @dataclass(frozen=True)
-class Band:
+class BandSchedule:
     """One band: k [N] and s over time, and the lengths (m,) [m] of its edges at rest."""
 
     stiffness: Schedule
@@ -42,10 +42,10 @@ class Band:
 
 
 @dataclass(frozen=True)
-class ElasticBandsEnergy(Links, Driven, PastSensitivity, Report):
+class ElasticBandsEnergy(Links, Driven, PastSensitivity, EnergyReport):
     """Links along the edges of all bands; `bands`: what they are over time, in the order of the links."""
 
-    bands: tuple[Band, ...]
+    bands: tuple[BandSchedule, ...]
 
     @property
     def drives(self) -> bool:
@@ -85,7 +85,7 @@ def elastic_bands(world: World, keys: ElasticBands) -> Energy | Off:
     rows, bands = [], []
     for _, stiffness, ratio, curves in drawn_curves("effects.elastic_bands.band", world, keys.band, SHORTEST):
         rows += [curve.edges for curve in curves]
-        bands.append(Band(stiffness, ratio, np.concatenate([curve.lengths for curve in curves])))
+        bands.append(BandSchedule(stiffness, ratio, np.concatenate([curve.lengths for curve in curves])))
     if not bands:
         return Off("every stiffness is 0" if keys.band else "there is no band")
     m = sum(len(band.rest_lengths) for band in bands)

@@ -26,7 +26,7 @@ from clothsim.physics.energies.protocols import Idling, Nonconservative
 
 
 @dataclass(frozen=True)
-class Patch:
+class PressurizedCloth:
     """One cloth under pressure.
 
     Parameters
@@ -51,7 +51,7 @@ class PressureEnergy(Energy, Idling, Nonconservative):
 
     Parameters
     ----------
-    patches : tuple of Patch
+    patches : tuple of PressurizedCloth
         The cloths.
     triangles, border : (m, 3) and (b,) int arrays
         Rows of x of all patches.
@@ -63,7 +63,7 @@ class PressureEnergy(Energy, Idling, Nonconservative):
         Dead load f [N] and position x_n [m] of the border at the start of the step.
     """
 
-    patches: tuple[Patch, ...]
+    patches: tuple[PressurizedCloth, ...]
     triangles: Ints
     pressures: Floats
     apexes: Floats
@@ -155,11 +155,11 @@ def pressure(world: World, keys: Pressure) -> Energy | Off:
     return PressureEnergy(patches, triangles, none, np.zeros((len(triangles), 3)), border, still, still)
 
 
-def _patch(triangles: Ints, rows: slice, positions: Floats, level: Schedule) -> Patch:
+def _patch(triangles: Ints, rows: slice, positions: Floats, level: Schedule) -> PressurizedCloth:
     border = border_vertices(triangles)
     a, b, c = (positions[triangles[:, k]] - positions[triangles[0, 0]] for k in range(3))
     inward = not len(border) and np.einsum("ti,ti->", a, np.cross(b, c)) < 0
-    return Patch(triangles + rows.start, border + rows.start, level, -1.0 if inward else 1.0)
+    return PressurizedCloth(triangles + rows.start, border + rows.start, level, -1.0 if inward else 1.0)
 
 
 def _gathered(forces: Floats, triangles: Ints, n_vertices: int) -> Floats:

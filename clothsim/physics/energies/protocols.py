@@ -307,7 +307,7 @@ class ElementGradients(abc.ABC):
         """Rows (m, k) of the elements and their parts (m, k, 3) of dE/dx at x [N]."""
 
 
-class Report:
+class EnergyReport:
     """The report of an energy to the user; each part is empty where a subclass does not give it."""
 
     def defaults_used(self) -> tuple[str, ...]:
@@ -327,12 +327,12 @@ class Report:
         return {}
 
 
-NO_REPORT = Report()
+NO_REPORT = EnergyReport()
 
 
-def report_of(energy: Energy) -> Report:
+def report_of(energy: Energy) -> EnergyReport:
     """The report of an energy, an empty one if it has none."""
-    return energy if isinstance(energy, Report) else NO_REPORT
+    return energy if isinstance(energy, EnergyReport) else NO_REPORT
 
 
 class Elementwise(Restrictable):

@@ -38,9 +38,9 @@ from clothsim.physics.energies.protocols import (
     ContactGap,
     Coupling,
     Driven,
+    EnergyReport,
     Joining,
     PastSensitivity,
-    Report,
     StartDerivatives,
 )
 
@@ -202,7 +202,7 @@ class StitchedSeam:
 
 
 @dataclass(frozen=True)
-class SeamsEnergy(Links, Coupling, Driven, Joining, Report, PastSensitivity):
+class SeamsEnergy(Links, Coupling, Driven, Joining, EnergyReport, PastSensitivity):
     """Strings of all seams, and hinges across the closed ones.
 
     Parameters

@@ -24,7 +24,7 @@ from clothsim.physics.energies.protocols import Anchored, Driven, PastSensitivit
 
 
 @dataclass(frozen=True)
-class Anchors:
+class SpringAnchors:
     """End positions c of the springs of one table over time: a rigid motion of `start`, then a translation.
 
     Parameters
@@ -60,7 +60,7 @@ class Anchors:
 class SpringsEnergy(Links, Anchored, Driven, PastSensitivity):
     """Links of single vertices; `anchors`: the end positions of each table's springs over time."""
 
-    anchors: tuple[Anchors, ...]
+    anchors: tuple[SpringAnchors, ...]
 
     @property
     def drives(self) -> bool:
@@ -119,7 +119,7 @@ def springs(world: World, keys: Springs) -> Energy | Off:
     return SpringsEnergy(*links, tuple(ends))
 
 
-def _anchors(name: str, keys: Spring, world: World, start: Floats, stiffness: Schedule) -> Anchors:
+def _anchors(name: str, keys: Spring, world: World, start: Floats, stiffness: Schedule) -> SpringAnchors:
     """The anchors of a table; start (k, 3): positions of its vertices [m]."""
     if keys.to is not None and "offset" in keys.given:
         raise InputError(f"{name} has both to and offset.", "Give one of them.")
@@ -132,7 +132,7 @@ def _anchors(name: str, keys: Spring, world: World, start: Floats, stiffness: Sc
     if late.size:
         raise InputError(f"{name}.path[{late[0] + 1}] is not after the key frame before it.", "Sort them by time.")
     motion = prescribed_motion(keys.motion, ends.mean(axis=0) + world.origin, world.origin)
-    return Anchors(ends, motion, frames[:, 0], frames[:, 1:], stiffness)
+    return SpringAnchors(ends, motion, frames[:, 0], frames[:, 1:], stiffness)
 
 
 _CORNERS = {"select": "corners"}

@@ -31,7 +31,7 @@ from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.hessians import ElementHessian, LanesHessian
 from clothsim.physics.energies.key_values import over_cloth
-from clothsim.physics.energies.protocols import BarrierGap, Elementwise, Report
+from clothsim.physics.energies.protocols import BarrierGap, Elementwise, EnergyReport
 from clothsim.physics.energies.triangle_kernels import (
     VALUES_PER_LANE,
     deformation_gradient,
@@ -56,7 +56,7 @@ TIGHT = 0.9
 
 
 @dataclass(frozen=True)
-class StrainLimitEnergy(Elementwise, Energy, BarrierGap, Report):
+class StrainLimitEnergy(Elementwise, Energy, BarrierGap, EnergyReport):
     """E = sum over triangles and stretches of A psi; +inf where a stretch is at its limit or beyond.
 
     Parameters

@@ -12,7 +12,7 @@ from clothsim.physics.energies import fibre_kernels as kernels
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
-from clothsim.physics.energies.protocols import Report, Restrictable
+from clothsim.physics.energies.protocols import EnergyReport, Restrictable
 
 
 class ThreadLaw(Protocol):
@@ -134,7 +134,7 @@ class FibresEnergy(Energy, Restrictable):
 
 
 @dataclass(frozen=True)
-class ThreadedMembrane(Energy, Restrictable, Report):
+class ThreadedMembrane(Energy, Restrictable, EnergyReport):
     """A Neo-Hookean sheet with threads over the same triangles; `notes`: its report of defaults used."""
 
     sheet: NeoHookeanMembrane

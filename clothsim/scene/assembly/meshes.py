@@ -10,7 +10,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
-from clothsim.files.meshes.polygons import Part
+from clothsim.files.meshes.polygons import MeshPart
 from clothsim.keys.effect_tables import Motion
 from clothsim.keys.fabric import BENDINGS, CURLS, HYSTERESES, SLOPES, Fabric
 from clothsim.keys.fabric_table import fabric_named, fabrics_of
@@ -46,7 +46,7 @@ def body_of_files(keys: Any, where: str, directory: Path) -> tuple[Body, tuple[s
     if not keys.frames:
         raise InputError(f"{where}.frames must name files, not ''.", 'Write it as frames = "kick/shell*.obj".')
     files = frame_files(directory, keys.frames)
-    part = Part(**{key: getattr(keys, key) for key in PART})
+    part = MeshPart(**{key: getattr(keys, key) for key in PART})
     mesh, frames = read_frames(files, part, keys.frames_per_second)
     shape = Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages)
     names = [str(file) for file in files] if len(files) == len(frames) else [f"{files[0]}"] * len(frames)

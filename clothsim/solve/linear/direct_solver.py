@@ -3,7 +3,7 @@
 import abc
 
 from clothsim.base.arrays import Floats
-from clothsim.solve.linear.sparsity import Pattern
+from clothsim.solve.linear.sparsity import SparsityPattern
 
 
 class NotPositiveDefiniteError(Exception):
@@ -19,7 +19,7 @@ class LinearSolver(abc.ABC):
 
     Parameters
     ----------
-    pattern : Pattern
+    pattern : SparsityPattern
         Sparsity of the upper triangle; analysed once.
     threads : int
         Number of threads; 0: by size (`threads.solver_threads`).
@@ -33,7 +33,7 @@ class LinearSolver(abc.ABC):
     """Threads that it would take, were its library not sequential."""
 
     @abc.abstractmethod
-    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
+    def __init__(self, pattern: SparsityPattern, threads: int, dissected: bool = False) -> None:
         """Analyse the pattern; threads 0: by size."""
 
     def restart(self) -> None:  # noqa: B027 - most solvers have no state

@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from clothsim.base.arrays import Ints
-from clothsim.solve.linear.sparsity import Pattern
+from clothsim.solve.linear.sparsity import SparsityPattern
 
 LARGEST_DOMAIN = 0.65
 """Fraction of the vertices in the larger of two domains up to which unconnected parts are not cut."""
@@ -31,7 +31,7 @@ class Dissection:
     separator: Ints
 
 
-def dissection(pattern: Pattern) -> Dissection | None:
+def dissection(pattern: SparsityPattern) -> Dissection | None:
     """Dissect the graph of a pattern in two; None where its separator would be too large."""
     n = pattern.n_vertices
     graph = sparse.csr_array((np.ones(len(pattern.columns), np.int8), pattern.columns, pattern.starts), shape=(n, n))

@@ -10,7 +10,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.solve.linear.direct_solver import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear.pardiso import Mixed, Pardiso
-from clothsim.solve.linear.sparsity import Pattern
+from clothsim.solve.linear.sparsity import SparsityPattern
 
 
 class Cholmod(LinearSolver):
@@ -18,7 +18,7 @@ class Cholmod(LinearSolver):
 
     name = "cholmod"
 
-    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
+    def __init__(self, pattern: SparsityPattern, threads: int, dissected: bool = False) -> None:
         from sksparse.cholmod import analyze
 
         ones = np.ones(9 * len(pattern.columns))
@@ -45,7 +45,7 @@ class SuperLU(LinearSolver):
 
     name = "superlu"
 
-    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
+    def __init__(self, pattern: SparsityPattern, threads: int, dissected: bool = False) -> None:
         self._pattern = pattern
 
     def factorise(self, data: Floats) -> None:
@@ -82,14 +82,14 @@ REMEDIES = {
 """Commands that install the library of a solver."""
 
 
-def make_solver(name: str, pattern: Pattern, threads: int = 0, dissected: bool = False) -> LinearSolver:
+def make_solver(name: str, pattern: SparsityPattern, threads: int = 0, dissected: bool = False) -> LinearSolver:
     """Make the solver of a name; "auto": the first of mixed, cholmod, superlu that is installed.
 
     Parameters
     ----------
     name : str
         "auto" or a key of SOLVERS.
-    pattern : Pattern
+    pattern : SparsityPattern
         Sparsity of the Newton matrix.
     threads : int
         0: by size (`threads.solver_threads`).
@@ -140,6 +140,6 @@ def _refuse_not_finite(data: Floats) -> None:
         raise NotPositiveDefiniteError
 
 
-def _full(pattern: Pattern, data: Floats) -> sparse.csc_matrix:
+def _full(pattern: SparsityPattern, data: Floats) -> sparse.csc_matrix:
     upper = pattern.upper(data)
     return (upper + sparse.triu(upper, k=1).T).tocsc()

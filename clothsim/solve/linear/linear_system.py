@@ -15,7 +15,7 @@ from clothsim.solve.linear.assembly import OUTSIDE
 from clothsim.solve.linear.dependent_rows import NO_DEPENDENT_ROWS, DependentRows
 from clothsim.solve.linear.direct_solver import LinearSolver
 from clothsim.solve.linear.linear_solvers import make_solver
-from clothsim.solve.linear.sparsity import Explicit, Pattern, couplings, extended
+from clothsim.solve.linear.sparsity import Explicit, SparsityPattern, couplings, extended
 from clothsim.solve.linear.threads import solver_threads
 from clothsim.solve.newton.nonlinear_elimination import Patch
 
@@ -43,7 +43,7 @@ class System:
 
     Parameters
     ----------
-    base : Pattern
+    base : SparsityPattern
         Couplings of the mesh.
     linear : str
         Name of the solver, see `linear_solvers.SOLVERS`.
@@ -68,7 +68,7 @@ class System:
 
     def __init__(
         self,
-        base: Pattern,
+        base: SparsityPattern,
         linear: str = "auto",
         threads: int = 0,
         patch: Patch | None = None,
@@ -192,13 +192,13 @@ class System:
         }
         return self._offsets
 
-    def _set_pattern(self, pattern: Pattern) -> None:
+    def _set_pattern(self, pattern: SparsityPattern) -> None:
         if not pattern.same_as(self.pattern):
             self.pattern = pattern
             self._offsets = {}
 
 
-def _of(elements: Ints, known: Offsets, pattern: Pattern) -> NDArray[np.int32]:
+def _of(elements: Ints, known: Offsets, pattern: SparsityPattern) -> NDArray[np.int32]:
     """Block offsets of a list, the known ones where it is known."""
     found = known.get(id(elements))
     return pattern.block_offsets(elements) if found is None else found[1]

@@ -13,7 +13,7 @@ from clothsim.base.parallel import together
 from clothsim.solve.linear.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear.dissection import Dissection, dissection
 from clothsim.solve.linear.pardiso_factor import Factor, in_range
-from clothsim.solve.linear.sparsity import Pattern
+from clothsim.solve.linear.sparsity import SparsityPattern
 from clothsim.solve.linear.threads import solver_threads
 
 # Factor of a matrix in two domains, which threads factorise side by side, and of their separator.
@@ -41,7 +41,7 @@ def useful_threads(n_vertices: int, threads: int, dissected: bool) -> int:
 
 
 def make_factor(
-    pattern: Pattern, threads: int, kind: type[np.floating], dissected: bool = False
+    pattern: SparsityPattern, threads: int, kind: type[np.floating], dissected: bool = False
 ) -> "Factor | DissectedFactor":
     """Return a factor of the matrices of a pattern: in domains where that is asked for, it is large and has a cut."""
     parts = dissection(pattern) if dissected and pattern.n_vertices >= MIN_VERTICES else None
@@ -51,7 +51,7 @@ def make_factor(
 class DissectedFactor:
     """Factor in domains, with the methods of `Factor`."""
 
-    def __init__(self, pattern: Pattern, parts: Dissection, threads: int, kind: type[np.floating]) -> None:
+    def __init__(self, pattern: SparsityPattern, parts: Dissection, threads: int, kind: type[np.floating]) -> None:
         self._kind = kind
         self._side_by_side = pattern.n_vertices >= MIN_TOGETHER
         self._separator = _unknowns(parts.separator)
@@ -102,7 +102,13 @@ class _Domain:
     """A domain with the separator, whose rows come last; the first of two holds the separator's own blocks."""
 
     def __init__(
-        self, pattern: Pattern, rows: Ints, n_separator: int, is_first: bool, threads: int, kind: type[np.floating]
+        self,
+        pattern: SparsityPattern,
+        rows: Ints,
+        n_separator: int,
+        is_first: bool,
+        threads: int,
+        kind: type[np.floating],
     ) -> None:
         own = len(rows) - n_separator
         self._unknowns = _unknowns(rows[:own])
@@ -135,7 +141,7 @@ def _unknowns(rows: Ints) -> Ints:
     return (3 * rows[:, None] + np.arange(3)).ravel()
 
 
-def _restriction(pattern: Pattern, rows: Ints, coupled: int) -> tuple[Ints, Pattern]:
+def _restriction(pattern: SparsityPattern, rows: Ints, coupled: int) -> tuple[Ints, SparsityPattern]:
     """Pattern of the blocks between `rows (k,)`, numbered 0..k-1, and the offset of each of its numbers in the whole.
 
     Blocks between the rows from number `coupled` on are left out: their diagonal is in the pattern with an offset of
@@ -153,7 +159,7 @@ def _restriction(pattern: Pattern, rows: Ints, coupled: int) -> tuple[Ints, Patt
     entries = 9 * chosen[:, None] + np.where((i <= j)[:, None], straight, transposed)
     entries[np.minimum(i, j) >= coupled] = -1
     starts = np.concatenate([[0], np.cumsum(np.bincount(np.minimum(i, j), minlength=len(rows)))])
-    return entries.ravel(), Pattern(len(rows), starts, np.maximum(i, j))
+    return entries.ravel(), SparsityPattern(len(rows), starts, np.maximum(i, j))
 
 
 MAX_REFINEMENTS = 10
@@ -166,7 +172,7 @@ class Pardiso(LinearSolver):
 
     name = "pardiso"
 
-    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
+    def __init__(self, pattern: SparsityPattern, threads: int, dissected: bool = False) -> None:
         self.wanted_threads = useful_threads(pattern.n_vertices, threads, dissected)
         self._factor = make_factor(pattern, self.wanted_threads, np.float64, dissected)
         self.threads = self._factor.threads
@@ -192,7 +198,7 @@ class Mixed(LinearSolver):
 
     name = "mixed"
 
-    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
+    def __init__(self, pattern: SparsityPattern, threads: int, dissected: bool = False) -> None:
         self.wanted_threads = useful_threads(pattern.n_vertices, threads, dissected)
         self._pattern = pattern
         self._dissected = dissected

@@ -12,7 +12,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear.pardiso_library import load_library
-from clothsim.solve.linear.sparsity import Pattern
+from clothsim.solve.linear.sparsity import SparsityPattern
 
 ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
 FORWARD, BACKWARD = 331, 333
@@ -30,7 +30,7 @@ class Factor:
 
     Parameters
     ----------
-    pattern : Pattern
+    pattern : SparsityPattern
         Sparsity of the upper triangle.
     threads : int
         Threads that the library may take.
@@ -40,7 +40,7 @@ class Factor:
         Unknowns at the end that are not eliminated: `schur` is their matrix once all others are.
     """
 
-    def __init__(self, pattern: Pattern, threads: int, kind: type[np.floating], left: int = 0) -> None:
+    def __init__(self, pattern: SparsityPattern, threads: int, kind: type[np.floating], left: int = 0) -> None:
         self._library = load_library()
         self.threads = threads if self._library.threaded else 1
         integer = self._library.integer

@@ -22,7 +22,7 @@ Explicit: TypeAlias = ByElement | sparse.csr_array
 
 
 @dataclass(frozen=True)
-class Pattern:
+class SparsityPattern:
     """Upper triangle of a symmetric matrix over n vertices, in b blocks of 3x3.
 
     The data of a matrix are the (9 b,) numbers of its blocks, each row by row; diagonal blocks are stored whole.
@@ -93,19 +93,19 @@ class Pattern:
                 outside += assembly.add_csr(data, self.starts, self.columns, *arrays)
         return data, outside
 
-    def subpattern(self, rows: Ints) -> "Pattern":
+    def subpattern(self, rows: Ints) -> "SparsityPattern":
         """Return the pattern of the blocks between `rows (k,)`, ascending, renumbered 0..k-1."""
         numbers = np.full(self.n_vertices, -1)
         numbers[rows] = np.arange(len(rows))
-        return Pattern(len(rows), *_among(self.starts, self.columns, rows, numbers))
+        return SparsityPattern(len(rows), *_among(self.starts, self.columns, rows, numbers))
 
-    def restricted(self, data: Floats, whole: "Pattern") -> Floats:
+    def restricted(self, data: Floats, whole: "SparsityPattern") -> Floats:
         """Return the blocks of this pattern out of the `data` of a pattern that contains it."""
         restricted = np.zeros(9 * len(self.columns))
         _copy_own(restricted, self.starts, self.columns, data, whole.starts, whole.columns)
         return restricted
 
-    def same_as(self, other: "Pattern") -> bool:
+    def same_as(self, other: "SparsityPattern") -> bool:
         """True where both have the same blocks."""
         return self is other or (
             np.array_equal(self.starts, other.starts) and np.array_equal(self.columns, other.columns)
@@ -157,7 +157,7 @@ def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
     return outside
 
 
-def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Explicit]) -> Pattern:
+def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Explicit]) -> SparsityPattern:
     """Make the pattern of the diagonal, of the cloth's `triangles (m, 3)` and of all element lists of `hessians`.
 
     The triangles are included whether or not a membrane acts: contact couples the corners of a triangle.
@@ -167,7 +167,7 @@ def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Explicit]) -> 
     return _pattern(n_vertices, np.unique(_keys(n_vertices, [diagonal, triangles, *elements])))
 
 
-def extended(pattern: Pattern, elements: list[Ints]) -> Pattern:
+def extended(pattern: SparsityPattern, elements: list[Ints]) -> SparsityPattern:
     """Return the pattern with the blocks of more `elements`, each (m, k); the same object where none is new."""
     n = pattern.n_vertices
     missing = [_missing(pattern.starts, pattern.columns, rows) for rows in elements if len(rows)]
@@ -199,10 +199,10 @@ def _keys(n: int, elements: list[Ints]) -> Ints:
     return np.concatenate(keys)
 
 
-def _pattern(n: int, keys: Ints) -> Pattern:
+def _pattern(n: int, keys: Ints) -> SparsityPattern:
     rows, columns = keys // n, keys % n
     starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
-    return Pattern(n, starts, columns)
+    return SparsityPattern(n, starts, columns)
 
 
 def times(hessians: list[Explicit], vector: Floats) -> Floats:

@@ -13,7 +13,7 @@ from scipy import sparse
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel
 from clothsim.physics.energies.hessians import ByElement
-from clothsim.solve.linear.sparsity import Explicit, Pattern
+from clothsim.solve.linear.sparsity import Explicit, SparsityPattern
 
 RINGS = 3
 """Rings of neighbours that a patch adds around the unconverged vertices."""
@@ -58,7 +58,7 @@ class Patch:
         return sparse.csr_array(hessian.tocsr()[entries][:, entries])
 
 
-def unconverged(moved: Floats, least: float, pattern: Pattern, fixed: np.ndarray) -> Ints:
+def unconverged(moved: Floats, least: float, pattern: SparsityPattern, fixed: np.ndarray) -> Ints:
     """Select the rows (k,) that moved further than `least`, with RINGS rings of neighbours.
 
     Parameters
@@ -67,7 +67,7 @@ def unconverged(moved: Floats, least: float, pattern: Pattern, fixed: np.ndarray
         Displacement of each vertex in the last step [m].
     least : float
         Threshold [m].
-    pattern : Pattern
+    pattern : SparsityPattern
         Adjacency.
     fixed : (n,) bool
         Dirichlet vertices.

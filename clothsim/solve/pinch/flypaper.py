@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.world import Surface, World
+from clothsim.mesh.world import SurfaceRows, World
 from clothsim.physics.energies.base import Constraint, Prescribed
-from clothsim.solve.pinch.pinch_gaps import Sides, frames, normals
+from clothsim.solve.pinch.pinch_gaps import PinchedVertices, frames, normals
 from clothsim.solve.stepping.state import State
 
 MEMORY = "contact.pinch"
@@ -162,7 +162,7 @@ def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
     return float(np.median(lengths)), float(lengths.max())
 
 
-def with_supports(world: World, x: Floats, end: Floats, found: Sides, known: Flypapered) -> Flypapered:
+def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, known: Flypapered) -> Flypapered:
     """Carry the vertices of a pinch from where they are.
 
     The vertex in the narrowest gap is held by the part that moves less against the whole cloth, of two alike by the
@@ -175,7 +175,7 @@ def with_supports(world: World, x: Floats, end: Floats, found: Sides, known: Fly
         Meshes.
     x, end : (N, 3) array
         At the start of the step, and as it would end: the bodies there, the cloth with its velocity [m].
-    found : Sides
+    found : PinchedVertices
         The pinch, without vertices of `known`.
     known : Flypapered
         Flypapered already.
@@ -209,7 +209,7 @@ def with_supports(world: World, x: Floats, end: Floats, found: Sides, known: Fly
     return known.joined(attached(x, found.vertices, support, other))
 
 
-def _moves_less(world: World, moves: Floats, found: Sides) -> np.ndarray:
+def _moves_less(world: World, moves: Floats, found: PinchedVertices) -> np.ndarray:
     """Mask (k,) of the vertices whose nearer part moves less against the cloth than the other, or about as much."""
     common = moves[: world.n_cloth].mean(axis=0)
     parts = (found.near, found.near_weights), (found.far, found.far_weights)
@@ -336,7 +336,7 @@ def record_from(fields: Mapping[str, Any]) -> PinchRecord:
     return PinchRecord(**plain)
 
 
-def exempted(found: "Sequence[Crossing]", surfaces: Sequence[Surface], vertices: Ints) -> "tuple[Crossing, ...]":
+def exempted(found: "Sequence[Crossing]", surfaces: Sequence[SurfaceRows], vertices: Ints) -> "tuple[Crossing, ...]":
     """Separate the intersections of flypapered vertices (k,), rows of x: their role is "carried".
 
     With a body, those of triangles with a flypapered vertex; among cloth, those of two such triangles.

@@ -234,7 +234,7 @@ CLOSING = 1e-6
 
 
 @dataclass(frozen=True)
-class Sides:
+class PinchedVertices:
     """Vertices in a pinch, with the closest triangle (`near`) and the opposing one (`far`) of each.
 
     vertices (k,); near, far (k, 3): rows of x; near_weights, far_weights (k, 3): weights of their corners; gaps (k,):
@@ -281,7 +281,7 @@ def nearest(faces: Faces, x: Floats, rows: Ints, reach: float) -> Nearest:
     return Nearest(rows[found], faces.triangles[indices[found]], weights[found])
 
 
-def pinched(faces: Faces, near: Nearest, start: Floats, end: Floats, limit: float, reach: float) -> Sides:
+def pinched(faces: Faces, near: Nearest, start: Floats, end: Floats, limit: float, reach: float) -> PinchedVertices:
     """Find the vertices about which a gap closes below `limit` [m] between start and end (N, 3) [m].
 
     The gap is that along the normal of the closest triangle; surfaces that have crossed by more than `reach` [m] are
@@ -298,7 +298,7 @@ def pinched(faces: Faces, near: Nearest, start: Floats, end: Floats, limit: floa
     )
     chosen = np.flatnonzero(found >= 0)
     far = faces.triangles[found[chosen]]
-    return Sides(
+    return PinchedVertices(
         near.vertices[chosen], near.triangles[chosen], near.weights[chosen], far, weights[chosen], gaps[chosen]
     )
 

@@ -209,7 +209,7 @@ COMPRESSED = 1 - 1e-9
 
 
 @dataclass(frozen=True)
-class Side:
+class ModeDisplacement:
     """A displacement dx (N, 3) [m] along a mode; 0 where the state is kept."""
 
     mode: Mode
@@ -298,7 +298,7 @@ def unstable_side(
     amplitude: float | None = None,
     longest: float = 1.0,
     along: Floats | None = None,
-) -> Side | None:
+) -> ModeDisplacement | None:
     """Return the displacement that leaves an unstable state; None where it is stable, or has no way down.
 
     Parameters
@@ -321,10 +321,10 @@ def unstable_side(
     dx = way_down(model, mode, amplitude, longest)
     if dx is None:
         return None
-    return Side(mode, dx if integrator.leaves_unstable else np.zeros_like(dx))
+    return ModeDisplacement(mode, dx if integrator.leaves_unstable else np.zeros_like(dx))
 
 
-def displaced(report: StepReport, side: Side) -> StepReport:
+def displaced(report: StepReport, side: ModeDisplacement) -> StepReport:
     """Return the report with its state displaced; the state before it too, so that no velocity is added."""
     state = report.state
     before = state.previous

@@ -27,7 +27,7 @@ from clothsim.study.error_control.resolution import (
     with_estimate,
     written_run,
 )
-from clothsim.study.error_control.search import TWIN, Found, Message, Search, parts_of, repeated, searched
+from clothsim.study.error_control.search import TWIN, Found, Message, ResolutionSearch, parts_of, repeated, searched
 from clothsim.study.parameters import CELLS, D_HAT, TIME, d_hats
 
 
@@ -47,7 +47,7 @@ def simulate_to_error(scene: Scene, runs: Runs, message: Message) -> Run:
     return with_estimate(found.run, _estimate(search, found, chosen[-1]), _why(search, found))
 
 
-def _estimate(search: Search, found: Found, scene: Scene) -> dict[str, Any]:
+def _estimate(search: ResolutionSearch, found: Found, scene: Scene) -> dict[str, Any]:
     completed = found.run.status == "completed"
     solver, refinable = scene.solver, search.refinable
     taken = {
@@ -96,7 +96,7 @@ def with_fixed(known: bool, met: bool, fixed: Mapping[str, str]) -> dict[str, An
     return {"known": False, "met": False, "of_refined": {"known": known, "met": met}}
 
 
-def _why(search: Search, found: Found) -> str:
+def _why(search: ResolutionSearch, found: Found) -> str:
     """What was chosen and why, in a few sentences."""
     parts = {name: f"{1e3 * part:.2g}" for name, part in found.parts.items()}
     left = ", ".join(
@@ -123,7 +123,7 @@ REFINED_COST = 10.0
 """Processor time of a run refined by two in everything, over that of the run."""
 
 
-def confirmed(search: Search, found: Found) -> Found:
+def confirmed(search: ResolutionSearch, found: Found) -> Found:
     """Return the last run of a search with what three resolutions and a twin say of its error."""
     for left in reversed(range(MOST_LEVELS + 1)):
         if not found.known or found.run.status != "completed":
@@ -143,7 +143,7 @@ def confirmed(search: Search, found: Found) -> Found:
     return replace(found, known=False)
 
 
-def _estimate_from_three(search: Search, found: Found) -> tuple[float, str]:
+def _estimate_from_three(search: ResolutionSearch, found: Found) -> tuple[float, str]:
     """Error of the run by two coarser ones [m], and why it is not known; "" where it is."""
     trials = [found.trial]
     for factor in COARSER:
@@ -161,7 +161,7 @@ def _estimate_from_three(search: Search, found: Found) -> tuple[float, str]:
     return three.error, three.reason
 
 
-def _coarser(search: Search, resolution: Resolution, factor: int) -> Resolution:
+def _coarser(search: ResolutionSearch, resolution: Resolution, factor: int) -> Resolution:
     """The resolution coarser by a factor in everything that can be; InputError where the cells cannot be."""
     parameters = search.refinable.parameters
     cells = resolution.cells / (factor if CELLS in parameters else 1)
@@ -176,7 +176,7 @@ def _coarser(search: Search, resolution: Resolution, factor: int) -> Resolution:
     )
 
 
-def _compared_with_twins(search: Search, found: Found) -> Found:
+def _compared_with_twins(search: ResolutionSearch, found: Found) -> Found:
     """The run with the distance to its twin as Newton's part; run again with the twin's stop where that matters."""
     for again in (True, False):
         twin = search.twin(found.trial.resolution)

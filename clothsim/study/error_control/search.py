@@ -85,7 +85,7 @@ class Found:
 
 
 @dataclass
-class Search:
+class ResolutionSearch:
     """State of a search: the runs so far, and newton_error_fraction; `message` receives a line before each run."""
 
     refinable: RefinableScene
@@ -143,11 +143,11 @@ class Search:
         return run, trial
 
 
-def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Search, Found]:
+def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[ResolutionSearch, Found]:
     """Find the resolution for the solver.error of a scene and run it: all runs, and the last one."""
     settings = scene.solver_settings
     fraction = settings.stop_fraction
-    search = Search(refinable_scene(scene), settings.error, settings.budget, candidate, message, fraction)
+    search = ResolutionSearch(refinable_scene(scene), settings.error, settings.budget, candidate, message, fraction)
     earlier: Found | None = None
     for _ in range(MOST_RETRIES):
         coarsest = _coarsest(search)
@@ -172,7 +172,7 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
     return search, _refined(search, found, errors, distance)
 
 
-def _coarsest(search: Search) -> Trial:
+def _coarsest(search: ResolutionSearch) -> Trial:
     """The first pilot run; where it fails, with shorter steps."""
     for _ in range(MOST_RETRIES):
         trial = search.pilot(search.refinable.coarsest)
@@ -182,7 +182,9 @@ def _coarsest(search: Search) -> Trial:
     raise InputError(f"No pilot run for solver.error came to its end: {trial.reason}", "Give solver.dt, and run it.")
 
 
-def _estimate_by_parameter(search: Search, coarsest: Trial, first: Trial, distance: Distance) -> ParameterErrors:
+def _estimate_by_parameter(
+    search: ResolutionSearch, coarsest: Trial, first: Trial, distance: Distance
+) -> ParameterErrors:
     """Errors of the first run by parameter, from a path of pilot runs that refines one parameter after the other."""
     names = [name for name in PATH if name in search.refinable.parameters]
     path = [coarsest]
@@ -194,7 +196,7 @@ def _estimate_by_parameter(search: Search, coarsest: Trial, first: Trial, distan
     return from_path(search.refinable.sizes(first.resolution), moved, dict.fromkeys(names, 2.0))
 
 
-def _refined(search: Search, found: Found, errors: ParameterErrors, distance: Distance) -> Found:
+def _refined(search: ResolutionSearch, found: Found, errors: ParameterErrors, distance: Distance) -> Found:
     """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds.
 
     Where the last of them was a pilot, it is run into the output directory at the end.
@@ -226,20 +228,20 @@ def _refined(search: Search, found: Found, errors: ParameterErrors, distance: Di
     return found if found.met(search.asked) or stalled < MOST_STALLED else replace(found, known=False)
 
 
-def _leaves_room(search: Search, following: Resolution, last: Trial) -> bool:
+def _leaves_room(search: ResolutionSearch, following: Resolution, last: Trial) -> bool:
     """True where a pilot run leaves enough of the budget to run that resolution into the output directory."""
     vertices = search.coarsest_vertices
     more = work(search.refinable, following, vertices) / work(search.refinable, last.resolution, vertices)
     return search.spent + 2 * more * last.seconds <= search.budget
 
 
-def repeated(search: Search, found: Found) -> Found:
+def repeated(search: ResolutionSearch, found: Found) -> Found:
     """The last run that came to its end, once more: a failed one has taken its place in the output directory."""
     run, trial = search.run(found.trial.resolution)
     return Found(run, trial, parts_of(run, {key: part for key, part in found.parts.items() if key != "newton"}), False)
 
 
-def _following(search: Search, found: Found, errors: ParameterErrors, last: Trial) -> Resolution | None:
+def _following(search: ResolutionSearch, found: Found, errors: ParameterErrors, last: Trial) -> Resolution | None:
     """The next resolution within the bounds of the search; None where there is none."""
     if found.parts["newton"] > NEWTON_PART * search.asked:
         search.newton_error_fraction *= FINER

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import ClothsimError, InputError, MissingPackageError
 from clothsim.study.farm.claims import Worker, claims_of, worker_of
-from clothsim.study.farm.plan import Farm, Job, open_farm
+from clothsim.study.farm.plan import DrapeJob, Farm, open_farm
 from clothsim.study.farm.publication import note_attempt
 from clothsim.study.farm.work import ATTEMPTS, PAUSE, make
 
@@ -157,7 +157,7 @@ def _round(
     address: str,
     own: "OwnWorkers | None",
     farm: Farm,
-    left: Sequence[Job],
+    left: Sequence[DrapeJob],
     most_attempts: int,
     stale_after: float,
 ) -> BaseException | None:
@@ -198,7 +198,7 @@ def make_one(directory: str, name: str, most_attempts: int, stale_after: float =
 
 
 @cache
-def _opened(directory: str, stale_after: float) -> tuple[Farm, dict[str, Job], Worker]:
+def _opened(directory: str, stale_after: float) -> tuple[Farm, dict[str, DrapeJob], Worker]:
     """Farm, its drapes by id, and this process as a worker: read once by each process."""
     farm = open_farm(Path(directory))
     return farm, {job.id: job for job in farm.jobs}, worker_of(stale_after)

@@ -25,7 +25,7 @@ TRIED = 3
 
 
 @dataclass(frozen=True)
-class Job:
+class DrapeJob:
     """One drape to be made: its number, id, and the values of the varied keys."""
 
     index: int
@@ -54,7 +54,7 @@ class Farm:
         return Scene.from_text(json.dumps(self.settings["scene"]), self.directory)
 
     @cached_property
-    def jobs(self) -> tuple[Job, ...]:
+    def jobs(self) -> tuple[DrapeJob, ...]:
         """The drapes of the plan, but those whose lines were changed since (`plan_fault`)."""
         return self._plan[0]
 
@@ -64,9 +64,9 @@ class Farm:
         return self._plan[1]
 
     @cached_property
-    def _plan(self) -> tuple[tuple[Job, ...], str]:
+    def _plan(self) -> tuple[tuple[DrapeJob, ...], str]:
         content = read_file(self.directory, JOBS_NAME)
-        file, jobs, faults = self.directory / JOBS_NAME, list[Job](), list[str]()
+        file, jobs, faults = self.directory / JOBS_NAME, list[DrapeJob](), list[str]()
         whole = file_hash(content) == self.settings.get("jobs")
         for number, line in enumerate(content.splitlines()):
             job = _job(line, file)
@@ -78,14 +78,14 @@ class Farm:
             faults = [f"{file} has {len(jobs)} of {self.settings['count']} lines that were planned."]
         return tuple(sorted(jobs, key=lambda job: job.index)), "".join(faults[:1])
 
-    def _is_planned(self, job: Job) -> bool:
+    def _is_planned(self, job: DrapeJob) -> bool:
         try:
             self.scene_of(job)
         except InputError:
             return False
         return True
 
-    def scene_of(self, job: Job) -> Scene:
+    def scene_of(self, job: DrapeJob) -> Scene:
         """The scene of a drape. InputError where it is no longer the one that was planned."""
         scene = changed(self.scene, job.values)
         if content_id(scene, self.settings["version"]) != job.id:
@@ -104,7 +104,7 @@ class Farm:
         with os.scandir(self.directory / "drapes") as entries:
             return {entry.name for entry in entries if entry.is_dir(follow_symlinks=False)}
 
-    def unpublished(self) -> dict[str, Job]:
+    def unpublished(self) -> dict[str, DrapeJob]:
         """The drapes that are left, by id, in the order of the plan."""
         done = self.published()
         return {job.id: job for job in self.jobs if job.id not in done}
@@ -215,7 +215,7 @@ def _settings_hash(settings: Mapping[str, Any]) -> str:
     return file_hash(json.dumps({key: settings[key] for key in settings if key != "sha256"}, sort_keys=True).encode())
 
 
-def _job(line: bytes, file: Path) -> Job | None:
+def _job(line: bytes, file: Path) -> DrapeJob | None:
     """The drape of a line of the plan; None where the line is none. InputError where it names what is no id."""
     try:
         entry = json.loads(line)
@@ -224,7 +224,7 @@ def _job(line: bytes, file: Path) -> Job | None:
         return None
     if type(index) is not int or index < 0 or not isinstance(values, dict):
         return None
-    return Job(index, checked_id(name, file), values)
+    return DrapeJob(index, checked_id(name, file), values)
 
 
 def _entries(recipe: Recipe) -> Iterator[dict[str, Any]]:

@@ -9,7 +9,7 @@ from typing import Any
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.study.farm.claims import Worker, is_stale
-from clothsim.study.farm.plan import Farm, Job
+from clothsim.study.farm.plan import DrapeJob, Farm
 from clothsim.study.farm.reading import is_id, read_drape
 
 MANIFEST = "manifest.jsonl"
@@ -52,7 +52,7 @@ def manifest(farm: Farm) -> list[dict[str, Any]]:
     return [_row(farm, job) for job in farm.jobs if job.id in done]
 
 
-def _row(farm: Farm, job: Job) -> dict[str, Any]:
+def _row(farm: Farm, job: DrapeJob) -> dict[str, Any]:
     try:
         summary, _ = read_drape(farm.directory, job.id)
     except InputError as error:

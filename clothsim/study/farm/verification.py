@@ -13,7 +13,7 @@ import numpy as np
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.study.farm.drape import drape
-from clothsim.study.farm.plan import FARM_NAME, JOBS_NAME, Farm, Job
+from clothsim.study.farm.plan import FARM_NAME, JOBS_NAME, DrapeJob, Farm
 from clothsim.study.farm.publication import processor
 from clothsim.study.farm.reading import (
     CLOTH,
@@ -184,7 +184,7 @@ def faults(farm: Farm) -> Faults:
     return Faults(torn, {digest: names[digest] for digest in names if meshes[digest]}, hashes)
 
 
-def _own_meshes(farm: Farm, job: Job) -> list[str]:
+def _own_meshes(farm: Farm, job: DrapeJob) -> list[str]:
     """The meshes that a drape names. InputError where its files are not what was published."""
     files = whole_files(farm.directory, job.id)
     summary, parameters = json.loads(files[SUMMARY]), json.loads(files[PARAMETERS])
@@ -203,7 +203,7 @@ def _mesh_fault(farm: Path, digest: str) -> str:
     return ""
 
 
-def _again(farm: Farm, job: Job) -> Mapping[str, Any]:
+def _again(farm: Farm, job: DrapeJob) -> Mapping[str, Any]:
     """A drape made again, compared with what was published."""
     summary, _ = read_drape(farm.directory, job.id)
     before = positions_of(farm.directory, job.id)

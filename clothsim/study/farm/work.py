@@ -15,7 +15,7 @@ from clothsim.base.errors import MachineError
 from clothsim.base.interruption import interruption
 from clothsim.study.farm.claims import Worker, claimed, holds
 from clothsim.study.farm.drape import Drape, drape, failed
-from clothsim.study.farm.plan import Farm, Job
+from clothsim.study.farm.plan import DrapeJob, Farm
 from clothsim.study.farm.publication import (
     as_npy,
     attempts,
@@ -57,7 +57,7 @@ def work(
     farm: Farm,
     worker: Worker | None = None,
     most_attempts: int = ATTEMPTS,
-    progress: Callable[[Job, Drape], None] | None = None,
+    progress: Callable[[DrapeJob, Drape], None] | None = None,
     pause: float = PAUSE,
 ) -> Tally:
     """Make drapes in this process until every one of the farm is published.
@@ -88,7 +88,7 @@ def work(
     return tally
 
 
-def make(farm: Farm, job: Job, worker: Worker, most_attempts: int = ATTEMPTS) -> Drape | None:
+def make(farm: Farm, job: DrapeJob, worker: Worker, most_attempts: int = ATTEMPTS) -> Drape | None:
     """Claim, make and publish one drape; None where another process has it or had published it.
 
     So it is also where this process was suspended for so long that another one took the drape over: what that one has
@@ -122,7 +122,7 @@ def make(farm: Farm, job: Job, worker: Worker, most_attempts: int = ATTEMPTS) ->
         return made if _published(farm, job, worker, made) else None
 
 
-def _attempted(farm: Farm, job: Job, worker: Worker) -> Drape:
+def _attempted(farm: Farm, job: DrapeJob, worker: Worker) -> Drape:
     """Make a drape; an attempt that its user stops is no attempt."""
     folder = farm.directory
     note_attempt(folder, job.id, "started")
@@ -137,7 +137,7 @@ def _attempted(farm: Farm, job: Job, worker: Worker) -> Drape:
         raise
 
 
-def _published(farm: Farm, job: Job, worker: Worker, made: Drape) -> bool:
+def _published(farm: Farm, job: DrapeJob, worker: Worker, made: Drape) -> bool:
     summary = {"id": job.id, "package": farm.settings["package"], **made.summary}
     files = {
         SUMMARY: json.dumps(summary, indent=1).encode(),

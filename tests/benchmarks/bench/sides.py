@@ -12,7 +12,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import SLACK
-from clothsim.solve.linear.sparsity import Pattern
+from clothsim.solve.linear.sparsity import SparsityPattern
 
 PARTS = ("candidates", "energy and gradient", "projected Hessian", "CCD")
 
@@ -35,7 +35,7 @@ class Ours:
     """The numba path: what it finds is kept from way to way, its Hessian blocks go into the Newton matrix."""
 
     barriers: Sequence[Barrier]
-    pattern: Pattern
+    pattern: SparsityPattern
 
     def begin(self, x: Floats) -> None:
         """The step before has found what is near x."""

@@ -14,7 +14,7 @@ from real_data import DATA, needs_data
 
 from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import ENDINGS, frame_files, read_frames, read_mesh
-from clothsim.files.meshes.polygons import MeshFile, Part
+from clothsim.files.meshes.polygons import MeshFile, MeshPart
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.shapes import slab, sphere
 
@@ -398,7 +398,9 @@ def test_no_file_is_an_error(tmp_path):
         frame_files(tmp_path, "kick*.obj")
 
 
-@pytest.mark.parametrize("part", [Part(), Part(group="high"), Part(component=1), Part(2.0, vertices=(4, 8))])
+@pytest.mark.parametrize(
+    "part", [MeshPart(), MeshPart(group="high"), MeshPart(component=1), MeshPart(2.0, vertices=(4, 8))]
+)
 def test_every_frame_is_the_same_part_cut_as_the_first(tmp_path, part):
     lengths = (1.0, -0.6, 0.3)
     files = [two_quads(tmp_path, f"{k}.obj", long) for k, long in enumerate(lengths)]
@@ -424,4 +426,4 @@ def test_every_frame_is_the_same_part_cut_as_the_first(tmp_path, part):
 def test_another_topology_is_named(tmp_path, changes, message):
     files = [two_quads(tmp_path, "1.obj"), two_quads(tmp_path, "2.obj", **changes)]
     with pytest.raises(InputError, match=message):
-        read_frames(files, Part())
+        read_frames(files, MeshPart())

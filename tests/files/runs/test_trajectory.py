@@ -12,7 +12,7 @@ from written_frames import TIMES, WORLD, frame, write
 
 from clothsim.base.errors import InputError
 from clothsim.files.runs.trajectory import TrajectoryWriter, read_trajectory
-from clothsim.mesh.world import Surface, make_world, world_surfaces
+from clothsim.mesh.world import SurfaceRows, make_world, world_surfaces
 
 HERE = Path(__file__).parent
 SUPPORT = HERE.parents[1] / "support"
@@ -260,7 +260,7 @@ def test_a_bad_frame_is_refused_and_leaves_the_file_as_it_was(path, time, values
 
 
 def surface(name, role, start, stop):
-    return Surface(name, role, slice(start, stop), np.array([[0, 1, 2]]) + start, True)
+    return SurfaceRows(name, role, slice(start, stop), np.array([[0, 1, 2]]) + start, True)
 
 
 @pytest.mark.parametrize(

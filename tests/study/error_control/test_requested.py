@@ -173,9 +173,9 @@ def test_a_refinement_that_fails_does_not_replace_a_completed_run(tmp_path, monk
         done.append(resolution)
         return (run if len(done) != 2 else SimpleNamespace(status="failed", summary=run.summary)), result
 
-    original = search.Search.run
+    original = search.ResolutionSearch.run
     monkeypatch.setattr(search, "PILOT_FROM", np.inf)
-    monkeypatch.setattr(search.Search, "run", failing)
+    monkeypatch.setattr(search.ResolutionSearch, "run", failing)
     run = simulate(scene, tmp_path)
     estimate = run.summary["certificate"]["error_estimate"]
     assert run.status == "completed"
