@@ -222,14 +222,15 @@ def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
 
 def _of_slits(mesh: PatternMesh, half: Ints, up: Floats) -> NDArray[np.bool_]:
     """True for sides of triangles (b,), 3 face + corner, that are of panel edges which are steep as placed."""
-    n, face, corner = len(mesh.positions), half // 3, half % 3
-    ends = np.sort(np.column_stack([mesh.triangles[face, corner], mesh.triangles[face, (corner + 1) % 3]]), axis=1)
-    steep: list[Ints] = [np.zeros(0, np.int64)]
+    face, corner = half // 3, half % 3
+    steep: list[Ints] = [np.zeros((0, 2), np.int64)]
     for rows in mesh.edges.values():
         along = mesh.positions[rows[-1]] - mesh.positions[rows[0]]
         if abs(along @ up) > STEEP * np.linalg.norm(along):
-            steep.append(np.sort(np.column_stack([rows[:-1], rows[1:]]), axis=1) @ [n, 1])
-    return np.isin(ends @ [n, 1], np.concatenate(steep))
+            steep.append(np.column_stack([rows[:-1], rows[1:]]))
+    sides = np.column_stack([mesh.triangles[face, corner], mesh.triangles[face, (corner + 1) % 3]])
+    keys = [np.sort(pairs, axis=1) @ [len(mesh.positions), 1] for pairs in (sides, np.concatenate(steep))]
+    return np.isin(*keys)
 
 
 def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tuple[Floats, Ints]:
