@@ -230,7 +230,7 @@ def _of_slits(mesh: PatternMesh, half: Ints, up: Floats) -> NDArray[np.bool_]:
             steep.append(np.column_stack([rows[:-1], rows[1:]]))
     sides = np.column_stack([mesh.triangles[face, corner], mesh.triangles[face, (corner + 1) % 3]])
     keys = [np.sort(pairs, axis=1) @ [len(mesh.positions), 1] for pairs in (sides, np.concatenate(steep))]
-    return np.isin(*keys)
+    return np.isin(keys[0], keys[1])
 
 
 def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tuple[Floats, Ints]:
