@@ -13,6 +13,7 @@ from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
+    from clothsim.garments.author import Authored, author
     from clothsim.garments.dressed import Dress, dress
     from clothsim.garments.fitted import Fit, fit
     from clothsim.garments.outfit import Outfit, outfit
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
         SelfContact,
         Springs,
         StrainLimit,
+        Targets,
     )
     from clothsim.mesh.checks import Finding
     from clothsim.patterns.pattern import Pattern

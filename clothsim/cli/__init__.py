@@ -55,6 +55,7 @@ COMMANDS = {
         "a canonical garment on another body",
         "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     ),
+    "author": Command("author_command", "make a clip from edited frames of a run", _RUN),
     "study": Command("study_command", "measure error against computing time", _SCENE),
     "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
     "sweep": Command("farm_command", "run a scene with several values of its keys", _SCENE),
@@ -74,7 +75,7 @@ COMMANDS = {
 
 GROUPS = {
     "": ("run", "resume", "check", "explain", "view", "render", "export", "bundle"),
-    "garment": ("fit", "dress", "unpose", "repose"),
+    "garment": ("fit", "dress", "unpose", "repose", "author"),
     "study": ("study", "test"),
     "farm": ("farm", "sweep", "learn", "preview"),
     "design": ("gradient", "recover", "design"),

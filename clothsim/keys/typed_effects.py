@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown
 from clothsim.keys.effect_tables import (
@@ -168,6 +169,24 @@ class Springs(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Targets(EffectKeys):
+    """Soft targets of every vertex in each frame."""
+
+    section: ClassVar[str] = "effects.targets"
+
+    displacements: Annotated[
+        Floats | Sequence[Any] | str,
+        Key("Displacement from the start in each frame: an array (frames, vertices or 1, 3), or its .npy file", "m"),
+    ] = ()
+    frames_per_second: Annotated[float, Key("Frame rate of the displacements", "1/s", above=0)] = 25.0
+    rate: Annotated[
+        float,
+        Key("Rate at which the cloth is drawn to its targets, the root of the stiffness for each mass; 0 is none",
+            "1/s", least=0),
+    ] = 100.0  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
 class ElasticBands(EffectKeys):
     """Elastic bands sewn along edges of the cloth."""
 
@@ -301,8 +320,8 @@ class Friction(EffectKeys):
 TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
     kind.section.removeprefix("effects."): kind
     for kind in (
-        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, ElasticBands, Cords,
-        Pressure, Air, Damping,
+        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Targets, ElasticBands,
+        Cords, Pressure, Air, Damping,
         BodyContact, SelfContact, Seams, PlasticBending, Friction,
     )
 }  # fmt: skip
