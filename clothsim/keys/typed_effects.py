@@ -86,6 +86,11 @@ class Membrane(EffectKeys):
     elements: Annotated[
         Literal["triangles", "pairs"], Key("Constant strain per triangle, or per pair of them, which lock less")
     ] = "triangles"
+    compression: Annotated[
+        float,
+        Key("Fraction of the stiffness left in compression: coarse cloth that is to be wrinkled takes 0.05", "1",
+            above=0, most=1),
+    ] = 1.0  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
