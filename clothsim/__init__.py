@@ -13,6 +13,7 @@ from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
+    from clothsim.garments.author import Authored, author
     from clothsim.garments.dressed import Dress, dress
     from clothsim.garments.fitted import Fit, fit
     from clothsim.garments.outfit import Outfit, outfit
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from clothsim.gradients.layer import Layer, layer
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
+    from clothsim.gradients.recover_views import ViewRecovery, recover_views
     from clothsim.keys.effect_tables import Band, Cord, Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
     from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
     from clothsim.keys.typed_effects import (
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
         SelfContact,
         Springs,
         StrainLimit,
+        Targets,
     )
     from clothsim.mesh.checks import Finding
     from clothsim.patterns.pattern import Pattern

@@ -55,6 +55,8 @@ COMMANDS = {
         "a canonical garment on another body",
         "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     ),
+    "wrinkle": Command("run_command", "fine wrinkles on a coarse run", _RUN),
+    "author": Command("author_command", "make a clip from edited frames of a run", _RUN),
     "study": Command("study_command", "measure error against computing time", _SCENE),
     "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
     "sweep": Command("farm_command", "run a scene with several values of its keys", _SCENE),
@@ -63,7 +65,7 @@ COMMANDS = {
         "view_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),
     "gradient": Command("gradient_command", "derive a loss of a run", _SCENE),
-    "recover": Command("gradient_command", "find numbers of a scene from a drape", _SCENE),
+    "recover": Command("recover_command", "find numbers of a scene from a drape or pictures", _SCENE),
     "design": Command("design_command", "find a pattern that hangs as wished", _SCENE),
     "scenes": Command("info_command", "list the example scenes"),
     "keys": Command("info_command", "list the keys of a scene file"),
@@ -74,7 +76,7 @@ COMMANDS = {
 
 GROUPS = {
     "": ("run", "resume", "check", "explain", "view", "render", "export", "bundle"),
-    "garment": ("fit", "dress", "unpose", "repose"),
+    "garment": ("fit", "dress", "unpose", "repose", "wrinkle", "author"),
     "study": ("study", "test"),
     "farm": ("farm", "sweep", "learn", "preview"),
     "design": ("gradient", "recover", "design"),

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from numba.core.event import Listener, install_listener
     from numpy import savez
     from numpy.linalg import norm
+    from PIL.Image import fromarray as as_image
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from clothsim.garments.penetration import draw_penetrations, entries, read_penetration_report
     from clothsim.garments.pictures import DRESS_PICTURES, draw_dress, draw_fit, draw_outfit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
+    from clothsim.garments.wrinkled import OWN_FILES, refuse_unfit, wrinkle
     from clothsim.study.drape_recovery import read_outlines, recover_drape
     from clothsim.study.evaluation import FOLDER
     from clothsim.study.fabric_test import draw_drape, fabric_tested

@@ -1,7 +1,8 @@
-"""`clothsim run` and `clothsim resume`: a simulation, with its settings and its result as text."""
+"""`clothsim run`, `clothsim resume` and `clothsim wrinkle`: a simulation, with its settings and its result as text."""
 
 import argparse
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -43,9 +44,17 @@ an archive of `clothsim bundle`.
   clothsim resume drape
 """
 
+_WRINKLE = """\
+Give the cloth of a coarse run wrinkles: waves where it is compressed, as targets of a finer cloth under contact.
+Leaves the files of a run, whose frames are checked exactly, targets.npy and wrinkles.json.
+
+  clothsim run twist -o coarse --set effects.membrane.compression=0.05
+  clothsim wrinkle coarse --cells 4x -o fine
+"""
+
 
 def add_to(commands: Any) -> None:
-    """Add both commands to the parser."""
+    """Add the commands to the parser."""
     run = commands.add_parser("run", description=_RUN)
     run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name)")
@@ -64,10 +73,20 @@ def add_to(commands: Any) -> None:
         "-o", "--output", type=Path, metavar="DIR", help="of an archive: output directory (default: its name)"
     )
     resume.set_defaults(handler=_resume)
-    for command in (run, resume):
+    wrinkle = commands.add_parser("wrinkle", description=_WRINKLE)
+    wrinkle.add_argument("directory", type=Path, metavar="RUN", help="the output of `clothsim run`")
+    wrinkle.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="output directory")
+    wrinkle.add_argument("--cells", default="4x", metavar="Nx", help="parts of each edge, 2x to 8x (default: 4x)")
+    wrinkle.add_argument("--least-radius", metavar="LENGTH", help="of crests by fabric: 4mm (default: by mechanics)")
+    add_overwrite(wrinkle, "replace an earlier run in the output directory")
+    wrinkle.set_defaults(handler=_wrinkle, dump_iterates=None)
+    for command in (run, resume, wrinkle):
         command.add_argument("--no-picture", action="store_true", help="leave no picture.png and no failure.png")
         command.add_argument("--movie", action="store_true", help="leave movie.mp4 too, movie.gif without ffmpeg")
-        command.add_argument("--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1")
+        if command is not wrinkle:
+            command.add_argument(
+                "--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1"
+            )
         add_output_options(command, json="print the summary as JSON, the rest on stderr", quiet="print the end only")
 
 
@@ -159,6 +178,38 @@ def _resume(arguments: argparse.Namespace) -> int:
     return _execute(arguments, directory, lambda **listeners: clothsim.resume(directory, **listeners))
 
 
+def _wrinkle(arguments: argparse.Namespace) -> int:
+    parts = _parts(arguments.cells)
+    radius = None if arguments.least_radius is None else as_length("--least-radius", arguments.least_radius)
+    run = clothsim.open_run(arguments.directory)
+    on_demand.refuse_unfit(run, parts)
+    names = (*on_demand.RUN_PICTURES, *on_demand.OWN_FILES)
+    engine.refuse_earlier_run(arguments.output, arguments.overwrite, names, (run.directory,))
+    message = messages(arguments)
+
+    def job(progress: Any, announce: Any, dump_iterates: None) -> "clothsim.Run":
+        return on_demand.wrinkle(
+            run,
+            parts,
+            arguments.output,
+            radius,
+            message=message,
+            overwrite=arguments.overwrite,
+            progress=progress,
+            announce=announce,
+        )
+
+    return _execute(arguments, arguments.output, job)
+
+
+def _parts(text: str) -> int:
+    """The number of "4x"."""
+    match = re.fullmatch(r"(\d{1,9})x", text.strip())
+    if not match:
+        raise InputError(f"--cells is {text!r}.", "Give the parts of each edge, such as 4x.")
+    return int(match[1])
+
+
 def _dumped_step(arguments: argparse.Namespace) -> int | None:
     return None if arguments.dump_iterates is None else as_count("--dump-iterates", arguments.dump_iterates)
 
@@ -170,7 +221,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     if step is not None:
         (directory / ITERATES.format(step)).unlink(missing_ok=True)  # of an earlier run
     message = messages(arguments, subject)
-    note = existing_files_note if arguments.command == "run" else resumption_note
+    note = resumption_note if arguments.command == "resume" else existing_files_note
     before = note(directory)
 
     sessions: list[Session] = []

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown
 from clothsim.keys.effect_tables import (
@@ -85,6 +86,11 @@ class Membrane(EffectKeys):
     elements: Annotated[
         Literal["triangles", "pairs"], Key("Constant strain per triangle, or per pair of them, which lock less")
     ] = "triangles"
+    compression: Annotated[
+        float,
+        Key("Fraction of the stiffness left in compression: coarse cloth that is to be wrinkled takes 0.05", "1",
+            above=0, most=1),
+    ] = 1.0  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +171,24 @@ class Springs(EffectKeys):
     section: ClassVar[str] = "effects.springs"
 
     spring: Annotated[Sequence[Spring | Table], Key("Springs of several vertices", tables=(Spring,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Targets(EffectKeys):
+    """Soft targets of every vertex in each frame."""
+
+    section: ClassVar[str] = "effects.targets"
+
+    displacements: Annotated[
+        Floats | Sequence[Any] | str,
+        Key("Displacement from the start in each frame: an array (frames, vertices or 1, 3), or its .npy file", "m"),
+    ] = ()
+    frames_per_second: Annotated[float, Key("Frame rate of the displacements", "1/s", above=0)] = 25.0
+    rate: Annotated[
+        float,
+        Key("Rate at which the cloth is drawn to its targets, the root of the stiffness for each mass; 0 is none",
+            "1/s", least=0),
+    ] = 100.0  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,8 +325,8 @@ class Friction(EffectKeys):
 TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
     kind.section.removeprefix("effects."): kind
     for kind in (
-        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, ElasticBands, Cords,
-        Pressure, Air, Damping,
+        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Targets, ElasticBands,
+        Cords, Pressure, Air, Damping,
         BodyContact, SelfContact, Seams, PlasticBending, Friction,
     )
 }  # fmt: skip

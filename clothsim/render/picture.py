@@ -69,7 +69,7 @@ class PictureSetup:
     style : Style
         What is added to the surfaces, and left out behind them.
     follow : bool
-        True: the camera is that of a cloth with its centre at the origin, and moves with the centre.
+        True: the camera is that of cloths with their centre at the origin, and moves with the centre.
     dyes : (k, 2, 3) array or None
         sRGB of the threads of plain cloths; None: those of the style.
     """
@@ -231,12 +231,9 @@ def picture_setup(
 
 
 def _figure(frames: Sequence[Sequence[Surface]], cloth: Floats) -> Floats:
-    """Extreme points (k, 3) [m] of the cloths and of bodies up to FIGURE times as large: what is larger is ground.
-
-    All bodies where there is no cloth.
-    """
+    """Extreme points (k, 3) [m] of the cloths, with those of bodies up to FIGURE times as large, or of all bodies."""
     bodies = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "body"]
-    largest = FIGURE * float(np.ptp(cloth, axis=0).max()) if len(cloth) else np.inf
+    largest = _largest_figure(frames)
     return np.concatenate([cloth, *(points for points in bodies if np.ptp(points, axis=0).max() <= largest)])
 
 
@@ -257,10 +254,16 @@ def centre_of(surfaces: Sequence[Surface]) -> Floats:
 
 
 def _centred(surfaces: Sequence[Surface]) -> list[Surface]:
-    """The cloths of a frame, or all surfaces without one, with their centre at the origin."""
-    centre = centre_of(surfaces)
-    seen = [each for each in surfaces if each.role == "cloth"] or surfaces
+    """The surfaces of a frame with the centre of its cloths at the origin, without what is larger than FIGURE."""
+    centre, size = centre_of(surfaces), _largest_figure([surfaces])
+    seen = [each for each in surfaces if each.role == "cloth" or np.ptp(each.positions, axis=0).max() <= size]
     return [replace(each, positions=each.positions - centre) for each in seen]
+
+
+def _largest_figure(frames: Sequence[Sequence[Surface]]) -> float:
+    """FIGURE times the size of the cloths of all frames [m]: a larger body is ground; inf without a cloth."""
+    cloths = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "cloth"]
+    return FIGURE * float(np.ptp(np.concatenate(cloths), axis=0).max()) if cloths else np.inf
 
 
 def pixel_counts(size: Any) -> tuple[int, int]:

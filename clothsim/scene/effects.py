@@ -105,6 +105,7 @@ EFFECTS = {
     "rest_angle": Effect(".energies.rest_angle:rest_angle", "creases and pleats with a rest angle", "RestAngle"),
     "gravity": Effect(".energies.gravity:gravity", "weight", "Gravity"),
     "springs": Effect(".energies.springs:springs", "springs, tethers and soft pins to positions in space", "Springs"),
+    "targets": Effect(".energies.targets:targets", "soft targets of every vertex in each frame", "Targets"),
     "elastic_bands": Effect(".energies.elastic_bands:elastic_bands", "elastic along edges", "ElasticBands"),
     "cords": Effect(".energies.cords:cords", "cords that slide through edges", "Cords"),
     "pressure": Effect(".energies.pressure:pressure", "fluid pressure along the normals", "Pressure"),

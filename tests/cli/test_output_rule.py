@@ -24,6 +24,7 @@ WRITES = {
     "run.glb": "export run -o run.glb",
     "run.zip": "bundle run",
     "rest.npz": "unpose run -o rest.npz",
+    "out/author.json": "author run --keys 1=tri.obj --quick -o out",
     "worn.obj": "repose rest.npz free.toml -o worn.obj",
     "marked.png": "check tri.obj --on tri.obj -o marked.png",
     "all.png": "fabrics --swatches all.png",

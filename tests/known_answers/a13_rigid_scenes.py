@@ -72,14 +72,14 @@ BALL_RADIUS, BALL_SPEED, SHEET = 0.05, 1.0, 0.4
 def caught(cells: int) -> Ended:
     """A sheet that nothing holds catches a ball that flies at it, without weight.
 
-    Newton's default stop is no statement on momentum: it lost .7 % in one impact on 24 cells, .006 % on 16.
+    Directions of a Krylov space lost 0.7 % of the momentum on 24 cells, which a stop by the motion does not see.
     """
     ball: dict[str, Any] = {"mesh": "sphere", "radius": BALL_RADIUS, "subdivisions": 2, "density": 100.0}
     ball |= {"name": "ball", "position": [0.01, 0.02, -0.06], "velocity": [0, 0, BALL_SPEED]}
     sheet = {"mesh": "rectangle", "size": [SHEET, SHEET], "cells": [cells, cells], **PAPER}
     effects = {"inertia": {}, "membrane": {}, "bending": {}, "body_contact": {}, "self_contact": {}}
     run = {"duration": 0.2, "frames_per_second": 100}
-    return ended(Scene(cloth=sheet, rigid=ball, effects=effects, run=run, solver={"tolerance": 1e-6}))
+    return ended(Scene(cloth=sheet, rigid=ball, effects=effects, run=run))
 
 
 def speed_of_both(cells: int) -> float:
@@ -104,5 +104,5 @@ ROWS = (
     Row("A13a", "block on a slope of 30 degrees, mu .5, 200 steps/s: acceleration [m/s2]", _sliding),
     Row("A13b", "block on a slope, mu .5: angle of slip [degrees]", _slip_angle),
     Row("A13c", "the same at .99 of its tangent: way in the last .25 s", _held),
-    Row("A13d", "free cloth catches a ball, tolerance 1e-6 m/s: speed of both / (m v/(m + M))", _caught),
+    Row("A13d", "free cloth catches a ball: speed of both / (m v/(m + M))", _caught),
 )

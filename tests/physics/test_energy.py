@@ -1,5 +1,6 @@
 """Unforced runs with contact and friction: energy inequality (docs/results/validation.md, A4), memory, bits."""
 
+import gc
 import tracemalloc
 from dataclasses import replace
 
@@ -123,6 +124,7 @@ def test_memory_is_flat_over_many_steps():
         assert report.converged
         state = report.state
         if k in (29, 199):
+            gc.collect()  # what waits for the collector is no leak
             traced.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
     assert len(report.potential.energies["friction"].elements) > 0

@@ -163,6 +163,20 @@ def test_a_camera_that_follows_sees_the_cloth_in_one_place():
     assert np.abs(first - last).mean() > 2.0
 
 
+def test_a_camera_that_follows_shows_the_whole_figure_and_leaves_out_the_ground():
+    """A cloth of 1 m on a body of 1.5 m that walks 3 m, over a ground of 40 m."""
+    cloth, steps = sheet(), np.array([0.0, 3.0, 0.0])
+    body, ground = ball(radius=0.75, centre=(0.0, 0.0, 0.0)), ball(radius=20.0, centre=(0.0, 0.0, -22.0))
+    moved = [
+        [replace(each, positions=each.positions + k * steps) for each in (cloth, body)] + [ground] for k in range(2)
+    ]
+    keywords = {"size": (120, 160), "colour": "auto", "up": "z", "view": "auto", "title": "", "renderer": "ray"}
+    setup = picture_setup(moved, follow=True, **keywords)
+    camera = replace(setup.camera, position=setup.camera.position + centre_of(moved[1]))
+    assert np.abs(camera.project(moved[1][1].positions)).max() < 1.0
+    assert np.abs(camera.project(ground.positions)).max() > 1.0
+
+
 def test_sizes_of_paper_and_ranges_of_the_command_line(tmp_path):
     assert as_printed_size("85x64mm") == ((1004, 756), 300.0)
     assert as_printed_size("100x50mm@254") == ((1000, 500), 254.0)

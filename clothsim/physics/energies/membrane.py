@@ -1,6 +1,7 @@
 """In-plane elasticity, stretch and shear: the effect `membrane`, with a choice of materials."""
 
 from collections.abc import Mapping
+from importlib import import_module
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from clothsim.physics.energies.example import Example
 from clothsim.physics.energies.key_values import over_cloth
 
 MATERIALS: Mapping[str, tuple[str, ...]] = {
-    "neo_hookean": ("elements",),
-    "orthotropic": ("angle_degrees",),
+    "neo_hookean": ("elements", "compression"),
+    "orthotropic": ("angle_degrees", "compression"),
     "measured": ("angle_degrees", "warp", "weft", "shear"),
 }
 """Materials, and the keys that each of them takes."""
@@ -44,12 +45,14 @@ def membrane(world: World, keys: Membrane) -> Energy | Off:
         material = "orthotropic" if world.per_triangle("has_threads").any() else "neo_hookean"
     tables = {"warp": keys.warp, "weft": keys.weft, "shear": keys.shear}
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
-    given = {"angle_degrees": turned, "elements": keys.elements != "triangles"}
+    given = {"angle_degrees": turned, "elements": keys.elements != "triangles", "compression": keys.compression < 1}
     _refuse_others(material, given | {key: np.size(table) > 0 for key, table in tables.items()})
     angles = np.radians(over_cloth("effects.membrane.angle_degrees", keys.angle_degrees, world))
     own = STIFFNESSES.get(material)
     if own and not any(world.per_triangle(name).any() for name in own):
         return Off(SLACK)
+    if keys.elements == "pairs" and keys.compression < 1:
+        raise InputError("effects.membrane.compression is for single triangles.", 'Leave elements = "pairs" out.')
     if keys.elements == "pairs":  # each imported after the last Off: no kernel is imported for a zero
         from clothsim.physics.energies.paired_membrane import paired_membrane
 
@@ -58,14 +61,22 @@ def membrane(world: World, keys: Membrane) -> Energy | Off:
         _refuse_negative(world)
         from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 
-        return NeoHookeanMembrane.of(world)
+        return _relaxed(NeoHookeanMembrane.of(world), keys.compression)
     if material == "orthotropic":
         from clothsim.physics.energies.woven_membrane import orthotropic
 
-        return orthotropic(world, angles, by_fabric)
+        return _relaxed(orthotropic(world, angles, by_fabric), keys.compression)
     from clothsim.physics.energies.measured_membrane import measured
 
     return measured(world, angles, **tables)
+
+
+def _relaxed(membrane: Energy, compression: float) -> Energy:
+    """The membrane with a fraction of its stiffness in compression; itself where that is 1."""
+    if compression == 1:
+        return membrane
+    made: Energy = import_module("clothsim.physics.energies.tension_field").relaxed(membrane, compression)
+    return made
 
 
 def _refuse_negative(world: World) -> None:

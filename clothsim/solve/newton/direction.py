@@ -145,7 +145,9 @@ class QuadraticModel:
             assert cached.solver is not None
             precondition = cached.solver.back_solve
             solution = saddle_free_solve(curved, precondition, right, trust.radius, first, above=cached.age == 0)
-        dx = self._fill_free(np.zeros_like(gradient), solution.x)
+            moves_as_a_whole = solution.products > 0 and self.system.patch is None and not self.fixed.any()
+            found = without_net_force(curved, right, solution.x) if moves_as_a_whole else solution.x
+        dx = self._fill_free(np.zeros_like(gradient), found)
         cached = replace(cached, products=solution.products) if solution.products else NO_FACTOR
         return Direction(dx, gradient, solution.negative_curvature, cached)
 
@@ -253,3 +255,18 @@ class QuadraticModel:
 
 def _first_not_finite(vectors: Floats) -> int:
     return int(np.argmax(~np.isfinite(vectors).all(axis=1)))
+
+
+def without_net_force(times: Product, b: Floats, x: Floats) -> Floats:
+    """x (3 n,), an inexact solution of A x = b, with the translation of all vertices after which T'(b - A x) = 0.
+
+    A Krylov space holds no translations, so what a solution in it leaves has a net force: momentum out of nothing. x
+    itself where the translations have no positive stiffness T'A T, or would no longer lead downhill.
+    """
+    images = [times(np.tile(axis, len(x) // 3)).copy() for axis in np.eye(3)]
+    stiffness = np.array([image.reshape(-1, 3).sum(axis=0) for image in images])
+    force = b.reshape(-1, 3).sum(axis=0) - np.array([dot(image, x) for image in images])
+    if not np.isfinite(stiffness).all() or np.linalg.eigvalsh(stiffness)[0] <= 0.0:
+        return x
+    moved = np.asarray(x + np.tile(np.linalg.solve(stiffness, force), len(x) // 3), np.float64)
+    return moved if dot(b, moved) > 0.0 else x

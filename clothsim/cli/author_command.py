@@ -1,0 +1,95 @@
+"""`clothsim author`: a clip from edited frames of a run, simulated under contact."""
+
+import argparse
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import clothsim
+from clothsim.base.errors import InputError
+from clothsim.base.text import many
+from clothsim.cli import progress
+from clothsim.cli.arguments import add_output_options, add_overwrite, as_positive_number
+from clothsim.cli.report import Report, messages
+
+if TYPE_CHECKING:
+    from clothsim import Authored
+
+_DESCRIPTION = """\
+Make a clip of a run some of whose frames a person edited: the edits in all frames, each free of intersections.
+
+  clothsim export walk --frame 10 -o frame10.obj         # move its vertices, and save it as edited10.obj
+  clothsim author walk --keys 10=edited10.obj,40=edited40.obj --quick -o clip
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    author = commands.add_parser("author", description=_DESCRIPTION)
+    author.add_argument("directory", type=Path, metavar="RUN", help="the output of `clothsim run`")
+    author.add_argument(
+        "--keys", required=True, metavar="N=FILE,...", help="frames from 1, each with a mesh of its moved vertices"
+    )
+    author.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="the clip, a run")
+    author.add_argument(
+        "--quick", action="store_true", required=True, help="interpolate the edits, and follow them under contact"
+    )
+    author.add_argument("--rate", default="300", metavar="R", help="of the pull to the edits [1/s] (default 300)")
+    author.add_argument("--space", choices=("canonical", "world"), help="of the interpolation (default: by the body)")
+    add_overwrite(author, "replace an earlier run in the output directory")
+    add_output_options(author, json="print author.json", quiet="print the end only", handler=_author)
+
+
+def _author(arguments: argparse.Namespace) -> Report:
+    keys = as_keys(arguments.keys)
+    run = clothsim.open_run(arguments.directory)
+    rate = as_positive_number("--rate", arguments.rate)
+    messages(arguments, arguments.directory)
+    with progress.shown(arguments.quiet) as listener:
+        found = clothsim.author(
+            run,
+            keys,
+            arguments.output,
+            rate=rate,
+            space=arguments.space,
+            progress=listener,
+            overwrite=arguments.overwrite,
+        )
+    free = found.run.status == "completed" and found.intersecting_frames == ()
+    return Report(found.as_json(), "\n".join(lines(found)), 0 if free else 1, verdict=True)
+
+
+def as_keys(text: str) -> dict[int, Path]:
+    """Files by frame of "10=edited10.obj,40=edited40.obj". InputError for another text, or a frame given twice.
+
+    Examples
+    --------
+    >>> {frame: file.name for frame, file in as_keys("10=a.obj,40=b.obj").items()}
+    {10: 'a.obj', 40: 'b.obj'}
+    """
+    keys: dict[int, Path] = {}
+    for part in filter(None, (word.strip() for word in text.split(","))):
+        found = re.fullmatch(r"(\d{1,9})\s*=\s*(.+)", part)
+        if found is None:
+            raise InputError(f"--keys has {part!r}.", "Write FRAME=FILE, as 10=edited10.obj,40=edited40.obj.")
+        frame = int(found[1])
+        if frame in keys:
+            raise InputError(f"--keys gives frame {frame} twice.", "Give each frame one file.")
+        keys[frame] = Path(found[2])
+    if not keys:
+        raise InputError("--keys names no edited frame.", "Write FRAME=FILE, as 10=edited10.obj,40=edited40.obj.")
+    return keys
+
+
+def lines(found: "Authored") -> list[str]:
+    """The result in lines for the user: each key, the verdict, the files."""
+    run = found.run
+    out = [f"{run.status}: {run.reason}", f"  keys     {found.space} offsets, distances in mm (RMS, largest):"]
+    for key in found.keys:
+        before, most, after, left = (1e3 * each for each in (key.before, key.before_most, key.after, key.after_most))
+        crossing = f"; as edited {many(key.intersecting, 'pair')} of triangles intersect" if key.intersecting else ""
+        out.append(f"    frame {key.frame}: {before:.3g} ({most:.3g}) before, {after:.3g} ({left:.3g}) now{crossing}")
+    frames, crossed = many(len(run), "frame"), found.intersecting_frames
+    verdict = "not all tested" if crossed is None else "none intersects" if not crossed else f"INTERSECT: {crossed}"
+    out.append(f"  checked  {frames}, each by the exact test: {verdict}")
+    return [*out, f"  files    {run.directory}: a run, targets.npy and author.json"]

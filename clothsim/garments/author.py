@@ -1,0 +1,264 @@
+"""Clips authored from edited frames: their offsets over all frames, followed softly under contact."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from io import BytesIO
+from os.path import relpath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+import clothsim
+from clothsim import engine, files
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.base.file_writing import make_directory, write_atomically
+from clothsim.base.record import to_json
+from clothsim.garments.unpose import skinning, unposed
+
+if TYPE_CHECKING:
+    from clothsim import Progress, Run, Scene
+
+TARGETS_NAME, AUTHORED_NAME = "targets.npy", "author.json"
+"""What an authored clip has besides the files of a run: what it is drawn to, and its distances to the keys."""
+RATE = 300.0
+"""Rate at which a clip is drawn to its targets [1/s]: its weight moves a vertex in free air by 0.1 mm off them."""
+EASE = 0.2
+"""Time in which the offsets come in after frame 0, which is the start of the scene [s]."""
+MOST_KEYS = 1000
+Space = Literal["canonical", "world"]
+
+
+@dataclass(frozen=True, eq=False)
+class EditedFrame:
+    """A frame of a run whose cloths a person moved.
+
+    Parameters
+    ----------
+    frame : int
+    positions : (n, 3) ndarray
+        Vertices of all cloths, in the order of the run [m].
+    intersecting : int
+        Pairs of triangles of the cloths, or of cloth and body, that intersect in it.
+    """
+
+    frame: int
+    positions: Floats
+    intersecting: int
+
+
+@dataclass(frozen=True)
+class KeyDistance:
+    """Distances of a run's frame from an edited one over the vertices, root mean square and largest [m].
+
+    `before`, `before_most`: those of the run that was edited.
+    """
+
+    frame: int
+    before: float
+    before_most: float
+    after: float
+    after_most: float
+    intersecting: int
+
+
+@dataclass(frozen=True, eq=False)
+class Authored:
+    """An authored clip.
+
+    Attributes
+    ----------
+    run : Run
+        All frames, simulated under contact.
+    keys : tuple of KeyDistance
+    space : str
+        "canonical" or "world": where the offsets were interpolated.
+    intersecting_frames : tuple of int or None
+        Frames in which the exact test found an intersection; None where not all of them were tested.
+    """
+
+    run: "Run"
+    keys: tuple[KeyDistance, ...]
+    space: str
+    intersecting_frames: tuple[int, ...] | None
+
+    def as_json(self) -> dict[str, Any]:
+        """The content of author.json."""
+        return {
+            "status": self.run.status,
+            "frames": len(self.run),
+            "intersecting_frames": None if self.intersecting_frames is None else list(self.intersecting_frames),
+            "space": self.space,
+            "keys": [asdict(key) for key in self.keys],
+        }
+
+
+def author(
+    run: "Run",
+    keys: Mapping[int, Any],
+    output: str | Path,
+    *,
+    rate: float = RATE,
+    space: Space | None = None,
+    progress: "Callable[[Progress], None] | None" = None,
+    overwrite: bool = False,
+) -> Authored:
+    """A clip that passes by edited frames, free of intersections.
+
+    Parameters
+    ----------
+    run : Run
+        A completed one.
+    keys : mapping of int to (n, 3) array_like [m], str or Path
+        By the number of the frame, from 1: the positions of all vertices of the cloths, or a mesh file of them, as
+        `Run.export` writes it and a person has edited it.
+    output : str or Path
+        The directory of the new run.
+    rate : float
+        Rate at which the clip is drawn to its targets, the root of the stiffness for each mass [1/s].
+    space : "canonical" or "world", optional
+        Where the offsets are interpolated: in the rest pose of the body model, by default where there is one; or as
+        they are.
+    progress : callable, optional
+        As of `simulate`.
+    overwrite : bool
+        Replace an earlier run in the directory.
+
+    Raises
+    ------
+    InputError
+        The run did not come to its end, has no such frame, or a key has other vertices.
+
+    Notes
+    -----
+    The offsets are linear in time between the keys and held beyond them; they come in over the first `EASE` seconds,
+    as frame 0 is the start of the scene. The clip is the scene of the run with the effect `targets` of its frames and
+    these offsets: without an offset the pull vanishes and it is the run again.
+    """
+    scene = run.scene
+    inputs = [run.directory, scene, *(each for each in keys.values() if isinstance(each, str | Path))]
+    directory = Path(output)
+    engine.refuse_earlier_run(directory, overwrite, (TARGETS_NAME, AUTHORED_NAME), inputs)
+    edited = edited_frames(run, keys)
+    chosen = space or ("canonical" if any("model" in each.as_table() for each in scene.bodies) else "world")
+    made = guided(scene, targets(run, edited, chosen), directory, rate)
+    new = clothsim.simulate(made, directory, progress=progress, overwrite=overwrite)
+    free, frames = new.intersection_free, new.summary["certificate"]["intersecting_frames"]
+    found = Authored(new, distances(run, new, edited), chosen, None if free is None else tuple(frames))
+    write_atomically(directory / AUTHORED_NAME, to_json(found.as_json()).encode())
+    return found
+
+
+def edited_frames(run: "Run", keys: Mapping[int, Any]) -> tuple[EditedFrame, ...]:
+    """The keys in the order of time. InputError for what is none; those of `author`."""
+    if run.status != "completed":
+        raise InputError(f"{run.directory} is a run that {run.status}.", "Edit frames of one that completed.")
+    if not keys:
+        raise InputError("There is no edited frame.", "Give one: 10=edited10.obj.")
+    if len(keys) > MOST_KEYS:
+        raise InputError(f"There are {len(keys)} edited frames.", f"Give at most {MOST_KEYS}.")
+    last = len(run) - 1
+    found = []
+    for frame in sorted(keys):
+        if frame == 0:
+            raise InputError("Frame 0 is the start, which the scene gives.", f"Edit a frame from 1 to {last}.")
+        if not 1 <= frame <= last:
+            raise InputError(f"There is no frame {frame} to edit.", f"The run has frames 1 to {last}.")
+        points = _positions(run, f"The edited frame {frame}", keys[frame])
+        found.append(EditedFrame(frame, points, _intersecting(run, frame, points)))
+    return tuple(found)
+
+
+def _positions(run: "Run", what: str, given: Any) -> Floats:
+    """Vertices of all cloths, (n, 3) [m], of an array or a file that may have the bodies behind them."""
+    n = len(run.positions(0))
+    if not isinstance(given, str | Path):
+        points = np.asarray(given, np.float64)
+    else:
+        mesh = files.read_mesh(given)
+        what = f"{what}, {given},"
+        points, triangles = mesh.positions, mesh.triangles
+        if len(points) == n + sum(len(body) for _, body, _ in run.bodies(0)):
+            points, triangles = points[:n], triangles[(triangles < n).all(axis=1)]
+        if len(points) == n and not np.array_equal(_as_set(triangles), _as_set(run.triangles)):
+            raise InputError(f"{what} has other triangles than the run.", "Keep the order of the vertices when saving.")
+    if points.shape != (n, 3):
+        has = f"{len(points)} vertices" if points.shape[1:] == (3,) else f"an array {points.shape}"
+        remedy = "Move vertices of what `clothsim export RUN --frame N -o FRAME.obj` wrote, add and merge none."
+        raise InputError(f"{what} has {has}, the cloths of the run have {n} vertices.", remedy)
+    if not np.isfinite(points).all():
+        raise InputError(f"{what} has a vertex that is not finite.", "Give each vertex a position.")
+    return points
+
+
+def _as_set(triangles: Any) -> Any:
+    """Triangles without an order among them and of their corners: a program may sort faces, and turn them."""
+    sorted_ = np.sort(triangles, axis=1)
+    return sorted_[np.lexsort(sorted_.T)]
+
+
+def _intersecting(run: "Run", frame: int, points: Floats) -> int:
+    """Number of pairs of triangles that intersect where the cloths of a frame are moved to `points`, (n, 3) [m]."""
+    count = len(engine.intersecting_pairs(points, run.triangles))
+    for _, body, triangles in run.bodies(frame):
+        both = np.concatenate([points, body])
+        count += len(engine.intersecting_pairs(both, run.triangles, triangles + len(points)))
+    return count
+
+
+def targets(run: "Run", edited: Iterable[EditedFrame], space: str) -> Floats:
+    """The frames of a run with the offsets of edited ones, (f, n, 3) [m]."""
+    frames = [run.positions(k) for k in range(len(run))]
+    keys = list(edited)
+    if space == "world":
+        offsets = _over_time(run.times, keys, [key.positions - frames[key.frame] for key in keys])
+        return np.array([x + move for x, move in zip(frames, offsets, strict=True)])
+    garments = unposed(run, run.scene)
+    made, _ = engine.character_of_scene(run.scene)
+    bodies = [skinning(made, float(time), garments.body) for time in run.times]
+    at_keys = [bodies[key.frame].unposed(key.positions, garments.rows) - garments.positions[key.frame] for key in keys]
+    offsets = _over_time(run.times, keys, at_keys)
+    x = zip(bodies, garments.positions, offsets, strict=True)
+    return np.array([body.posed(points + move, garments.rows) for body, points, move in x])
+
+
+def _over_time(times: Floats, keys: list[EditedFrame], offsets: list[Floats]) -> Floats:
+    """Offsets of all frames, (f, n, 3) [m]: linear between the keys, held beyond, eased in from the start."""
+    at = np.array([times[key.frame] for key in keys])
+    after = np.clip(np.searchsorted(at, times), 0, len(keys) - 1)
+    before = np.maximum(after - (times <= at[after]), 0)
+    gap = at[after] - at[before]
+    weight = np.divide(times - at[before], gap, out=np.zeros(len(times)), where=gap > 0).clip(0, 1)
+    values = np.array(offsets)
+    mixed = values[before] + weight[:, None, None] * (values[after] - values[before])
+    eased = np.minimum(times / min(EASE, at[0]), 1.0)
+    return np.asarray(eased[:, None, None] * mixed, np.float64)
+
+
+def guided(scene: "Scene", frames: Floats, directory: Path, rate: float) -> "Scene":
+    """A scene drawn to frames (f, n, 3) [m] at its own rate, written to a directory; contact is on in it.
+
+    What draws a scene already is replaced.
+    """
+    content = BytesIO()
+    np.save(content, frames - frames[0])
+    make_directory(directory)
+    write_atomically(directory / TARGETS_NAME, content.getvalue())
+    name = relpath(directory.resolve() / TARGETS_NAME, scene.directory.resolve())
+    effects = {"self_contact": {}, **({"body_contact": {}} if scene.bodies else {}), **scene.effects}
+    keys = {"displacements": name, "frames_per_second": scene.run_settings.frames_per_second, "rate": rate}
+    return replace(scene, effects={**effects, "targets": keys})
+
+
+def distances(run: "Run", new: "Run", edited: Iterable[EditedFrame]) -> tuple[KeyDistance, ...]:
+    """How far the frames of two runs are from edited ones; of keys that a failed one came to."""
+    found = []
+    for key in edited:
+        if key.frame < len(new):
+            apart = [np.linalg.norm(each.positions(key.frame) - key.positions, axis=1) for each in (run, new)]
+            rms = [float(np.sqrt((off**2).mean())) for off in apart]
+            found.append(
+                KeyDistance(key.frame, rms[0], float(apart[0].max()), rms[1], float(apart[1].max()), key.intersecting)
+            )
+    return tuple(found)

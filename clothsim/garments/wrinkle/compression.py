@@ -1,0 +1,117 @@
+"""Compression of coarse cloth at its vertices: the stretch tensor of F = R U over vertex rings, followed over time.
+
+The tensor of a triangle in space, R U R', is brought to rest by the Kabsch rotation Q of the ring of each corner,
+Q' (R U R') Q, so that tensors of neighbours, and of one vertex in two frames, are in one frame and can be averaged:
+over the triangles of a ring, over the ring, and over the frames before.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.linalg import eigen_2x2
+
+if TYPE_CHECKING:
+    from clothsim import Run
+
+MEMORY = 0.06
+"""Time in which what was measured before is forgotten [s]: tensors of contact flicker from frame to frame."""
+
+
+@dataclass(frozen=True)
+class Rings:
+    """Averages over the rings of a mesh.
+
+    Attributes
+    ----------
+    of_triangles : (n, m) sparse array
+        Means over the triangles of each vertex, by area at rest.
+    of_vertices : (n, n) sparse array
+        Means over each vertex, with half of the weight, and its ring.
+    """
+
+    of_triangles: csr_array
+    of_vertices: csr_array
+
+    @classmethod
+    def of(cls, triangles: Ints, areas: Floats, n: int) -> Self:
+        """The rings of a mesh of n vertices with triangles (m, 3) of areas (m,) [m2]."""
+        corners, faces = triangles.ravel(), np.repeat(np.arange(len(triangles)), 3)
+        parts = csr_array((np.repeat(areas, 3), (corners, faces)), shape=(n, len(triangles)))
+        ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+        ends = np.unique(np.sort(ends, axis=1), axis=0)
+        one = np.ones(2 * len(ends))
+        near = csr_array((one, (np.r_[ends[:, 0], ends[:, 1]], np.r_[ends[:, 1], ends[:, 0]])), shape=(n, n))
+        return cls(_rows_of_sum_1(parts), 0.5 * _rows_of_sum_1(near) + 0.5 * diags_array(np.ones(n)).tocsr())
+
+
+def _rows_of_sum_1(matrix: csr_array) -> csr_array:
+    sums = np.asarray(matrix.sum(axis=1)).ravel()
+    return csr_array(diags_array(1 / np.where(sums > 0, sums, 1.0)) @ matrix)
+
+
+def ring_tensors(run: "Run", frame: int, rings: Rings) -> Floats:
+    """Stretch tensors of the vertices of a frame in the axes of space at rest, (n, 3, 3), smoothed over rings.
+
+    The stretch across the sheet counts as 1: where it does not stretch the tensor is the identity, and the mean over a
+    ring that is folded is no compression.
+    """
+    stretches = np.asarray(run.field("principal_stretches", frame), np.float64)
+    directions = np.asarray(run.field("principal_directions", frame), np.float64)
+    rotations = np.asarray(run.field("vertex_frames", frame), np.float64)
+    tensors = np.eye(3) + (directions * (stretches[:, None, :] - 1)) @ directions.transpose(0, 2, 1)
+    n = len(rotations)
+    mean = (rings.of_triangles @ tensors.reshape(-1, 9)).reshape(n, 3, 3)  # R U R' is in space for all triangles
+    own = rotations.transpose(0, 2, 1) @ mean @ rotations
+    return (rings.of_vertices @ own.reshape(n, 9)).reshape(n, 3, 3)
+
+
+def followed(before: Floats | None, tensors: Floats, seconds: float) -> Floats:
+    """Tensors (n, 3, 3) of a frame blended with those before it, `seconds` earlier."""
+    if before is None:
+        return tensors
+    kept = np.exp(-seconds / MEMORY)
+    return kept * before + (1 - kept) * tensors
+
+
+@dataclass(frozen=True)
+class Compression:
+    """Principal stretches of vertices and the directions of crests and of compression at rest.
+
+    Attributes
+    ----------
+    stretches : (n, 2) array
+        s1 >= s2.
+    along, across : (n, 3) array
+        Unit directions of s1, along the crests, and of s2, of the compression; their signs mean nothing.
+    """
+
+    stretches: Floats
+    along: Floats
+    across: Floats
+
+    @property
+    def amount(self) -> Floats:
+        """max(0, 1 - s2), (n,), as the field `compression` has it."""
+        return np.maximum(0.0, 1 - self.stretches[:, 1])
+
+
+def compression_of(tensors: Floats, normals: Floats) -> Compression:
+    """The compression of tensors (n, 3, 3) in the tangent planes of unit normals (n, 3) at rest.
+
+    Examples
+    --------
+    >>> found = compression_of(np.diag([0.9, 1.2, 0.0])[None], np.array([[0.0, 0, 1]]))
+    >>> found.stretches.round(9).tolist(), found.amount.round(9).tolist(), np.abs(found.across).round(9).tolist()
+    ([[1.2, 0.9]], [0.1], [[1.0, 0.0, 0.0]])
+    """
+    least = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    first = np.cross(normals, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    frames = np.stack([first, np.cross(normals, first)], axis=2)
+    values, vectors = eigen_2x2(frames.transpose(0, 2, 1) @ tensors @ frames)
+    own = frames @ vectors
+    return Compression(values, own[:, :, 0], own[:, :, 1])

@@ -1,0 +1,36 @@
+"""The command `author`: keys as text, the clip and its answer."""
+
+import json
+
+import pytest
+from small_scenes import EFFECTS, small_scene
+
+from clothsim import InputError, simulate
+from clothsim.cli import main
+from clothsim.cli.author_command import as_keys
+
+
+@pytest.mark.parametrize("text", ["", ",", "5", "x=a.obj", "-1=a.obj", "5=", "5=a.obj,5=b.obj", "1.5=a.obj"])
+def test_keys_that_are_none_are_refused(text):
+    with pytest.raises(InputError):
+        as_keys(text)
+
+
+def test_author_writes_a_run_and_prints_its_distances(tmp_path, capsys):
+    run = simulate(small_scene(effects=EFFECTS | {"self_contact": {}}), tmp_path / "run")
+    run.export(tmp_path / "edited.obj", frame=3)
+    words = [
+        "author",
+        str(run.directory),
+        "--keys",
+        f"3={tmp_path / 'edited.obj'}",
+        "--quick",
+        "-o",
+        str(tmp_path / "c"),
+    ]
+    assert main([*words, "--json", "--quiet"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["intersecting_frames"] == []
+    assert answer["keys"][0]["frame"] == 3
+    assert answer["keys"][0]["after"] < 2e-3
+    assert main(words) == 2  # the output is there
