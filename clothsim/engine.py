@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from clothsim.run.check import Examination, examined
     from clothsim.run.export import unpack_bundle, write_bundle
     from clothsim.run.frames import Colouring
+    from clothsim.run.judged_motion import judged_motion
     from clothsim.run.pictures import draw_pictures, draw_run
     from clothsim.run.precompile import kernels_are_compiled, start_precompiling
     from clothsim.run.receipt import Receipt, explain
@@ -30,10 +31,11 @@ if TYPE_CHECKING:
     from clothsim.run.resume import refuse_earlier_run
     from clothsim.run.session import Session, last_positions
     from clothsim.run.swatches import draw_swatches
-    from clothsim.scene.assembly.drape_model import DrapeModel, Prediction, Predictor
+    from clothsim.scene.assembly.drape_model import DrapeModel, Predictor
     from clothsim.scene.assembly.initial_positions import cloths_at_start
     from clothsim.scene.assembly.meshes import body_mesh, cloth_mesh
-    from clothsim.scene.assembly.model_body import PlacedCharacter, character_of_scene
+    from clothsim.scene.assembly.model_body import character_of_scene
+    from clothsim.scene.assembly.moving_garment import MovingGarment
     from clothsim.scene.assembly.refinement import with_cells
     from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.assembly.shapes import refuse_unwearable, worn_shape

@@ -9,7 +9,7 @@ import pytest
 from clothsim import engine, files, gradients, patterns, render
 
 LIMITS = {
-    "arrows between rooms": 95,
+    "arrows between rooms": 96,
     "engine names at the door": 60,
     "names at the other doors": 40,
     "modules with one importer, in their folder": 11,

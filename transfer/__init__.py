@@ -14,15 +14,13 @@ from pathlib import Path as _Path
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 if _TYPE_CHECKING:
-    from transfer.body_model import BodyModel, read_body_model
+    from transfer.body_model import BodyModel, PosedBody, posed_body, read_body_model
     from transfer.body_model import body_model as make_body_model
     from transfer.body_parts import derive_markers
     from transfer.canonical import (
-        PosedBody,
         Unposed,
         closest_average,
         kernel_average,
-        posed_body,
         sampled_average,
         unposed_in_field,
     )

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, vstack
 from scipy.spatial import cKDTree
 
-from transfer.body_model import BodyModel
+from transfer.body_model import PosedBody
 from transfer.errors import TransferError
 from transfer.signed_distance import barycentric
 from transfer.triangle_surface import Floats, Ints, as_points, as_surface
@@ -207,65 +207,8 @@ LONGEST_STEP = 0.03
 CONVERGED = 1e-9
 """Residual of a vertex that is solved [m]."""
 FIXED_POINT_ITERATIONS, LEAST_SQUARES_ITERATIONS = 30, 40
-SINGULAR = 1e-3
-"""Least determinant of a blended matrix that is inverted: halves of a limb turned against each other have 0."""
 DIFFERENCE = 1e-6
 """Half the distance of the central differences of the field [m]."""
-
-
-@dataclass(frozen=True)
-class PosedBody:
-    """Skinning of a body in one shape and pose: p -> sum_j w_j (R_j (p + b) + t_j).
-
-    Attributes
-    ----------
-    weights : ndarray (n, j)
-        Skinning weights >= 0, rows of sum 1.
-    offsets : ndarray (n, 3)
-        b: the sum of the shape and the pose offsets [m].
-    linear : ndarray (j, 3, 3)
-        R.
-    translations : ndarray (j, 3)
-        t [m].
-    """
-
-    weights: Floats
-    offsets: Floats
-    linear: Floats
-    translations: Floats
-
-    def posed(self, points: ArrayLike, rows: Any) -> Floats:
-        """Posed positions M_G (k, 3) [m] of canonical `points` (k, 3) [m] with averaging `rows` (k, n)."""
-        given = as_points("points", points)
-        linear, moves, offsets = self._blended(len(given), rows)
-        return np.asarray(np.einsum("kab,kb->ka", linear, given + offsets) + moves, np.float64)
-
-    def unposed(self, points: ArrayLike, rows: Any) -> Floats:
-        """Canonical positions (k, 3) [m] of posed `points` (k, 3) [m] with fixed averaging `rows` (k, n).
-
-        Raises
-        ------
-        TransferError
-            A vertex has a blended matrix that cannot be inverted, or `rows` is of another garment.
-        """
-        given = as_points("points", points)
-        linear, moves, offsets = self._blended(len(given), rows)
-        size = np.abs(np.linalg.det(linear))
-        if len(given) and size.min() < SINGULAR:
-            worst = int(size.argmin())
-            raise TransferError(
-                f"Vertex {worst} is between two joints turned against each other: its blended matrix is singular.",
-                "Take another frame, or weights of vertices nearer to one of the joints.",
-            )
-        return np.asarray(np.linalg.solve(linear, (given - moves)[..., None])[..., 0] - offsets, np.float64)
-
-    def _blended(self, count: int, rows: Any) -> tuple[Floats, Floats, Floats]:
-        """Blended matrices (k, 3, 3), translations (k, 3), and offsets (k, 3)."""
-        if rows.shape != (count, len(self.weights)):
-            wanted = f"({count}, {len(self.weights)})"
-            raise TransferError(f"The averaging rows have shape {rows.shape}, not {wanted}.")
-        weights = rows @ self.weights
-        return np.tensordot(weights, self.linear, axes=1), weights @ self.translations, rows @ self.offsets
 
 
 @dataclass(frozen=True)
@@ -282,13 +225,6 @@ class Unposed:
 
     positions: Floats
     residuals: Floats
-
-
-def posed_body(model: BodyModel, beta: ArrayLike = (), theta: ArrayLike | None = None) -> PosedBody:
-    """Skinning of a body model with shape parameters `beta` and rotation vectors `theta` (j, 3) [rad]."""
-    turns = np.zeros((len(model.parents), 3)) if theta is None else theta
-    offsets = model.shaped(beta) - model.template + model.pose_offsets(turns)
-    return PosedBody(model.weights, offsets, *model.transforms(beta, turns))
 
 
 def unposed_in_field(
@@ -317,7 +253,7 @@ def unposed_in_field(
         better = error < residuals[todo]
         best[todo[better]], residuals[todo[better]] = x[todo[better]], error[better]
         left = error > CONVERGED
-        todo, miss, linear = todo[left], miss[left], body._blended(len(rows.indptr) - 1, rows)[0][left]
+        todo, miss, linear = todo[left], miss[left], body.blended(len(rows.indptr) - 1, rows)[0][left]
         if not len(todo):
             break
         step = np.einsum("kab,kb->ka", np.linalg.pinv(linear), miss)

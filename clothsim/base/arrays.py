@@ -1,11 +1,15 @@
 """Checks of shape, type and finiteness at the borders of the package; each error names the array and the index."""
 
 import operator
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import refuse_replacing, replacing
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -111,3 +115,14 @@ def _finite(name: str, values: Floats) -> Floats:
         index = f"[{', '.join(str(i) for i in bad[0])}]" if values.ndim else ""
         raise InputError(f"{name}{index} is {values[tuple(bad[0])]}, not a finite number.")
     return values
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any], overwrite: bool = False) -> Path:
+    """Write arrays by name as .npz, whole or not at all; returns the path.
+
+    InputError where there is such a file, without `overwrite`.
+    """
+    refuse_replacing([path], overwrite)
+    with replacing(path) as beside, beside.open("wb") as target:
+        np.savez_compressed(target, **arrays)
+    return path

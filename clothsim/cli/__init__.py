@@ -65,7 +65,7 @@ COMMANDS = {
         "view_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),
     "gradient": Command("gradient_command", "derive a loss of a run", _SCENE),
-    "recover": Command("gradient_command", "find numbers of a scene from a drape", _SCENE),
+    "recover": Command("recover_command", "find numbers of a scene from a drape or pictures", _SCENE),
     "design": Command("design_command", "find a pattern that hangs as wished", _SCENE),
     "scenes": Command("info_command", "list the example scenes"),
     "keys": Command("info_command", "list the keys of a scene file"),

@@ -166,10 +166,10 @@ def as_positive_number(option: str, text: str) -> float:
     return number
 
 
-def as_count(option: str, text: str) -> int:
-    """A whole number from 1."""
-    if not re.fullmatch(r"\d{1,9}", text) or int(text) == 0:
-        raise InputError(f"{option} is {text!r}.", "Give a whole number from 1.")
+def as_count(option: str, text: str, least: int = 1) -> int:
+    """A whole number from `least`."""
+    if not re.fullmatch(r"\d{1,9}", text) or int(text) < least:
+        raise InputError(f"{option} is {text!r}.", f"Give a whole number from {least}.")
     return int(text)
 
 

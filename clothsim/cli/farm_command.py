@@ -9,6 +9,7 @@ import threading
 import tomllib
 from collections.abc import Iterator
 from dataclasses import asdict
+from math import isnan
 from pathlib import Path
 from time import sleep
 from types import FrameType
@@ -42,11 +43,11 @@ if TYPE_CHECKING:
     from clothsim.study.farm.status import Status
 
 _LEARN = """\
-Learn a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model".
+Learn a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model". With --motion it
+is of a garment on moving bodies, from a farm of clips or its recipe; errors are those on what was held out.
 
   clothsim learn drapes -o model.npz
-
-Its error on held-out drapes is printed, beside those of the nearest and of the mean drape.
+  clothsim learn shirt_in_motion --motion -o moving.npz     farm and training in one command
 """
 
 
@@ -84,12 +85,24 @@ def add_to(commands: Any) -> None:
     sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: the scene's name_sweep)")
     add_output_options(sweep, json="print the rows as JSON", quiet="print nothing but errors", handler=_sweep)
     learn = commands.add_parser("learn", description=_LEARN)
-    learn.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    learn.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm; with --motion also a recipe")
     learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
     learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default 0.25)")
-    learn.add_argument("--components", type=int, default=16, metavar="K", help="principal components (default 16)")
+    learn.add_argument(
+        "--components", type=int, metavar="K", help="principal components (default 16, with --motion 48)"
+    )
+    _add_motion(learn)
     add_overwrite(learn)
     add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
+
+
+def _add_motion(learn: Parser) -> None:
+    """Add the options of models of motion."""
+    learn.add_argument("--motion", action="store_true", help="learn a garment in motion, from a farm of clips")
+    learn.add_argument("--held-kind", metavar="KIND", help="with --motion: kind of motion held out (default: drawn)")
+    learn.add_argument("--held-bodies", default="2", metavar="N", help="with --motion: bodies held out (default 2)")
+    learn.add_argument("--kind", metavar="MODEL", help="with --motion: write that kind of model, not the best")
+    learn.add_argument("--seed", default="0", metavar="N", help="with --motion: of all that is drawn (default 0)")
 
 
 def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
@@ -104,7 +117,7 @@ def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
     sample.add_argument(
         "-o", "--output", type=Path, metavar="DIR", required=True, help="folder; its data.h5 is the set"
     )
-    sample.set_defaults(handler=_sample, workers=None, scheduler=None, attempts="3", stale="60s")
+    sample.set_defaults(handler=_sample)
     work = actions.add_parser("work", help="make the drapes that are left")
     work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     how = work.add_mutually_exclusive_group()
@@ -116,7 +129,7 @@ def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
     return plan, sample, work
 
 
-SHIPPED = ("shirt_by_body", "skirt_by_fabric", "outfit_by_pose", "outfit_that_walks")
+SHIPPED = ("shirt_by_body", "skirt_by_fabric", "outfit_by_pose", "outfit_that_walks", "shirt_in_motion")
 """Recipes that come with the package."""
 _RECIPE = f"a TOML file with [farm] and [vary], or {', '.join(SHIPPED)}"
 FAULT = 1
@@ -153,22 +166,29 @@ SAMPLE_FRACTION, SAMPLE_DATA = 0.02, "data.h5"
 
 
 def _sample(arguments: argparse.Namespace) -> Report | int:
-    recipe = _recipe(arguments.recipe)
-    on_demand.refuse_other_plan(recipe, arguments.output)
-    on_demand.refuse_unbuildable(recipe)
-    on_demand.plan(recipe, arguments.output)
-    arguments.directory = arguments.output
-    worked = _work(arguments)
+    worked, verified = _make(_recipe(arguments.recipe), arguments.output, arguments)
     if not isinstance(worked, Report):
         return worked
     farm = on_demand.open_farm(arguments.output)
-    verified = on_demand.verify(farm, SAMPLE_FRACTION)
-    if not verified.good:
-        raise InputError(f"{arguments.output} is not signed off.", f"See `clothsim farm verify {arguments.output}`.")
     packed = on_demand.pack(farm, arguments.output / SAMPLE_DATA, overwrite=True)  # its own, of the same drapes
     file = packed.files[0]
     text = f"{worked.text}\n{verified.whole} drapes verified, {verified.repeated} made again; {packed.drapes} in {file}"
     return Report({**worked.document, "verified": verified.whole, "packed": packed.drapes, "file": str(file)}, text)
+
+
+def _make(recipe: "Recipe", directory: Path, arguments: argparse.Namespace) -> tuple[Report | int, Any]:
+    """Plan, make and verify the drapes of a recipe in a folder: a report, or an exit code, and the verification."""
+    on_demand.refuse_other_plan(recipe, directory)
+    on_demand.refuse_unbuildable(recipe)
+    on_demand.plan(recipe, directory)
+    usual = {"directory": directory, "workers": None, "scheduler": None, "attempts": "3", "stale": "60s"}
+    worked = _work(argparse.Namespace(**{**vars(arguments), **usual}))
+    if not isinstance(worked, Report):
+        return worked, None
+    verified = on_demand.verify(on_demand.open_farm(directory), SAMPLE_FRACTION)
+    if not verified.good:
+        raise InputError(f"{directory} is not signed off.", f"See `clothsim farm verify {directory}`.")
+    return worked, verified
 
 
 def _recipe(path: Path) -> "Recipe":
@@ -413,9 +433,16 @@ def _table(rows: list[dict[str, Any]]) -> str:
     return text_table([*keys, "verdict", "Newton", "CPU s", "drape"], lines)
 
 
-def _learn(arguments: argparse.Namespace) -> Report:
+def _learn(arguments: argparse.Namespace) -> Report | int:
     refuse_output(arguments.output, arguments)
-    made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, arguments.components)
+    if arguments.motion:
+        return _learn_motion(arguments)
+    given = {"--held-kind": arguments.held_kind, "--kind": arguments.kind}
+    lost = [name for name, value in given.items() if value]
+    if lost:
+        raise InputError(f"{lost[0]} is of models of motion.", "Add --motion, or leave it out.")
+    components = 16 if arguments.components is None else arguments.components
+    made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, components)
     made.model.write(arguments.output, arguments.overwrite)
     names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
     return Report(
@@ -424,3 +451,37 @@ def _learn(arguments: argparse.Namespace) -> Report:
         f"(another mesh).\nerror of held-out drapes (rms): model {1e3 * made.error:.2f} mm, nearest drape "
         f"{1e3 * made.nearest_error:.2f} mm, mean drape {1e3 * made.mean_error:.2f} mm.",
     )
+
+
+def _learn_motion(arguments: argparse.Namespace) -> Report | int:
+    """Learn models of a garment in motion, from a farm or from the recipe of one."""
+    directory, seed = arguments.directory, as_count("--seed", arguments.seed, least=0)
+    if not directory.is_dir():
+        recipe = _recipe(directory)
+        directory = arguments.output.with_name(f"{arguments.output.stem}_farm")
+        worked, _ = _make(recipe, directory, arguments)
+        if not isinstance(worked, Report):
+            return worked
+    bodies = as_count("--held-bodies", arguments.held_bodies, least=0)
+    components = 48 if arguments.components is None else arguments.components
+    farm = on_demand.open_farm(directory)
+    made = on_demand.learn_motion(farm, arguments.held_kind, bodies, components, seed)
+    made.write(arguments.output, arguments.kind, arguments.overwrite)
+    sets = made.division
+    counts = {name: len(sets.rows(name)) for name in ("training", *on_demand.SETS)}
+    rows = [
+        [name, *(_missed(made.errors[name][part], made.inside[name][part]) for part in on_demand.SETS)]
+        for name in made.models
+    ]
+    text = (
+        f"{arguments.output}: {arguments.kind or made.best}; {counts['training']} clips learned, "
+        f"{counts['validation']} for validation. Held out: {counts['new motion']} clips of the kind {sets.kind}, "
+        f"{counts['new body']} on {len(sets.bodies)} bodies ({len(sets.left_out)} left out: their motion is known).\n"
+        f"error (rms) and vertices inside the body:\n{text_table(['model', *on_demand.SETS], rows)}"
+    )
+    document = {"model": str(arguments.output), "kind": arguments.kind or made.best, "clips": counts}
+    return Report({**document, "errors": made.errors, "inside": made.inside}, text)
+
+
+def _missed(error: float, inside: float) -> str:
+    return "none" if isnan(error) else f"{1e3 * error:.1f} mm {100 * inside:.2f} %"

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from numba.core.event import Listener, install_listener
     from numpy import savez
     from numpy.linalg import norm
+    from PIL.Image import fromarray as as_image
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
@@ -34,9 +35,11 @@ if TYPE_CHECKING:
     from clothsim.study.farm.work import work
     from clothsim.study.goal_report import NamedGoal, goal_lines
     from clothsim.study.learned_drapes import learn
+    from clothsim.study.learned_motion import SETS, learn_motion
     from clothsim.study.presets import with_preset
     from clothsim.study.report import answer, settings_text
     from clothsim.study.result import UNFINISHED
+    from clothsim.viewer.motion_preview import preview_motion
     from clothsim.viewer.preview import preview
     from transfer.signed_distance import body_surface
 

@@ -74,7 +74,7 @@ def _repose(arguments: argparse.Namespace) -> Report:
     rows = made.rows_of(arguments.cloth)
     placed, _ = engine.character_of_scene(clothsim.load_scene(arguments.scene))
     time = _seconds(arguments.time)
-    points = made.posed(as_frame(arguments.frame), placed, time)[rows]
+    points = made.posed(as_frame(arguments.frame), placed.skinning(time, made.body))[rows]
     inside = (made.triangles >= rows.start).all(axis=1) & (made.triangles < rows.stop).all(axis=1)
     files.write_obj(arguments.output, points, made.triangles[inside] - rows.start)
     body = placed.character.vertices(placed.pose(time)) @ placed.linear.T + placed.shift

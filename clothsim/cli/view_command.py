@@ -30,6 +30,11 @@ Move the inputs of a model of drapes in a browser: the predicted garment with th
 button that drapes and certifies. Needs pip install 'clothsim[view]'. Ctrl-C ends it.
 
   clothsim preview drapes model.npz
+
+With --motion the model is of motion (`clothsim learn --motion`) and the first argument a scene with a moving body: the
+figure moves, each frame with its verdict: certified as predicted, repaired, or simulated.
+
+  clothsim preview walking.toml moving.npz --motion
 """
 
 
@@ -44,6 +49,7 @@ def add_to(commands: Any) -> None:
     add_output_options(view, json="print the address as JSON", quiet="print nothing", handler=_view)
     shown = commands.add_parser("preview", description=_PREVIEW)
     shown.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm, or a scene file of the same")
+    shown.add_argument("--motion", action="store_true", help="a garment in motion: the first argument is a scene")
     shown.add_argument("model", type=Path, metavar="MODEL", help="the output of `clothsim learn`")
     _add_address(shown)
     shown.add_argument("--browser", action="store_true", help="open the browser too")
@@ -100,6 +106,8 @@ def _await_frame(directory: Path) -> None:
 
 def _preview(arguments: argparse.Namespace) -> int:
     port, given = as_count("--port", arguments.port), arguments.directory
-    scene = clothsim.load_scene(given) if given.suffix == ".toml" else on_demand.open_farm(given).scene
-    page = on_demand.preview(scene, arguments.model, port, arguments.host, arguments.trust)
+    is_scene = arguments.motion or given.suffix == ".toml"
+    scene = clothsim.load_scene(given) if is_scene else on_demand.open_farm(given).scene
+    show: Any = on_demand.preview_motion if arguments.motion else on_demand.preview
+    page = show(scene, arguments.model, port, arguments.host, arguments.trust)
     return served(page, arguments, arguments.model)

@@ -15,7 +15,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.record import to_json
-from clothsim.garments.unpose import skinning, unposed
+from clothsim.garments.unpose import unposed
 
 if TYPE_CHECKING:
     from clothsim import Progress, Run, Scene
@@ -216,7 +216,7 @@ def targets(run: "Run", edited: Iterable[EditedFrame], space: str) -> Floats:
         return np.array([x + move for x, move in zip(frames, offsets, strict=True)])
     garments = unposed(run, run.scene)
     made, _ = engine.character_of_scene(run.scene)
-    bodies = [skinning(made, float(time), garments.body) for time in run.times]
+    bodies = [made.skinning(float(time), garments.body) for time in run.times]
     at_keys = [bodies[key.frame].unposed(key.positions, garments.rows) - garments.positions[key.frame] for key in keys]
     offsets = _over_time(run.times, keys, at_keys)
     x = zip(bodies, garments.positions, offsets, strict=True)

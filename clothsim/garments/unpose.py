@@ -14,8 +14,9 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_arrays
 from clothsim.base.file_writing import write_atomically
-from clothsim.engine import PlacedCharacter, character_of_scene
-from transfer.canonical import PosedBody, kernel_average, unposed_in_field
+from clothsim.engine import character_of_scene
+from transfer.body_model import PosedBody
+from transfer.canonical import kernel_average, unposed_in_field
 from transfer.errors import TransferError
 
 if TYPE_CHECKING:
@@ -74,17 +75,14 @@ class CanonicalGarments:
         k = self.names.index(name)
         return slice(int(self.starts[k]), int(self.starts[k + 1]))
 
-    def posed(self, frame: int, made: PlacedCharacter, time: float) -> Floats:
-        """The garments of a frame on a character at a time [s], (k, 3) [m]: its shape and pose may be others."""
+    def posed(self, frame: int, body: PosedBody) -> Floats:
+        """The garments of a frame on a body, (k, 3) [m]: `PlacedCharacter.skinning` of any shape and pose."""
         if not -len(self.times) <= frame < len(self.times):
             raise InputError(f"There is no frame {frame}.", f"There are {len(self.times)}.")
-        if made.character.positions.shape != self.body.shape:
-            found, wanted = len(made.character.positions), len(self.body)
-            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Take the same model.")
         points, rows = self.positions[frame], self.rows
         if self.field:
             rows = kernel_average(self.body, self.body_triangles).averaging(points)
-        return skinning(made, time, self.body).posed(points, rows)
+        return body.posed(points, rows)
 
 
 def unposed(run: "Run", scene: Scene, field: bool = False) -> CanonicalGarments:
@@ -116,7 +114,7 @@ def unposed(run: "Run", scene: Scene, field: bool = False) -> CanonicalGarments:
     average = kernel_average(reference, made.character.triangles) if field else None
     found, residuals = [], []
     for k, (time, points) in enumerate(zip(run.times, starts, strict=True)):
-        body = skinning(made, float(time), reference)
+        body = made.skinning(float(time), reference)
         try:
             x = body.unposed(points, rows)
         except TransferError as error:
@@ -140,16 +138,6 @@ def unposed(run: "Run", scene: Scene, field: bool = False) -> CanonicalGarments:
         rows,
         field,
     )
-
-
-def skinning(made: PlacedCharacter, time: float, reference: Floats) -> PosedBody:
-    """Skinning from canonical positions beside `reference` (n, 3) [m], a body in its rest pose, to the scene."""
-    pose, character = made.pose(time), made.character
-    matrices = character.matrices(pose)
-    linear = made.linear @ matrices[:, :3, :3]
-    moves = matrices[:, :3, 3] @ made.linear.T + made.shift
-    offsets = character.positions - reference + character.pose_offsets(pose)
-    return PosedBody(character.weights, offsets, linear, moves)
 
 
 def write_canonical(path: Path, garments: CanonicalGarments) -> None:

@@ -8,6 +8,7 @@ in front of the cloth makes it, and next to the ends of such a piece (T-junction
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -152,6 +153,12 @@ class MaskBorder(PictureLoss):
     label: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     refinements: int = 2
     spacing: float = 2.0
+
+    def checked(self) -> Self:
+        """Return itself. InputError for a mask that has no border."""
+        checked_noise(self.noise, self.huber)
+        _ = self.border
+        return self
 
     def residuals(self, positions: Floats, triangles: Ints) -> Residuals:
         """Return n.(pi(x) - m)/noise of both ways."""

@@ -13,7 +13,7 @@ weights, their parameters held. The inside follows by harmonic extension with co
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -23,7 +23,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.gradients.gradient import Gradient
 from clothsim.patterns.curves import Bezier
-from clothsim.patterns.pattern import Panel, PatternEdge, Side
+from clothsim.patterns.pattern import Panel, Pattern, PatternEdge, Side
 from clothsim.patterns.pattern_mesh import PatternMesh
 
 
@@ -292,6 +292,24 @@ class PatternNumbers:
         """Return the least corner of the box about a panel, (2,), and its sides, (2,) [m]."""
         points = self.mesh.panel_coordinates[self.mesh.vertices[panel]]
         return points.min(axis=0), np.ptp(points, axis=0)
+
+    def pattern(self, values: Mapping[str, float]) -> Pattern:
+        """Return the pattern cut to other numbers, as it is written to a file."""
+        pattern, (moves, controls) = self.mesh.pattern, self._moves(values)
+        panels = dict(pattern.panels)
+        for name, moved in moves.items():
+            panel = panels[name]
+            vertices, edges = panel.vertices + moved, list(panel.edges)
+            for side in (each for each in controls if each.panel == name):
+                edge = edges[side.edge]
+                before = bezier_edge(self.mesh, side).points(panel.vertices[edge.start], panel.vertices[edge.end])
+                start, end = vertices[edge.start], vertices[edge.end]
+                chord = end - start
+                axes = np.column_stack([chord, [-chord[1], chord[0]]])
+                relative = np.linalg.solve(axes, (before[1:-1] + controls[side] - start).T).T
+                edges[side.edge] = replace(edge, curve=Bezier(tuple((float(x), float(y)) for x, y in relative)))
+            panels[name] = replace(panel, vertices=vertices, edges=tuple(edges))
+        return replace(pattern, panels=panels)
 
     def _moves(self, values: Mapping[str, float]) -> tuple[dict[str, Floats], dict[Side, Floats]]:
         """Displacements of the vertices of panels and of the control points of their Bezier edges."""

@@ -9,8 +9,10 @@ is the loss not continuous.
 import abc
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Self
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from clothsim.base.arrays import Floats, Ints, as_positive
@@ -22,6 +24,9 @@ from clothsim.mesh.refinement import refined
 
 GATE = np.cos(np.radians(60.0))
 """Cosine between a measured and a simulated normal below which they are of different folds, and have no residual."""
+MARGIN = 5
+"""Pixels next to the border of what was measured that are not compared: they tell what the mask's border tells, and
+come into and leave the cloth as it moves."""
 EDGE_ON = 0.05
 """Cosine between ray and triangle below which a pixel has no residual."""
 
@@ -165,12 +170,18 @@ class _OfPixels(PictureLoss):
     def _compared(self, met: Surface, values: Floats, depths: Floats) -> tuple[Floats, csr_array, np.ndarray]:
         """Residuals (k, r) over the noise, their derivatives (k r, 3 n), and which of the k pixels count."""
 
+    def checked(self) -> Self:
+        """Return itself. InputError for a picture that cannot be compared."""
+        checked_noise(self.noise, self.huber)
+        self._checked()
+        return self
+
     def residuals(self, positions: Floats, triangles: Ints) -> Residuals:
         """Return the residuals of the pixels whose rays meet the cloth first."""
         _, huber = checked_noise(self.noise, self.huber)
         picture, valid = self._checked()
         step = int(as_positive("step", self.step))
-        v, u = np.nonzero(valid)
+        v, u = np.nonzero(binary_erosion(valid, iterations=MARGIN, border_value=1))
         chosen = (v % step == step // 2) & (u % step == step // 2)
         u, v = u[chosen], v[chosen]
         if not len(u):

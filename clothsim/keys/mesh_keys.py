@@ -38,7 +38,10 @@ class ClipKeys(KeyTable):
 
     clip: Annotated[
         str,
-        Key('A clip: "walk" or "turn"; a .bvh file, an AMASS .npz file; or "own", the animation of the model\'s file'),
+        Key(
+            'A clip: "walk" or "turn"; a drawn one, such as "squat:3"; a .bvh file, an AMASS .npz file; or "own", the '
+            "animation of the model's file"
+        ),
     ]
     animation: Annotated[str | None, Key("Name of the animation, with `own`", shown="the first")] = None
     scale: Annotated[

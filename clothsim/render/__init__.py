@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from clothsim.render.camera import Camera
     from clothsim.render.colour_scale import Quantity
     from clothsim.render.marks import draw_marks
     from clothsim.render.movie import movie as write_movie
     from clothsim.render.movie import movie_file
     from clothsim.render.pattern_drawing import draw_pattern, laid_out
     from clothsim.render.picture import draw, picture_setup, rendered
-    from clothsim.render.surface_look import BODY_GREY, WIDTHS, Surface, vertex_normals
+    from clothsim.render.surface_look import WIDTHS, Surface, vertex_normals
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

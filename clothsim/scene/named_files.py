@@ -141,11 +141,11 @@ def named_keys(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]
 
 def _named_clip(owner: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
     """The file of the motion of a body model."""
-    from clothsim.files.characters.gait import CLIPS
+    from clothsim.files.characters.gait import is_packaged
 
     motion = table.get("motion")
     keyed = (motion, "clip") if isinstance(motion, dict) else (table, "motion")
-    if motion and keyed[0][keyed[1]] not in (*CLIPS, "own"):
+    if motion and not (keyed[0][keyed[1]] == "own" or is_packaged(keyed[0][keyed[1]])):
         yield owner, *keyed
 
 

@@ -70,7 +70,7 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
         raise InputError(f"{components} components were asked for.", "Give a whole number from 1.")
     inputs = _inputs(farm)
     demand_verified(farm)
-    rows, areas, left_out = _alike(farm)
+    rows, areas, left_out = alike(farm)
     training = len(rows) - round(held_out * len(rows))
     if training < LEAST:
         raise InputError(f"{training} drapes are too few to learn from.", f"Make at least {LEAST} usable drapes.")
@@ -88,7 +88,7 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
     closest = nearest(values[:training], flat[:training], asked) if len(held) else held
     return Learned(
         model, training, len(held), left_out,
-        _rms([model.positions(each).ravel() for each in asked], held), _rms(space.mean, held), _rms(closest, held),
+        rms([model.positions(each).ravel() for each in asked], held), rms(space.mean, held), rms(closest, held),
     )  # fmt: skip
 
 
@@ -105,7 +105,7 @@ def _inputs(farm: Farm) -> list[str]:
     return inputs
 
 
-def _alike(farm: Farm) -> tuple[list[dict[str, Any]], Floats, int]:
+def alike(farm: Farm) -> tuple[list[dict[str, Any]], Floats, int]:
     """Usable drapes with the mesh that most have, the areas of its vertices, and the number of others."""
     usable = [row for row in manifest(farm) if row["usable"]]
     if not usable:
@@ -132,7 +132,7 @@ def _meshes(farm: Farm, row: dict[str, Any]) -> tuple[NDArray[np.int32], Floats]
     return np.concatenate(triangles), np.concatenate(areas)
 
 
-def _rms(predictions: Sequence[Floats] | Floats, drapes: Floats) -> float:
+def rms(predictions: Sequence[Floats] | Floats, drapes: Floats) -> float:
     """Root mean square distance of a vertex."""
     if not len(drapes):
         return float("nan")

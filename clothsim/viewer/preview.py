@@ -13,7 +13,7 @@ import numpy as np
 from clothsim import Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
-from clothsim.engine import Prediction, Predictor
+from clothsim.engine import Predictor
 from clothsim.viewer.gate import Gate
 from clothsim.viewer.page import add_background, add_body, look_at
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
@@ -46,7 +46,7 @@ class Preview(Served):
     server: "viser.ViserServer"
     gate: Gate
     inputs: Floats
-    shown: Prediction | None = None
+    shown: Any = None
     nodes: dict[str, Any] = field(default_factory=dict)
     controls: dict[str, Any] = field(default_factory=dict)
     _lock: threading.RLock = field(default_factory=threading.RLock)
@@ -55,13 +55,13 @@ class Preview(Served):
     def __repr__(self) -> str:
         return f"<Preview of {str(self.predictor.file)!r} at {self.url}>"
 
-    def show(self, inputs: Any) -> Prediction:
-        """Show the prediction for the values of the model's inputs."""
+    def show(self, inputs: Any) -> Any:
+        """Show the prediction for the values of the model's inputs, and return it (`Predictor.predicted`)."""
         began = perf_counter()
         with self._lock:
             made = self.predictor.predicted(inputs)
             self.inputs, self.shown = np.array(inputs, np.float64), made
-            self._put(made.cloth, CLEAR if made.clean else CROSSING)
+            put_cloth(self.nodes, made.cloth, CLEAR if made.clean else CROSSING)
             for node, points in zip(self.nodes["bodies"], made.bodies, strict=True):
                 node.vertices = points.astype(np.float32)
             seconds = perf_counter() - began
@@ -91,16 +91,18 @@ class Preview(Served):
             if self.inputs is asked:  # a certificate beside another garment would be none of it
                 self.controls["verdict"].content = f"Simulated: {text}"
                 if end is not None:
-                    self._put(end, DRAPED)
+                    put_cloth(self.nodes, end, DRAPED)
         return text
 
-    def _put(self, cloth: Floats, colour: tuple[int, int, int]) -> None:
-        begin = 0
-        for node, part in zip(self.nodes["cloths"], self.predictor.cloths, strict=True):
-            count = int(part.triangles.max()) + 1 - begin
-            node.vertices = cloth[begin : begin + count].astype(np.float32)
-            node.color = colour
-            begin += count
+
+def put_cloth(nodes: dict[str, Any], cloth: Floats, colour: tuple[int, int, int]) -> None:
+    """Move the nodes of `add_surfaces` to positions of all cloths (n, 3) [m], in a colour."""
+    begin = 0
+    for node in nodes["cloths"]:
+        count = len(node.vertices)
+        node.vertices = cloth[begin : begin + count].astype(np.float32)
+        node.color = colour
+        begin += count
 
 
 def preview(
@@ -137,26 +139,27 @@ def preview(
     first = made.predicted(middle)
     gate = Gate(host, trusted)
     page = Preview(made, serve(viser, gate, port), gate, middle)
-    _add_scene(page, first)
+    page.nodes |= add_surfaces(page.server, made.judge, first, scene.up)
     _add_controls(page)
     page.show([each.value for each in page.controls["sliders"]])
     return page
 
 
-def _add_scene(page: Preview, first: Prediction) -> None:
-    server, made = page.server, page.predictor
+def add_surfaces(server: "viser.ViserServer", judge: Any, first: Any, up: Any) -> dict[str, Any]:
+    """Add the surfaces of a judge with the positions of a first prediction, and return their nodes by role."""
     add_background(server)
-    look_at(server, np.concatenate([first.cloth, *first.bodies]), made.scene.up)
-    everything = np.concatenate([first.cloth, *first.bodies]).astype(np.float32)
-    page.nodes["cloths"], page.nodes["bodies"] = [], []
-    for part in made.cloths:
+    everything = np.concatenate([first.cloth, *first.bodies])
+    look_at(server, everything, up)
+    nodes: dict[str, Any] = {"cloths": [], "bodies": []}
+    for part in judge.cloths:
         low, high = int(part.triangles.min()), int(part.triangles.max()) + 1
-        faces = (part.triangles - low).astype(np.uint32)
-        page.nodes["cloths"].append(
-            server.scene.add_mesh_simple(f"/cloth/{part.name}", everything[low:high], faces, color=CLEAR, side="double")
+        points, faces = everything[low:high].astype(np.float32), (part.triangles - low).astype(np.uint32)
+        nodes["cloths"].append(
+            server.scene.add_mesh_simple(f"/cloth/{part.name}", points, faces, color=CLEAR, side="double")
         )
-    for part, points in zip(made.bodies, first.bodies, strict=True):
-        page.nodes["bodies"].append(add_body(server, part.name, points, part.triangles - int(part.triangles.min())))
+    for part, points in zip(judge.bodies, first.bodies, strict=True):
+        nodes["bodies"].append(add_body(server, part.name, points, part.triangles - int(part.triangles.min())))
+    return nodes
 
 
 def _add_controls(page: Preview) -> None:

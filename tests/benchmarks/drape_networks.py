@@ -28,7 +28,8 @@ from clothsim.study.farm.plan import Farm, open_farm
 from clothsim.study.farm.publication import processor
 from clothsim.study.farm.reading import CLOTH
 from clothsim.study.farm.status import manifest
-from transfer.canonical import PosedBody, kernel_average
+from transfer.body_model import PosedBody
+from transfer.canonical import kernel_average
 from transfer.drape_autoencoder import DrapeAutoencoder, Training, distance_grid, trained_autoencoder
 from transfer.signed_distance import BodySurface, body_surface
 from transfer.subspace import Subspace, metric_components, nearest, ridge

@@ -17,8 +17,10 @@ from typing import Any
 
 import clothsim
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import refuse_unknown
 from clothsim.cli import COMMANDS, GROUPS, main, parser_of_all, without_group
 from clothsim.cli.arguments import join_vectors
+from clothsim.gradients.views import KEYS, NOISE
 from clothsim.scene.scene import make_scene
 from clothsim.study.farm.recipe import load_recipe
 from tests.docs_blocks import LATER, Block
@@ -120,7 +122,7 @@ def checked_calls(text: str) -> int:
 def read_toml(text: str) -> int:
     """Read a scene, or a part of one completed by REST, by the reader of scenes: the number of its tables.
 
-    Recipes of farms have a reader of their own; seams of a drawing are read with it alone.
+    Recipes of farms have a reader of their own; seams of a drawing are read with it alone, views with their pictures.
     """
     data = tomllib.loads(text)
     if "farm" in data:
@@ -130,6 +132,12 @@ def read_toml(text: str) -> int:
             load_recipe(file)
         return len(data)
     if "panels" in data:
+        return len(data)
+    if "view" in data:
+        refuse_unknown("views", data, ("view", "noise", "labels"))
+        refuse_unknown("noise", data.get("noise", {}), NOISE)
+        for keys in data["view"]:
+            refuse_unknown("view", keys, KEYS)
         return len(data)
     whole: dict[str, Any] = {**REST, **data, "effects": {**REST["effects"], **data.get("effects", {})}}
     if isinstance(whole["cloth"], dict) and "mesh" not in whole["cloth"]:

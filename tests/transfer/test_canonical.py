@@ -9,8 +9,8 @@ from scipy.sparse import eye_array
 
 from clothsim.files.characters.character import mannequin_character
 from clothsim.mesh.generators.garments import shirt
-from transfer.body_model import BodyModel
-from transfer.canonical import PosedBody, closest_average, kernel_average, posed_body, sampled_average, unposed_in_field
+from transfer.body_model import BodyModel, PosedBody, posed_body
+from transfer.canonical import closest_average, kernel_average, sampled_average, unposed_in_field
 from transfer.errors import TransferError
 
 

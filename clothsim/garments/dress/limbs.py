@@ -99,7 +99,7 @@ def form_a_tube(mesh: PatternMesh, names: list[str], up: Floats) -> bool:
     sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
     for fraction in TUBE_LEVELS:
         above = heights[sides] - (low + fraction * (high - low))
-        cut = above[..., 0] * above[..., 1] < 0
+        cut = (above[..., 0] > 0) != (above[..., 1] > 0)  # of a triangle with a corner on the level, two sides or none
         share = (above[cut][:, 0] / (above[cut][:, 0] - above[cut][:, 1]))[:, None]
         ends = mesh.positions[sides[cut]]
         cloth = ((1 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 2, 3)  # two sides of a triangle are cut

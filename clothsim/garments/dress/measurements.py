@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from clothsim import Pattern
@@ -125,6 +126,9 @@ ASIDE = 0.16
 OPEN, LEVEL = 0.5, 0.7
 """Height of a hem's loop, as a fraction of the garment's, from which on it runs along an opening; sine of the slope
 of its level part."""
+STEEP = 0.9
+"""Sine of the slope of an edge of a panel as placed, corner to corner, from which on it is of a slit: chords of quarter
+circles are at 0.71."""
 FABRIC_WIDTH, SELVEDGE = 1.4, 0.01
 """Usual width of fabric, and the distance of panels in a marker [m]."""
 
@@ -188,7 +192,7 @@ def hem_of(state: SewingState, body: BodyMesh) -> tuple[float, float]:
 
 
 def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
-    """Length [m], mean level [m] and vertices of the lowest border loop; of one open in front of its level part."""
+    """Length [m], mean level [m] and vertices of the lowest border loop; without slits and what goes up an opening."""
     edges, half = border_edges(state.triangles)
     loop = components(np.column_stack([edges, edges[:, 1]]), len(state.positions))[edges[:, 0]]
     torso = _torso_triangles(state)
@@ -203,7 +207,8 @@ def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
         if of_torso[loop == name].mean() > 0.5 or not of_torso.any()
     }
     lowest = min(mean, key=lambda name: mean[name])
-    chosen = loop == lowest
+    chosen = (loop == lowest) & ~_of_slits(state.mesh, half, body.up)
+    chosen = chosen if chosen.any() else loop == lowest
     heights = state.positions @ body.up
     if np.ptp(heights[edges[chosen]]) > OPEN * np.ptp(heights):  # it goes on along an opening, and round the neck
         rise = np.abs(np.diff(heights[edges], axis=1)[:, 0])
@@ -213,6 +218,19 @@ def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
         float(np.average(levels[chosen], weights=lengths[chosen])),
         np.unique(edges[chosen]),
     )
+
+
+def _of_slits(mesh: PatternMesh, half: Ints, up: Floats) -> NDArray[np.bool_]:
+    """True for sides of triangles (b,), 3 face + corner, that are of panel edges which are steep as placed."""
+    face, corner = half // 3, half % 3
+    steep: list[Ints] = [np.zeros((0, 2), np.int64)]
+    for rows in mesh.edges.values():
+        along = mesh.positions[rows[-1]] - mesh.positions[rows[0]]
+        if abs(along @ up) > STEEP * np.linalg.norm(along):
+            steep.append(np.column_stack([rows[:-1], rows[1:]]))
+    sides = np.column_stack([mesh.triangles[face, corner], mesh.triangles[face, (corner + 1) % 3]])
+    keys = [np.sort(pairs, axis=1) @ [len(mesh.positions), 1] for pairs in (sides, np.concatenate(steep))]
+    return np.isin(keys[0], keys[1])
 
 
 def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tuple[Floats, Ints]:

@@ -223,6 +223,8 @@ HEM = 0.04
 """Height of the lowest part of a panel that is its hem, and of the slice of the leg there [m]."""
 CLEARANCE = 0.025
 """Distance from the body that every spring should keep [m]."""
+LEAST_TURN_DEGREES = 0.5
+"""Least turn of a leg's panels that is made."""
 ACROSS = 0.01
 """Distance by which a panel of one leg may reach across the middle of the body [m]; panels of a skirt reach further."""
 SAMPLES = np.linspace(0.0, 1.0, 12)
@@ -259,6 +261,8 @@ def turned_to_legs(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> t
             axis = np.cross(body.up, side * right)
             turned = _turn_rows(turned, rows, crotch, angle * axis, side * right)
             angles.append(abs(np.degrees(angle)))
+        if max(angles) < LEAST_TURN_DEGREES:
+            continue
         if _missing_clearance(turned[pairs], surface) < _missing_clearance(positions[pairs], surface):
             positions = turned
             notes.append(

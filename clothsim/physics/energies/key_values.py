@@ -39,7 +39,8 @@ def selected_vertices(where: str, world: World, select: object) -> Ints:
     """Rows of x selected by a side of every cloth, a box at the start [m], names of a pattern, or vertex numbers.
 
     Sides of a sheet (flat at rest, or with one border) are those of its rest shape, "top" along y. Of a garment "top"
-    is its highest border at the start (a waist, a neck; z is up), "bottom" its lowest, "left" and "right" along x.
+    is its highest border at the start (a waist, a neck; z is up), "bottom" its lowest (of trousers both hems),
+    "left" and "right" along x.
     Tables: { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 }, { label = "lower_interface" }.
     """
     if not world.n_cloth and not (isinstance(select, list | tuple | np.ndarray) and not len(select)):
@@ -132,16 +133,20 @@ def border_curves(triangles: Ints) -> list[Ints]:
 
 
 def _opening(where: str, name: str, cloth: str, start: Floats, curves: list[Ints]) -> Ints:
-    """The border of a garment farthest to a side at the start: top and bottom along z, left and right along x."""
+    """Borders of a garment farthest to a side at the start: one, or those level with it, as both hems of trousers.
+
+    Top and bottom are along z, left and right along x.
+    """
     axis, sign = {"left": (0, -1), "right": (0, 1), "bottom": (2, -1), "top": (2, 1)}[name]
     along = sign * start[:, axis]
-    second, first = sorted(curves, key=lambda rows: float(along[rows].mean()))[-2:]
-    if along[first].mean() - along[second].mean() <= NEAR * np.ptp(along):
+    means = np.array([along[rows].mean() for rows in curves])
+    chosen = np.flatnonzero(means >= means.max() - NEAR * np.ptp(along))
+    if len(chosen) == len(curves):
         raise InputError(
             f'{where} is "{name}", and no border of {cloth} lies there more than another.',
             f"Name vertices: [indices]. {TABLES}",
         )
-    return first
+    return np.unique(np.concatenate([curves[k] for k in chosen]))
 
 
 def _side(name: str, rest: Floats, triangles: Ints) -> Ints:

@@ -8,32 +8,27 @@ prediction gets the exact test.
 import hashlib
 import json
 import zipfile
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from clothsim.base.arrays import Floats, as_vector
+from clothsim.base.arrays import Floats, as_vector, write_arrays
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.file_writing import refuse_replacing, replacing
-from clothsim.geometry.intersection.crossings import Crossing, crossings
-from clothsim.mesh.generators.mannequin.generator import JOINTS, template
-from clothsim.mesh.topology import components
-from clothsim.mesh.winding import is_inside
 from clothsim.scene import paths
+from clothsim.scene.assembly.judged_garment import Judge, Prediction
 from clothsim.scene.assembly.meshes import body_of, mesh_shape
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.assembly.shapes import placed
 from clothsim.scene.named_files import by_content
 from clothsim.scene.scene import Scene
+from transfer.errors import TransferError
+from transfer.motion_model import MotionModel, motion_model
 
 FAMILY = ("cloth", "body", "rigid")
 """Sections that say what the garment and the body are."""
@@ -85,11 +80,7 @@ class DrapeModel:
 
     def write(self, path: Path, overwrite: bool = False) -> Path:
         """Write the model as .npz, for `read_model`. InputError where there is such a file, without `overwrite`."""
-        refuse_replacing([path], overwrite)
-        arrays: dict[str, Any] = {name: np.asarray(value) for name, value in asdict(self).items()}
-        with replacing(path) as beside, beside.open("wb") as target:
-            np.savez_compressed(target, **arrays)
-        return path
+        return write_arrays(path, {name: np.asarray(value) for name, value in asdict(self).items()}, overwrite)
 
 
 def predicted(model: DrapeModel, scene: Scene) -> Floats:
@@ -133,17 +124,21 @@ LARGEST_MODEL = 1 << 30
 """Largest content of the file of a model [bytes]."""
 
 
-def read_model(path: Path) -> DrapeModel:
-    """The model in a file of `DrapeModel.write`. InputError for another file."""
+def read_model(path: Path) -> DrapeModel | MotionModel:
+    """The model of drapes or of motion in a file of `clothsim learn`. InputError for another file."""
     try:
         with zipfile.ZipFile(BytesIO(read_regular_file(path))) as archive:
             if sum(entry.file_size for entry in archive.infolist()) > LARGEST_MODEL:
                 raise ValueError(f"it unpacks to more than {LARGEST_MODEL:,} bytes")
         with np.load(path, allow_pickle=False) as arrays:
+            if "kind" in arrays:
+                return motion_model({name: arrays[name] for name in arrays.files})
             content = {name: arrays[name] for name in DrapeModel.__dataclass_fields__}
         _refuse_other_shapes(content)
     except InputError:
         raise
+    except TransferError as error:
+        raise InputError(f"{path}: {error.sentence}", error.remedy) from error
     except Exception as error:  # zipfile, zlib and NumPy's header raise a dozen types of errors
         raise InputError(f"{path} is no model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
     return DrapeModel(**{**content, "family": str(content["family"])})
@@ -168,50 +163,6 @@ def _number(key: str, value: Any) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
-    """Predicted garment on its body.
-
-    Attributes
-    ----------
-    cloth : (n, 3) ndarray
-        All cloths one after the other [m].
-    bodies : tuple of (b, 3) ndarray
-        [m].
-    crossings : tuple of Crossing
-        All intersections, by the exact test.
-    place : str
-        Where most of the pairs are; "" without intersections.
-    inside : int
-        Number of vertices of pieces whose first vertex is inside a body.
-    """
-
-    cloth: Floats
-    bodies: tuple[Floats, ...]
-    crossings: tuple[Crossing, ...]
-    place: str
-    inside: int
-
-    @property
-    def clean(self) -> bool:
-        """True where nothing intersects and no piece is inside a body."""
-        return not self.crossings and not self.inside
-
-    @property
-    def pairs(self) -> int:
-        """Number of pairs of triangles that intersect."""
-        return sum(len(each.pairs) for each in self.crossings)
-
-    @property
-    def verdict(self) -> str:
-        """Text: "free of intersections", or "12 pairs of triangles intersect, at the left upper arm"."""
-        held = f"{self.inside:,} of {len(self.cloth):,} vertices are inside a body"
-        if not self.crossings:
-            return held if self.inside else "free of intersections"
-        found = f"{self.pairs:,} {'pair' if self.pairs == 1 else 'pairs'} of triangles intersect, {self.place}"
-        return f"{found}; {held}" if self.inside else found
-
-
-@dataclass(frozen=True, eq=False)
 class Predictor:
     """A model of drapes with the scene of its farm.
 
@@ -222,15 +173,13 @@ class Predictor:
         Of the model.
     scene : Scene
         Its cloth and body without the varied keys; every varied key may have any value.
-    cloths, bodies : tuple of SimpleNamespace
-        Name, role, and triangles as rows of the positions of all cloths and bodies.
+    judge : Judge
     """
 
     model: DrapeModel
     file: Path
     scene: Scene
-    cloths: tuple[Any, ...]
-    bodies: tuple[Any, ...]
+    judge: Judge
 
     @classmethod
     def of_model(cls, scene: Scene, file: str | Path) -> "Predictor":
@@ -250,29 +199,17 @@ class Predictor:
         """
         path = Path(file)
         model = read_model(path)
+        if not isinstance(model, DrapeModel):
+            raise InputError(f"{path} is a model of motion.", "Show it with --motion.")
         if scene.rigid_bodies:
             raise InputError("The preview shows cloths and bodies, the scene has rigid bodies.", "Leave [[rigid]] out.")
         middle = 0.5 * (model.low + model.high)
-        draft = cls(model, path, scene, (), ())
+        draft = cls(model, path, scene, Judge((), (), False))
         at = draft.scene_of(middle)
         predicted(model, at)  # refuses another garment
         world = world_of(replace(at, seed={}))
-        surfaces: list[Any] = [*world.cloths, *world.bodies]
-        roles = ["cloth"] * len(world.cloths) + ["body"] * len(world.bodies)
-        begins = np.cumsum([0, *(len(each.positions) for each in surfaces)])
-        parts = [
-            SimpleNamespace(name=each.name, role=role, triangles=each.triangles + first)
-            for each, role, first in zip(surfaces, roles, begins, strict=False)
-        ]
-        return replace(draft, cloths=tuple(parts[: len(world.cloths)]), bodies=tuple(parts[len(world.cloths) :]))
-
-    @cached_property
-    def joints(self) -> tuple[str, ...]:
-        """The joint that moves each vertex of the first body most; () where it is no mannequin."""
-        if getattr(self.scene.bodies[0], "mesh", "") != "mannequin":
-            return ()
-
-        return tuple(JOINTS[j].replace("_", " ") for j in template().weights.argmax(axis=1))
+        mannequin = bool(scene.bodies) and getattr(scene.bodies[0], "mesh", "") == "mannequin"
+        return replace(draft, judge=Judge.of_world(world, mannequin))
 
     def values(self, inputs: ArrayLike) -> dict[str, float]:
         """Values of all varied keys, those that are the same too."""
@@ -290,20 +227,8 @@ class Predictor:
         given = as_vector("inputs", inputs, len(self.model.inputs))
         cloth = self.model.positions(given)
         scene = self._varied(given)
-        bodies = tuple(_body_at_start(scene, number) for number in range(len(self.bodies)))
-        found = crossings(np.concatenate([cloth, *bodies]), [*self.cloths, *self.bodies])
-        return Prediction(cloth, bodies, found, self._place(found), self._count_inside(cloth, bodies))
-
-    def _count_inside(self, cloth: Floats, bodies: tuple[Floats, ...]) -> int:
-        """Vertices of pieces inside a body: one vertex of a piece tells for it, where the two do not intersect."""
-        pieces = components(np.concatenate([part.triangles for part in self.cloths]), len(cloth))
-        held = {
-            piece
-            for piece, first in zip(*np.unique(pieces, return_index=True), strict=True)
-            for part, points in zip(self.bodies, bodies, strict=True)
-            if is_inside(cloth[first], points, part.triangles - int(part.triangles.min()))
-        }
-        return int(np.isin(pieces, list(held)).sum())
+        bodies = tuple(_body_at_start(scene, number) for number in range(len(self.judge.bodies)))
+        return self.judge.judged(cloth, bodies)
 
     def _varied(self, inputs: ArrayLike) -> Scene:
         """The scene with the values of all varied keys."""
@@ -311,17 +236,6 @@ class Predictor:
         for key, value in self.values(inputs).items():
             scene = paths.replace(scene, key, value)
         return scene
-
-    def _place(self, found: tuple[Crossing, ...]) -> str:
-        """Where most pairs are: the part of the first body that has most, else the first point."""
-        if not found:
-            return ""
-        most = max(found, key=lambda each: len(each.pairs))
-        if self.joints and most.role == "body" and most.second == self.bodies[0].name:
-            begin = int(self.bodies[0].triangles.min())
-            corners = self.bodies[0].triangles[most.pairs[:, 1], 0] - begin
-            return f"at the {Counter(self.joints[k] for k in corners).most_common(1)[0][0]}"
-        return f"near ({', '.join(f'{value:.2f}' for value in most.position)}) m"
 
 
 def _body_at_start(scene: Scene, number: int) -> Floats:

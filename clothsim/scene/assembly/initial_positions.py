@@ -46,9 +46,9 @@ def initial_positions(scene: Scene, counts: Sequence[int]) -> list[Floats | None
         return [None] * len(counts)
     file = existing_file("seed.file", scene.directory, seed.file)
     if seed.from_ == "model":
-        from clothsim.scene.assembly.drape_model import predicted, read_model
+        from clothsim.scene.assembly.moving_garment import positions_of_model
 
-        positions = predicted(read_model(file), scene)
+        positions = positions_of_model(file, scene)
     else:
         positions = read_mesh(file, vertices=seed.vertices).positions
     if len(positions) != sum(counts):

@@ -12,7 +12,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.inputs import table
 from clothsim.files.characters.character import Character, mannequin_character, smpl_character
 from clothsim.files.characters.clip import Motion, Timeline, timeline
-from clothsim.files.characters.gait import CLIPS, shipped_clip
+from clothsim.files.characters.gait import CLIPS, KINDS, is_packaged, packaged_clip
 from clothsim.files.characters.gltf_character import read_character
 from clothsim.files.characters.keep_apart import kept_apart
 from clothsim.files.characters.motion_files import read_amass, read_animation, read_bvh
@@ -23,6 +23,7 @@ from clothsim.mesh.body import Body, PosedMotion, make_body
 from clothsim.mesh.generators.mannequin.generator import turns_of
 from clothsim.scene.assembly.shapes import Shape, examined, existing_file, name_of, placed
 from clothsim.scene.scene import Scene
+from transfer.body_model import PosedBody
 
 # Motion of a body model: its clip, retargeted where it is of another skeleton, on a timeline.
 
@@ -58,9 +59,9 @@ def motion_of_model(
 
 def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, character: Character) -> tuple[Motion, str]:
     """The motion of the character's skeleton that a clip is, and its name."""
-    if clip.clip in CLIPS:
+    if is_packaged(clip.clip):
         own = keys.model == "mannequin" and not keys.shape
-        shipped = shipped_clip(clip.clip)
+        shipped = packaged_clip(clip.clip)
         motion = shipped if own else retargeted(shipped, character.skeleton, clip.scale)
         return motion, f"motion {clip.clip}"
     ending, label = Path(clip.clip).suffix.lower(), f"motion {Path(clip.clip).name}"
@@ -71,7 +72,10 @@ def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, chara
     if ending in (".bvh", ".npz"):
         path = existing_file(f"{where}.motion", directory, clip.clip)
         return _read_motion(path, model, character, clip.scale), label
-    raise InputError(f"{where}.motion is {clip.clip!r}.", f"Known: {', '.join(CLIPS)}; or a .bvh or .npz file.")
+    drawn = ", ".join(f"{kind}:SEED" for kind in KINDS)
+    raise InputError(
+        f"{where}.motion is {clip.clip!r}.", f"Known: {', '.join(CLIPS)}, {drawn}; or a .bvh or .npz file."
+    )
 
 
 def _read_motion(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
@@ -138,6 +142,25 @@ class PlacedCharacter:
     def pose(self, time: float) -> Pose:
         """Pose at `time` [s]."""
         return self.first if self.timeline is None else self.timeline.pose(time)
+
+    def vertices(self, time: float) -> Floats:
+        """Vertices at `time` [s] in the scene, (n, 3) [m]."""
+        return self.character.vertices(self.pose(time)) @ self.linear.T + self.shift
+
+    def skinning(self, time: float, reference: Floats) -> PosedBody:
+        """Skinning from canonical positions beside `reference` (n, 3) [m], a body in its rest pose, to the scene.
+
+        InputError where the reference is of another body model.
+        """
+        character, pose = self.character, self.pose(time)
+        if character.positions.shape != reference.shape:
+            found, wanted = len(character.positions), len(reference)
+            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Take the same model.")
+        matrices = character.matrices(pose)
+        linear = self.linear @ matrices[:, :3, :3]
+        moves = matrices[:, :3, 3] @ self.linear.T + self.shift
+        offsets = character.positions - reference + character.pose_offsets(pose)
+        return PosedBody(character.weights, offsets, linear, moves)
 
 
 def body_of_model(keys: ModelTable, where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:

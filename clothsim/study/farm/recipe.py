@@ -19,7 +19,7 @@ from clothsim.study.farm.rules import checked_rules
 
 # Random draws of scene keys: one stream for each seed, index and key.
 
-KINDS = ("uniform", "log_uniform", "normal", "choice", "grid")
+KINDS = ("uniform", "log_uniform", "normal", "choice", "grid", "clip")
 
 
 class Draw(Protocol):
@@ -77,6 +77,22 @@ class Choice:
         return (min(numbers), max(numbers)) if len(numbers) == len(self.values) else None
 
 
+@dataclass(frozen=True)
+class DrawnClip:
+    """A clip of one of some kinds, drawn from a seed of its own: "squat:31415926"; no two drapes have the same."""
+
+    kinds: tuple[str, ...]
+
+    def value(self, stream: np.random.Generator) -> str:
+        """The name of a clip."""
+        return f"{self.kinds[int(stream.integers(len(self.kinds)))]}:{int(stream.integers(10**8))}"
+
+    @property
+    def box(self) -> None:
+        """None: it is no number."""
+        return None
+
+
 def stream_of(seed: int, index: int, key: str) -> np.random.Generator:
     """The random numbers of one key of one drape: a further varied key changes those of no other."""
     return np.random.default_rng([seed, index, zlib.crc32(key.encode())])
@@ -91,7 +107,7 @@ def draw_of(key: str, given: Any) -> Draw:
         The varied key.
     given : list or table
         [a, b, c] is a choice; { uniform = [lo, hi] }, { log_uniform = [lo, hi] }, { normal = [mean, deviation] } within
-        2.5 deviations, { choice = [...] }, { grid = [...] }.
+        2.5 deviations, { choice = [...] }, { grid = [...] }, { clip = ["gait", "jump"] } of kinds of motion.
 
     Raises
     ------
@@ -112,6 +128,8 @@ def draw_of(key: str, given: Any) -> Draw:
         raise InputError(f"{where} is {shown(given)}.", 'Write { uniform = [lo, hi] }, a list of values, or "=key".')
     ((kind, numbers),) = given.items()
     refuse_unknown(where, [kind], KINDS)
+    if kind == "clip":
+        return DrawnClip(_values(where, numbers))
     if kind in ("choice", "grid"):
         return Choice(_values(where, numbers), kind == "grid")
     a, b = _pair(f"{where}.{kind}", numbers)
@@ -142,8 +160,8 @@ def _pair(where: str, given: Any) -> tuple[float, float]:
 
 def _values(where: str, given: Any) -> tuple[Any, ...]:
     values = tuple(given) if isinstance(given, list | tuple) else ()
-    if not values or any(isinstance(value, Mapping) for value in values):
-        raise InputError(f"{where} is {shown(given)}.", "Give a list of numbers, texts or vectors.")
+    if not values:
+        raise InputError(f"{where} is {shown(given)}.", "Give a list of numbers, texts, vectors or tables.")
     return values
 
 
@@ -197,13 +215,27 @@ class Recipe:
                 values[key] = draw.values[number]
             else:
                 values[key] = draw.value(stream_of(self.seed, index, key))
-        return values | {key: values[other] for key, other in self.same.items()}
+        return values | {key: drawn_value(values, other) for key, other in self.same.items()}
 
     @property
     def boxes(self) -> dict[str, tuple[float, float]]:
         """Least and largest value of each varied key that is a number."""
         boxes = {key: draw.box for key, draw in self.draws.items()}
         return {key: box for key, box in boxes.items() if box is not None}
+
+
+def drawn_value(values: Mapping[str, Any], key: str) -> Any:
+    """The value of a varied key, or an entry of a varied table. KeyError where it is neither.
+
+    Examples
+    --------
+    >>> drawn_value({"body.shape": {"height": 1.8}}, "body.shape.height")
+    1.8
+    """
+    if key in values:
+        return values[key]
+    table, _, entry = key.rpartition(".")
+    return values[table][entry]
 
 
 def load_recipe(path: str | Path) -> Recipe:
@@ -256,7 +288,9 @@ def make_recipe(
     same = {key: text[1:].strip() for key, text in vary.items() if isinstance(text, str) and text.startswith("=")}
     draws = {key: draw_of(key, _resolved(given, folder)) for key, given in vary.items() if key not in same}
     for key, other in same.items():
-        if other not in draws:
+        table, _, entry = other.rpartition(".")
+        tables = getattr(draws.get(table), "values", ())
+        if other not in draws and not (tables and all(isinstance(t, Mapping) and entry in t for t in tables)):
             raise InputError(f"vary.{key!r} takes the value of {other!r}, which does not vary.", "Name a varied key.")
     grids = math.prod(len(draw.values) for draw in draws.values() if isinstance(draw, Choice) and draw.in_order)
     whole = {

@@ -77,6 +77,15 @@ def test_front_and_back_of_a_leg_are_a_tube_and_gores_are_none():
     assert not form_a_tube(gores, ["front", "back"], UP)
 
 
+def test_a_corner_on_the_level_of_a_cut_is_no_obstacle():
+    front, back = ([[0, 0], [20, 0], [20, 43], [20, 100], [0, 100], [0, low]] for low in (10, 17))
+    panels = {"front": panel(front, translation=[2, 0, 20]), "back": panel(back, translation=[2, 0, -20])}
+    both = [stitch(("front", k), ("back", k), "right_wrong") for k in (1, 2, 4)]
+    leg = mesh_pattern(pattern_of(specification(panels, both)), 0.05)
+    assert (leg.positions[:, 1] == 0.1).sum() == 1  # at a tenth of the height
+    assert form_a_tube(leg, ["front", "back"], UP)
+
+
 def test_segments_round_the_origin():
     corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], float)
     sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)

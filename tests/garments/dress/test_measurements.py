@@ -213,6 +213,16 @@ def test_the_hem_of_an_open_front_ends_at_the_opening(body):
     assert np.isclose(hem_of(opened, body)[1], 0.6, atol=0.02)
 
 
+def test_a_slit_is_no_part_of_the_hem(body):
+    slit = [[-30, 0], [-1, 0], [0, 20], [1, 0], [30, 0], [30, 60], [-30, 60]]
+    slanted = [[30, 5], [-30, -15], [-30, 60], [30, 60]]
+    panels = {"front": panel(slit, translation=[0, 50, 20]), "back": panel(slanted, translation=[0, 50, -20])}
+    sides = [stitch(("front", 4), ("back", 3)), stitch(("front", 6), ("back", 1))]
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, sides)), 0.03))
+    state = state.weld(range(2))
+    assert hem_of(state, body)[0] == pytest.approx(2 * 0.29 + np.hypot(0.6, 0.2), abs=1e-3)
+
+
 def test_only_darts_that_open_upward_hide_cloth_from_a_level_line():
     at_the_side = [[0, 0], [40, 0], [40, 20], [30, 22], [40, 24], [40, 44], [0, 44]]
     upright = [[0, 0], [18, 0], [20, 12], [22, 0], [40, 0], [40, 44], [0, 44]]

@@ -58,6 +58,14 @@ def test_the_top_of_a_garment_is_its_highest_border(mesh):
     assert [note for note in built("top").notes if note.startswith(f"pins: {len(top)} vertices")]
 
 
+def test_the_bottom_of_trousers_is_both_hems():
+    built = garment("trousers")("bottom")
+    x, _, z = built.world.start()[built.constraints["pins"].at(0.0).vertices].T
+    assert (x > 0).sum() > 10
+    assert (x < 0).sum() > 10
+    assert z == pytest.approx(z.min(), abs=0.02)
+
+
 def test_the_sides_of_a_shirt_are_the_ends_of_its_sleeves_and_a_skirt_has_none():
     built = garment("shirt")("left")
     rows = built.constraints["pins"].at(0.0).vertices

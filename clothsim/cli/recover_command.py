@@ -1,0 +1,274 @@
+"""`clothsim recover`: numbers of a scene from a drape, from pictures of it, or from outlines."""
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import clothsim
+from clothsim import engine, gradients, patterns
+from clothsim.base.errors import InputError
+from clothsim.base.file_writing import make_directory, refuse_replacing, write_atomically
+from clothsim.cli import on_demand
+from clothsim.cli.arguments import (
+    add_output_options,
+    add_overwrite,
+    add_set,
+    as_count,
+    as_length,
+    as_positive_number,
+    assigned_number,
+    meshed,
+    scene_of,
+    words,
+)
+from clothsim.cli.report import Report, messages
+
+if TYPE_CHECKING:
+    from clothsim.patterns import PatternMesh
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    recover = commands.add_parser("recover", usage="clothsim recover [SCENE] [options]", description=_RECOVER)
+    recover.add_argument(
+        "scene",
+        type=Path,
+        nargs="?",
+        metavar="SCENE",
+        help="a scene, an example, a run; outlines (.npz)",
+    )
+    recover.add_argument(
+        "--target", type=Path, metavar="FILE", help="a drape: a mesh, points (.xyz), or a run's directory"
+    )
+    recover.add_argument("--views", type=Path, metavar="FILE", help="calibrated pictures (TOML), in place of --target")
+    recover.add_argument("--on", type=Path, metavar="BODY", help="with --views and --pattern: dress BODY first")
+    recover.add_argument("--free", metavar="NAMES", help="youngs_modulus,pattern.front.width")
+    recover.add_argument("--prior", action="store_true", help="weigh bending with 618 measured fabrics")
+    recover.add_argument("--test", choices=("cusick",), help="outlines of drapes")
+    recover.add_argument("--pattern", type=Path, metavar="FILE", help="pattern.json of a cloth of arrays")
+    recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
+    recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
+    recover.add_argument("--starts", metavar="N", help="starts of the search (default 2, of pictures 1)")
+    recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
+    add_set(recover)
+    add_overwrite(recover, "replace an earlier run in the output directory")
+    add_output_options(
+        recover, json="print recovery.json, the rest on stderr", quiet="print the end only", handler=_recover
+    )
+
+
+RECOVERY_NAME = "recovery.json"
+
+_RECOVER = """\
+Find numbers of a scene, fabric or pattern for which it hangs as a target or pictures show, with standard errors.
+
+  clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
+  clothsim recover skirt.toml --views views.toml --free pattern.front.width -o recovered
+  clothsim recover --test cusick outlines.npz --set density=0.15 --prior
+"""
+
+
+def _recover(arguments: argparse.Namespace) -> Report:
+    if arguments.test is not None:
+        return _recover_drape(arguments)
+    if arguments.views is not None:
+        return _recover_from_views(arguments)
+    for name in ("scene", "target", "free"):
+        if getattr(arguments, name) is None:
+            option = "SCENE" if name == "scene" else f"--{name}"
+            raise InputError(f"recover needs {option}.", "Or give pictures with --views, outlines with --test cusick.")
+    if arguments.on is not None:
+        raise InputError("--on has no effect without --views.", "Dress the body first, and name its directory.")
+    free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts or "2")
+    scale = as_positive_number("--scale", arguments.scale or "1")
+    if not arguments.target.exists():
+        raise InputError(f"There is no {arguments.target}.", "Name a mesh, an .xyz file or a run with --target.")
+    scene = scene_of(arguments, or_run=True)
+    if arguments.output is not None:
+        inputs = (arguments.scene, scene, arguments.target, arguments.pattern)
+        engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME,), inputs)
+    messages(arguments, f"{', '.join(free)} of {arguments.scene}")
+    loss = gradients.named_loss("target", engine.build(scene, affordable=True).world, arguments.target, scale)
+    pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
+    found = clothsim.recover(
+        scene,
+        loss,
+        free,
+        starts,
+        None if arguments.quiet else _progress(starts),
+        pattern=pattern,
+        prior=arguments.prior,
+    )
+    content = summary(found, type(loss).__name__)
+    code = 0 if found.best.intersecting_pairs == 0 else 1
+    if arguments.output is not None:
+        run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
+        code = code if run.status == "completed" else 1
+        (arguments.output / RECOVERY_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
+    return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
+
+
+def _progress(starts: int) -> Any:
+    """A callback that prints each run of a search."""
+    return lambda start, each: _shown(
+        f"start {start} of {starts}", each.values, each.failure or f"loss {each.loss:.4g}"
+    )
+
+
+PATTERN_NAME, DRESSED = "pattern.json", "dressed"
+"""The pattern with the recovered numbers, and the folder of the garment as it was read, sewn on the body."""
+
+
+def _recover_from_views(arguments: argparse.Namespace) -> Report:
+    if arguments.target is not None:
+        raise InputError("--target has no effect with --views.", "Give one of them.")
+    if arguments.free is None:
+        raise InputError("recover needs --free.", "Name numbers, as pattern.front.width,bending_stiffness.")
+    free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts or "1")
+    if not arguments.views.is_file():
+        raise InputError(f"There is no {arguments.views}.", "Write a TOML file with a table [[view]] for each picture.")
+    scene, mesh = _dressed(arguments) if arguments.on is not None else _of_scene(arguments)
+    messages(arguments, f"{', '.join(free)} from {arguments.views}")
+    progress = None if arguments.quiet else _progress(starts)
+    found = clothsim.recover_views(scene, arguments.views, free, starts, progress, pattern=mesh, prior=arguments.prior)
+    content = summary(found, "pictures") | {
+        "pictures": [asdict(each) for each in found.pictures],
+        "told": {name: dict(errors) for name, errors in found.told.items()},
+        "wide": list(found.wide),
+        "from_minimum": found.from_minimum,
+    }
+    code = 0 if found.best.intersecting_pairs == 0 else 1
+    out = arguments.output
+    if out is not None:
+        run = clothsim.simulate(found.scene, out, overwrite=arguments.overwrite)
+        code = code if run.status == "completed" else 1
+        write_atomically(out / RECOVERY_NAME, on_demand.to_json(content).encode())
+        for name, picture in found.overlays.items():
+            on_demand.as_image(picture).save(out / overlay_name(name))
+        if found.pattern is not None:
+            patterns.write_specification(out / PATTERN_NAME, found.pattern)
+    return Report(content, "\n".join([*lines(found, out), *_picture_lines(found)]), code, verdict=True)
+
+
+def overlay_name(view: str) -> str:
+    """File of the picture of a view: letters and digits of its name."""
+    return f"view_{''.join(c if c.isalnum() else '_' for c in view)}.png"
+
+
+def _of_scene(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMesh | None]":
+    """The scene and the mesh of its pattern."""
+    if arguments.scene is None:
+        raise InputError("recover needs SCENE.", "Name it, or a pattern and a body with --pattern and --on.")
+    scene = scene_of(arguments, or_run=True)
+    if arguments.output is not None:
+        inputs = (arguments.scene, scene, arguments.views, arguments.pattern)
+        engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
+    return scene, None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
+
+
+def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMesh | None]":
+    """The drape of a pattern on a body, and its mesh."""
+    if arguments.scene is not None or arguments.pattern is None or arguments.output is None:
+        raise InputError("--on needs --pattern and -o, and no SCENE.", "The pattern is sewn on the body first.")
+    inputs = (arguments.pattern, arguments.on, arguments.views)
+    engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
+    tell = messages(arguments, f"{arguments.pattern} on {arguments.on}")
+    folder, size = arguments.output.with_name(f"{arguments.output.name}_{DRESSED}"), as_length("--size", arguments.size)
+    scale = None if arguments.scale is None else as_positive_number("--scale", arguments.scale)
+    worn = clothsim.dress(
+        arguments.pattern,
+        arguments.on,
+        folder,
+        size=size,
+        scale=scale,
+        overwrite=arguments.overwrite,
+        on_stage=lambda stage: tell(f"  {stage.name}"),
+    )
+    if worn.status != "completed" or worn.run is None:
+        raise InputError(f"The pattern as it is read cannot be worn: {worn.reason}", "Mend it with `clothsim dress`.")
+    return engine.override(worn.run.scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size)
+
+
+def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
+    """How each picture fits, and what they do not tell."""
+    out = []
+    for each in found.pictures:
+        left = f", {100 * each.left_out:.2g} % without a residual" if each.left_out > 0 else ""
+        switched = "" if math.isnan(each.switched) else f", {100 * each.switched:.2g} % of the pairs switched last"
+        out.append(f"  view {each.view}, {each.what}: {each.misfit:.2g} of its noise{left}{switched}")
+    out += [
+        f"  {path} is told to no half of what is known without pictures: more views or normals." for path in found.wide
+    ]
+    out.append(f"  the step that is left, by the adjoint: {found.from_minimum:.2g} standard errors at most")
+    return out
+
+
+def _recover_drape(arguments: argparse.Namespace) -> Report:
+    """D/(rho g) and curl from outlines of a drape tester."""
+    for name in ("target", "free", "pattern", "views", "on"):
+        if getattr(arguments, name) is not None:
+            raise InputError(f"--{name} has no effect with --test.", "The outlines are the target; leave it out.")
+    if arguments.scene is None:
+        raise InputError("--test needs outlines.", "Name their .npz file.")
+    outlines = on_demand.read_outlines(arguments.scene)
+    own = dict(assigned_number(text) for text in arguments.set)
+    if arguments.output is not None:
+        refuse_replacing([arguments.output / RECOVERY_NAME], arguments.overwrite)
+    message = messages(arguments, f"{len(outlines[0])} outlines of {arguments.scene}")
+    found = on_demand.recover_drape(*outlines, own, arguments.prior, message=message)
+    lines = found.text()
+    if arguments.output is not None:
+        make_directory(arguments.output)
+        write_atomically(arguments.output / RECOVERY_NAME, on_demand.to_json(found.document()).encode())
+        lines += f"\n  files     {arguments.output}: {RECOVERY_NAME}"
+    return Report(found.document(), lines, verdict=True)
+
+
+def _shown(start: str, values: Mapping[str, float], state: str) -> None:
+    numbers = ", ".join(f"{path} {value:.4g}" for path, value in values.items())
+    print(f"{start}: {numbers}: {state}", file=sys.stderr, flush=True)
+
+
+def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:
+    """Return the content of recovery.json; errors that are infinite or not known are null."""
+    return {
+        "values": dict(found.values),
+        "relative_errors": dict(found.errors),
+        "ratios": [
+            {"first": each.first, "second": each.second, "value": each.value, "relative_error": each.error}
+            for each in found.ratios
+        ],
+        "undetermined": [dict(weights) for weights in found.undetermined],
+        "at_limit": list(found.at_limit),
+        "loss": {"name": loss, "value": found.best.loss, "of_starts": list(found.minima)},
+        "newton_error": found.best.newton_error,
+        "intersecting_pairs": found.best.intersecting_pairs,
+        "runs": found.runs,
+        **({"prior": found.prior} if found.prior else {}),
+    }
+
+
+def lines(found: "clothsim.Recovery", directory: Path | None) -> list[str]:
+    """Return the result in lines for the user."""
+    out = [f"  {path:32} {value:.6g} {_error(found.errors[path])}" for path, value in found.values.items()]
+    out += [f"  {each.first} / {each.second}: {each.value:.6g} {_error(each.error)}" for each in found.ratios]
+    for weights in found.undetermined:
+        moves = " ".join(f"{path}^{weight:+.2f}" for path, weight in weights.items() if abs(weight) > 0.05)
+        out.append(f"  The target says nothing of {moves}.")
+    out += [f"  {path} is at the end of the range that was searched." for path in found.at_limit]
+    out += [f"  prior: {found.prior}."] if found.prior else []
+    others = ", ".join(f"{each:.4g}" for each in found.minima)
+    out.append(f"  loss {found.best.loss:.4g} after {found.runs} runs (by starts: {others})")
+    if found.best.intersecting_pairs:
+        out.append(f"  {found.best.intersecting_pairs} pairs of triangles intersect in the last state.")
+    return out if directory is None else [*out, f"  files     {directory}: {RECOVERY_NAME} and the run"]
+
+
+def _error(error: float) -> str:
+    if math.isnan(error):
+        return "(no standard error: the loss is no sum of squares, or a run beside the minimum failed)"
+    return f"+- {100 * error:.2g} %" if math.isfinite(error) else "(not determined by the target)"

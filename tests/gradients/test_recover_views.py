@@ -1,0 +1,106 @@
+"""Numbers from pictures: a towel that hangs, through the command, and what pictures do not tell."""
+
+import json
+
+import numpy as np
+import pytest
+from command_line import refused
+from PIL import Image
+from sewing_patterns import panel, specification
+from views import looking, seen
+
+from clothsim import load_scene
+from clothsim.cli import main
+from clothsim.gradients.pattern_numbers import PatternNumbers
+from clothsim.gradients.run import traced
+from clothsim.gradients.scene_of_pattern import shaped_scene
+from clothsim.mesh.refinement import refined
+from clothsim.patterns.pattern_mesh import mesh_pattern
+from clothsim.patterns.specification import pattern_of, read_specification
+
+SCENE = """
+[cloth]
+mesh = "towel_specification.json"
+size = 0.05
+youngs_modulus = 4e4
+rotation_degrees = [90, 0, 0]
+[effects.membrane]
+[effects.bending]
+model = "hinge"
+[effects.gravity]
+[effects.pins]
+select = "top"
+[solver]
+linear = "superlu"
+dt = 0.05
+[run]
+duration = 0.1
+frames_per_second = 20
+"""
+HEIGHT = 0.2
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A towel of 0.2 m in its file, and a picture of one that is 6 % longer."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "towel_specification.json").write_text(json.dumps(specification({"towel": panel()})))
+    (tmp_path / "towel.toml").write_text(SCENE)
+    trace = traced(
+        shaped_scene(load_scene(tmp_path / "towel.toml")).with_numbers({"pattern.towel.height": 1.06 * HEIGHT})
+    )
+    x, triangles = trace.cloth_positions(), trace.session.built.world.triangles
+    weights, fine = refined(triangles, len(x), 2)
+    camera = looking((0.1, -0.7, 0.05), x.mean(axis=0), focal=220.0, size=(160, 120))
+    mask = seen(camera, (weights @ x)[fine])[0] == 0
+    Image.fromarray(np.where(mask, 255, 0).astype(np.uint8)).save(tmp_path / "mask.png")
+    keys = {"focal": camera.focal, "principal": camera.principal, "rotation": camera.rotation}
+    keys["position"] = np.asarray(camera.position)
+    lines = [f"{key} = {value.tolist()}" for key, value in keys.items()]
+    view = ["[[view]]", 'name = "from here"', "width = 160", "height = 120", *lines, 'mask = "mask.png"']
+    (tmp_path / "views.toml").write_text("\n".join(view))
+    return tmp_path
+
+
+def test_the_height_of_a_towel_from_its_outline(capsys, folder):
+    words = ["recover", "towel.toml", "--views", "views.toml", "--free", "pattern.towel.height,density", "-o", "found"]
+    assert main([*words, "--json"]) == 0
+    out, err = capsys.readouterr()
+    content = json.loads(out)
+    assert content == json.loads((folder / "found" / "recovery.json").read_text())
+    found, error = (content[key]["pattern.towel.height"] for key in ("values", "relative_errors"))
+    assert abs(found / (1.06 * HEIGHT) - 1.0) < 1e-2  # a third of a pixel
+    assert abs(found / (1.06 * HEIGHT) - 1.0) < 2 * error < 0.2  # a heavier one is longer
+    assert content["wide"] == ["cloth.density"]  # 1 mm of stretch
+    assert content["undetermined"][0]["cloth.density"] > 0.9
+    assert content["pictures"][0]["misfit"] < 1.0
+    assert content["pictures"][0].keys() == {"view", "what", "misfit", "left_out", "switched"}
+    assert content["from_minimum"] < 2.0
+    assert err.count("start 1 of 1") > 4
+    assert Image.open(folder / "found" / "view_from_here.png").size == (160, 120)
+    written = read_specification(folder / "found" / "pattern.json")
+    assert written.panels["towel"].extent[1] == pytest.approx(found, rel=1e-6)
+    refused(capsys, *words)  # there is a run in "found"
+    refused(capsys, *words[:-2], "--target", "mask.png")
+    refused(capsys, *words[:4])  # nothing is free
+    refused(capsys, "recover", "--views", "views.toml", "--free", "density")
+    refused(capsys, *words[:-2], "--on", "towel.toml")
+    refused(capsys, *words[:-2], "--prior")  # no stiffness of bending
+    (folder / "views.toml").write_text(
+        (folder / "views.toml").read_text().replace("position = [0.1", "position = [9.1")
+    )
+    refused(capsys, *words[:-2])  # the camera looks past the cloth
+
+
+def test_a_pattern_with_other_numbers_is_the_one_that_is_meshed():
+    """Curved edges too: the written pattern has the extents and borders of the mesh with these numbers."""
+    edges = [{"endpoints": [k, (k + 1) % 4]} for k in range(4)]
+    edges[0]["curvature"] = {"type": "cubic", "params": [[0.3, 0.1], [0.7, 0.2]]}
+    mesh = mesh_pattern(pattern_of(specification({"front": panel(edges=edges)})), 0.02)
+    numbers = PatternNumbers(mesh)
+    values = {"pattern.front.width": 0.12, "pattern.front.flare": 1.2, "pattern.front.edge[0].control[1].y": -0.03}
+    made = numbers.pattern(values)
+    again = PatternNumbers(mesh_pattern(made, 0.02))
+    assert again.point(again.number("pattern.front.edge[0].control[1].y"))[0] != 0.0
+    moved = numbers.material_coordinates(values)  # warp, weft
+    np.testing.assert_allclose(np.ptp(moved.reshape(-1, 2), axis=0), made.panels["front"].extent[::-1], rtol=2e-3)
