@@ -1,4 +1,4 @@
-"""Zips and buttons against closed forms: the V of a slider, the force of a stitch, the gap of contact, refused input."""
+"""Zips and buttons against closed forms: the V of a slider, forces, the gap of contact, refused input."""
 
 import numpy as np
 import pytest
