@@ -25,12 +25,26 @@ if TYPE_CHECKING:
     from clothsim.gradients.recover import Recovery, recover
     from clothsim.gradients.recover_views import recover_views
     from clothsim.gradients.view_recovery import ViewRecovery
-    from clothsim.keys.effect_tables import Band, Cord, Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+    from clothsim.keys.effect_tables import (
+        Band,
+        Buttons,
+        Cord,
+        Crease,
+        Gust,
+        Motion,
+        PinGroup,
+        Seam,
+        SeamLine,
+        Spring,
+        Vortex,
+        Zip,
+    )
     from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
     from clothsim.keys.typed_effects import (
         Air,
         Bending,
         BodyContact,
+        Closures,
         Cords,
         Damping,
         ElasticBands,
