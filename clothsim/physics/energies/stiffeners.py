@@ -147,8 +147,7 @@ class RodsEnergy(Restrictable, Energy, Coupling, EnergyReport):
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The edges and vertices with a vertex that moves."""
-        parts = (part.restricted_to(moving, x) for part in (self.stretching, self.bending))
-        return type(self)(*parts)
+        return type(self)(self.stretching.restricted_to(moving, x), self.bending.restricted_to(moving, x))
 
     def couplings(self, x: Floats, dx: Floats) -> Ints:
         """The rows of neighbouring edges, (b, 3)."""
