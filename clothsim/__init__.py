@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         Seam,
         SeamLine,
         Spring,
+        Stiffener,
         Vortex,
         Zip,
     )
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
         Seams,
         SelfContact,
         Springs,
+        Stiffeners,
         StrainLimit,
         Targets,
     )
