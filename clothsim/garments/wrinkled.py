@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
+from os.path import relpath
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ from clothsim import Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
-from clothsim.engine import World, build, refuse_earlier_run
+from clothsim.engine import World, build, refuse_earlier_run, starting_at
 from clothsim.garments.authoring.arrays import table_of_arrays
 from clothsim.garments.wrinkle.compression import Rings, compression_of, followed, ring_tensors
 from clothsim.garments.wrinkle.curves import Curve, Field, Sheet, followed_curves, heights
@@ -117,14 +118,15 @@ def wrinkle(
     write_atomically(output / TARGETS_NAME, content.getvalue())
     seconds = process_time() - started
     targets = {
-        "displacements": str((output / TARGETS_NAME).resolve()),
+        "displacements": TARGETS_NAME,
         "frames_per_second": run.scene.run_settings.frames_per_second,
         "rate": rate,
     }
+    scene = starting_at(scene, output)  # the targets move with the run
     scene = replace(scene, effects={**scene.effects, "targets": targets})
     made = clothsim.simulate(scene, output, message=message, overwrite=True, **listeners)
     report = {
-        "coarse": str(run.directory.resolve()),
+        "coarse": relpath(run.directory.resolve(), output.resolve()),
         "parts": parts,
         "geometry_cpu_seconds": seconds,
         "newton_cpu_seconds": process_time() - started - seconds,

@@ -204,7 +204,7 @@ class _Output:
 
     def save(self, state: State, certificate: Certificate) -> None:
         """Make the state the one from which the run can go on."""
-        self.checkpoints.offer(checkpoint_of(self.session, state, certificate))
+        self.checkpoints.offer(checkpoint_of(self.session, state, certificate, self.directory))
 
 
 def recorded_run(
@@ -233,7 +233,7 @@ def recorded_run(
     if not resumed:
         # The checkpoint first: where the disk is full before the first frame is written, the run can still go on.
         certificate, _ = _checked(check, session, state, certificate, is_frame=True)
-        write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate))
+        write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate, directory))
     with (
         interruption() as flag,  # before the files: within a call of HDF5 a KeyboardInterrupt is lost
         _Checkpoints(directory) as checkpoints,

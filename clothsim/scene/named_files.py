@@ -99,6 +99,17 @@ def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
     return json.dumps({**data, "directory": "."}), files
 
 
+def starting_at(scene: Scene, directory: Path) -> Scene:
+    """The scene with another folder at which relative file names start; the files that it names keep their places.
+
+    InputError for a scene with a Python function.
+    """
+    data = json.loads(scene.to_text())
+    for _, table, key in named_keys(data):
+        table[key] = str((scene.directory / table[key]).resolve())
+    return scene_from_text(json.dumps({**data, "directory": "."}), directory)
+
+
 def named_files(scene: Scene) -> list[str]:
     """The files that a scene names, as it names them; of an animation the pattern."""
     return [str(table[key]) for _, table, key in named_keys(json.loads(scene.to_text(names_of_functions=True)))]

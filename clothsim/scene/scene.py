@@ -200,7 +200,7 @@ class Scene:
         """
         return scene_from_text(text, here)
 
-    def to_text(self, names_of_functions: bool = False) -> str:
+    def to_text(self, names_of_functions: bool = False, here: Path | None = None) -> str:
         """The scene as JSON text, which `from_text` reads back; meshes in memory are in it.
 
         Parameters
@@ -208,6 +208,8 @@ class Scene:
         names_of_functions : bool
             True: of a Python function its name is written, for the record of a run; a scene that is read back has lost
             it, and says so when its effect is built.
+        here : Path, optional
+            Folder where the text will be: a scene whose file names start there may be moved with it.
 
         Raises
         ------
@@ -218,7 +220,9 @@ class Scene:
         if not names_of_functions:
             for name, section in sections.items():
                 _refuse_functions(name, section)
-        return json.dumps({**sections, "directory": str(Path(self.directory).resolve())}, default=_plain)
+        directory = Path(self.directory).resolve()
+        moves = here is not None and here.resolve() == directory
+        return json.dumps({**sections, "directory": "." if moves else str(directory)}, default=_plain)
 
 
 SECTIONS = ("cloth", "body", "rigid", "effects", "solver", "contact", "run", "seed")
