@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from clothsim.scene.assembly.refinement import with_cells
     from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.assembly.shapes import refuse_unwearable, worn_shape
-    from clothsim.scene.named_files import by_content, starting_at
+    from clothsim.scene.named_files import by_content
     from clothsim.scene.paths import override, replace
     from clothsim.scene.reference import reference, reference_text
     from clothsim.scene.toml_file import example_file, example_scenes

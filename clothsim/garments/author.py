@@ -260,7 +260,7 @@ def guided(scene: "Scene", frames: Floats, directory: Path, rate: float) -> "Sce
     np.save(content, frames - frames[0])
     make_directory(directory)
     write_atomically(directory / TARGETS_NAME, content.getvalue())
-    scene = engine.starting_at(scene, directory)  # the targets move with the clip
+    scene = scene.starting_at(directory)  # the targets move with the clip
     effects = {"self_contact": {}, **({"body_contact": {}} if scene.bodies else {}), **scene.effects}
     keys = {"displacements": TARGETS_NAME, "frames_per_second": scene.run_settings.frames_per_second, "rate": rate}
     return replace(scene, effects={**effects, "targets": keys})

@@ -22,7 +22,7 @@ from clothsim import Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
-from clothsim.engine import World, build, refuse_earlier_run, starting_at
+from clothsim.engine import World, build, refuse_earlier_run
 from clothsim.garments.authoring.arrays import table_of_arrays
 from clothsim.garments.wrinkle.compression import Rings, compression_of, followed, ring_tensors
 from clothsim.garments.wrinkle.curves import Curve, Field, Sheet, followed_curves, heights
@@ -122,7 +122,7 @@ def wrinkle(
         "frames_per_second": run.scene.run_settings.frames_per_second,
         "rate": rate,
     }
-    scene = starting_at(scene, output)  # the targets move with the run
+    scene = scene.starting_at(output)  # the targets move with the run
     scene = replace(scene, effects={**scene.effects, "targets": targets})
     made = clothsim.simulate(scene, output, message=message, overwrite=True, **listeners)
     report = {

@@ -30,6 +30,7 @@ from clothsim.keys.value_checks import refuse_deep, refuse_unknown
 from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.mesh_objects import is_mesh, mesh_arrays
+from clothsim.scene.named_keys import named_keys
 
 Table = Mapping[str, Any]
 BodyKind = BodyTable | FramesTable | ModelTable
@@ -223,6 +224,19 @@ class Scene:
         directory = Path(self.directory).resolve()
         moves = here is not None and here.resolve() == directory
         return json.dumps({**sections, "directory": "." if moves else str(directory)}, default=_plain)
+
+    def starting_at(self, directory: Path) -> "Scene":
+        """The scene with another folder at which its file names start; the files that it names keep their places.
+
+        Raises
+        ------
+        InputError
+            For a scene with a Python function.
+        """
+        data = json.loads(self.to_text())
+        for _, table, key in named_keys(data):
+            table[key] = str((self.directory / table[key]).resolve())
+        return scene_from_text(json.dumps({**data, "directory": "."}), directory)
 
 
 SECTIONS = ("cloth", "body", "rigid", "effects", "solver", "contact", "run", "seed")
