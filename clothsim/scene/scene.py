@@ -234,8 +234,8 @@ class Scene:
             For a scene with a Python function.
         """
         data = json.loads(self.to_text())
-        for _, table, key in named_keys(data):
-            table[key] = str((self.directory / table[key]).resolve())
+        for _, keys, key in named_keys(data):
+            keys[key] = str((self.directory / keys[key]).resolve())
         return scene_from_text(json.dumps({**data, "directory": "."}), directory)
 
 
