@@ -18,6 +18,7 @@ from clothsim.base.inputs import shown
 from clothsim.keys.effect_tables import (
     SELECT,
     Band,
+    Buttons,
     Cord,
     Crease,
     Gust,
@@ -27,6 +28,7 @@ from clothsim.keys.effect_tables import (
     Seam,
     Spring,
     Vortex,
+    Zip,
 )
 from clothsim.keys.key_table import KeyTable, content_of, frozen
 from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
@@ -286,6 +288,16 @@ class Seams(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Closures(EffectKeys):
+    """Zips and buttons: borders that are closed and opened over time, and never sewn."""
+
+    section: ClassVar[str] = "effects.closures"
+
+    zip: Annotated[Sequence[Zip | Table], Key("Zips between two borders", tables=(Zip,))] = ()
+    buttons: Annotated[Sequence[Buttons | Table], Key("Rows of buttons between two borders", tables=(Buttons,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlasticBending(EffectKeys):
     """Folds beyond a yield angle or curvature that stay."""
 
@@ -327,7 +339,7 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
     for kind in (
         Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Targets, ElasticBands,
         Cords, Pressure, Air, Damping,
-        BodyContact, SelfContact, Seams, PlasticBending, Friction,
+        BodyContact, SelfContact, Seams, Closures, PlasticBending, Friction,
     )
 }  # fmt: skip
 

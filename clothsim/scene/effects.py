@@ -114,6 +114,7 @@ EFFECTS = {
     "body_contact": Effect(".contact.body_contact:body_contact", "cloth against bodies", "BodyContact"),
     "self_contact": Effect(".contact.self_contact:self_contact", "cloth against cloth", "SelfContact"),
     "seams": Effect(".energies.seams:seams", "borders drawn together over time, then joined", "Seams"),
+    "closures": Effect(".energies.closures:closures", "zips and buttons, closed and opened over time", "Closures"),
     "plastic_bending": Effect(
         ".energies.plastic_bending:plastic_bending", "permanent folds beyond a yield", "PlasticBending"
     ),
