@@ -44,7 +44,7 @@ def test_all_pieces_of_a_jointed_figure_are_the_body(tmp_path):
 def test_of_a_closed_body_with_eyes_nothing_is_wrapped(tmp_path, closed):
     assert closed.closed is closed
     eye, faces = sphere(radius=0.02, subdivisions=1)
-    eyes = np.array(eye) + (0.0, 1.6, 0.1)
+    eyes = eye + np.array((0.0, 1.6, 0.1))
     positions = np.concatenate([closed.positions, eyes])
     triangles = np.concatenate([closed.triangles, faces + len(closed.positions)])
     in_memory = BodyMesh("seeing", positions, triangles, 1.0, ())
