@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         Seam,
         SeamLine,
         Spring,
+        Stiffener,
         Vortex,
         Zip,
     )
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
         Seams,
         SelfContact,
         Springs,
+        Stiffeners,
         StrainLimit,
         Targets,
     )
