@@ -11,7 +11,7 @@ from clothsim.mesh.cloth import dihedral_angles
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.hinge_kernels import angles
 
-hinge_angle_gradient, hinge_blocks = map(kernel, (hinge_angle.hinge_angle_gradient, hinge_angle.hinge_blocks))
+hinge_angle_gradient, hinge_blocks = kernel(hinge_angle.hinge_angle_gradient), hinge_angle.hinge_blocks
 
 HINGE = np.array([[0, 1, 2, 3]])
 
