@@ -31,7 +31,8 @@ def with_offset_of_rods(world: World, keys: Keys, radii: int) -> Keys:
     if not world.rods:
         return keys
     first = world.rods[0][0]
-    others = [each.name for each in (*world.cloths, *world.rigid) if not isinstance(each, Rod)]
+    others = [cloth.name for cloth in world.cloths if not isinstance(cloth, Rod)]
+    others += [body.name for body in world.rigid]
     if others:
         raise InputError(
             f"{keys.section}: rods ({first.name}) do not touch cloth or rigid bodies ({others[0]}) yet.",
