@@ -15,6 +15,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import thirds_at_vertices
 from clothsim.mesh.body import Body, FreeMotion, RigidMotion
 from clothsim.mesh.cloth import Cloth, Hinges, cloth_hinges, corner_over_edge, join_hinges, stiffness_in_series
 from clothsim.mesh.rigid_body import RigidBody
@@ -151,7 +152,7 @@ class World:
     @cached_property
     def masses(self) -> Floats:
         """Lumped masses of the cloth vertices, (n_cloth,) [kg]: a third of each triangle to each corner."""
-        return self._to_vertices(self.per_triangle("density") * self.rest_areas)
+        return thirds_at_vertices(self.per_triangle("density") * self.rest_areas, self.triangles, self.n_cloth)
 
     @cached_property
     def inertial_masses(self) -> Floats:
@@ -166,16 +167,11 @@ class World:
     @cached_property
     def vertex_areas(self) -> Floats:
         """Reference area of each cloth vertex, (n_cloth,) [m2]."""
-        return self._to_vertices(self.rest_areas)
+        return thirds_at_vertices(self.rest_areas, self.triangles, self.n_cloth)
 
     def per_triangle(self, property_name: str) -> Floats:
         """Return a property of each triangle's fabric, (m,): "density", "shear_modulus", "thickness", ..."""
         return np.concatenate([np.zeros(0), *(cloth.per_triangle(property_name) for cloth in self.cloths)])
-
-    def _to_vertices(self, amounts: Floats) -> Floats:
-        """A third of each triangle's amount to each of its corners, (n_cloth,)."""
-        thirds = np.repeat(amounts / 3, 3)
-        return np.bincount(self.triangles.ravel(), weights=thirds, minlength=self.n_cloth).astype(np.float64)
 
     def start(self) -> Floats:
         """Return the positions of every vertex at time 0, (N, 3) [m]."""

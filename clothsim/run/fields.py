@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest
+from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients, thread_axes
 from clothsim.geometry.kinematics.kabsch_frames import vertex_frames as kabsch_frames
 from clothsim.geometry.kinematics.stretch import PolarDecomposition, polar_decomposition, principal_stretches
@@ -307,9 +308,7 @@ def body_pressure(at: Configuration) -> Floats:
     rows = body_rows(at.world)
     forces = np.linalg.norm(_forces_of_step("body_pressure", CONTACTS, at)[rows], axis=1)
     triangles = at.world.body_triangles
-    corners = at.x[triangles]
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    areas = np.bincount(triangles.ravel() - rows.start, np.repeat(doubled / 6, 3), minlength=rows.stop - rows.start)
+    areas = thirds_at_vertices(triangle_areas(at.x[triangles]), triangles - rows.start, rows.stop - rows.start)
     return np.divide(forces, areas, out=np.zeros_like(forces), where=areas > 0)
 
 

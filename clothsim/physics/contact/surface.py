@@ -9,6 +9,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
+from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.keys.typed_effects import ContactKeys
 from clothsim.mesh.body import FrameMotion, PosedMotion
 from clothsim.mesh.topology import interior_edges, unique_edges
@@ -135,8 +136,7 @@ class ContactSurface:
     @cached_property
     def vertex_areas(self) -> Floats:
         """A third of the incident rest triangles of each row of x, (N,) [m2]."""
-        thirds, count = np.repeat(self._areas / 3, 3), len(self.rest_positions)
-        return np.bincount(self.triangles.ravel(), weights=thirds, minlength=count).astype(np.float64)
+        return thirds_at_vertices(self._areas, self.triangles, len(self.rest_positions))
 
     def edge_areas(self, edges: Ints) -> Floats:
         """A third of the incident rest triangles of each of `edges (e, 2)`, (e,) [m2]."""
@@ -210,12 +210,6 @@ def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSu
     cloths = _cloths(world)
     rest, corners = _rest_positions(world), _cloth_corners(world)
     return ContactSurface(cloths, cloths, rest, corners, world.labels, _excluding(allowed, excluded))
-
-
-def triangle_areas(corners: Floats) -> Floats:
-    """Area of each triangle with the corners (m, 3, 3), (m,) [m2]."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(0.5 * np.linalg.norm(normals, axis=1), np.float64)
 
 
 def _cloths(world: World) -> Primitives:
