@@ -24,12 +24,27 @@ if TYPE_CHECKING:
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
     from clothsim.gradients.recover_views import ViewRecovery, recover_views
-    from clothsim.keys.effect_tables import Band, Cord, Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+    from clothsim.keys.effect_tables import (
+        Band,
+        Buttons,
+        Cord,
+        Crease,
+        Gust,
+        Motion,
+        PinGroup,
+        Seam,
+        SeamLine,
+        Spring,
+        Stiffener,
+        Vortex,
+        Zip,
+    )
     from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
     from clothsim.keys.typed_effects import (
         Air,
         Bending,
         BodyContact,
+        Closures,
         Cords,
         Damping,
         ElasticBands,
@@ -45,6 +60,7 @@ if TYPE_CHECKING:
         Seams,
         SelfContact,
         Springs,
+        Stiffeners,
         StrainLimit,
         Targets,
     )
