@@ -23,13 +23,29 @@ if TYPE_CHECKING:
     from clothsim.gradients.layer import Layer, layer
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
-    from clothsim.gradients.recover_views import ViewRecovery, recover_views
-    from clothsim.keys.effect_tables import Band, Cord, Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+    from clothsim.gradients.recover_views import recover_views
+    from clothsim.gradients.view_recovery import ViewRecovery
+    from clothsim.keys.effect_tables import (
+        Band,
+        Buttons,
+        Cord,
+        Crease,
+        Gust,
+        Motion,
+        PinGroup,
+        Seam,
+        SeamLine,
+        Spring,
+        Stiffener,
+        Vortex,
+        Zip,
+    )
     from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
     from clothsim.keys.typed_effects import (
         Air,
         Bending,
         BodyContact,
+        Closures,
         Cords,
         Damping,
         ElasticBands,
@@ -45,6 +61,7 @@ if TYPE_CHECKING:
         Seams,
         SelfContact,
         Springs,
+        Stiffeners,
         StrainLimit,
         Targets,
     )

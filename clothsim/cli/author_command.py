@@ -5,6 +5,8 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.base.text import many
@@ -36,6 +38,7 @@ def add_to(commands: Any) -> None:
     )
     author.add_argument("--rate", default="300", metavar="R", help="of the pull to the edits [1/s] (default 300)")
     author.add_argument("--space", choices=("canonical", "world"), help="of the interpolation (default: by the body)")
+    author.add_argument("--no-floor", action="store_true", help="leave out the twins, two more runs the first time")
     add_overwrite(author, "replace an earlier run in the output directory")
     add_output_options(author, json="print author.json", quiet="print the end only", handler=_author)
 
@@ -54,6 +57,7 @@ def _author(arguments: argparse.Namespace) -> Report:
             space=arguments.space,
             progress=listener,
             overwrite=arguments.overwrite,
+            floor=not arguments.no_floor,
         )
     free = found.run.status == "completed" and found.intersecting_frames == ()
     return Report(found.as_json(), "\n".join(lines(found)), 0 if free else 1, verdict=True)
@@ -89,6 +93,11 @@ def lines(found: "Authored") -> list[str]:
         before, most, after, left = (1e3 * each for each in (key.before, key.before_most, key.after, key.after_most))
         crossing = f"; as edited {many(key.intersecting, 'pair')} of triangles intersect" if key.intersecting else ""
         out.append(f"    frame {key.frame}: {before:.3g} ({most:.3g}) before, {after:.3g} ({left:.3g}) now{crossing}")
+    if not np.isnan(found.floor).all():
+        start, stop = (f"{1e3 * each:.3g}" if np.isfinite(each) else "not known" for each in found.floor)
+        out.append(
+            f"  floor    twins of the run, mm RMS: {start} from a start 1e-6 m aside, {stop} with a tenth of the stop"
+        )
     frames, crossed = many(len(run), "frame"), found.intersecting_frames
     verdict = "not all tested" if crossed is None else "none intersects" if not crossed else f"INTERSECT: {crossed}"
     out.append(f"  checked  {frames}, each by the exact test: {verdict}")

@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
+from os.path import relpath
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import World, build, refuse_earlier_run
+from clothsim.garments.authoring.arrays import table_of_arrays
 from clothsim.garments.wrinkle.compression import Rings, compression_of, followed, ring_tensors
 from clothsim.garments.wrinkle.curves import Curve, Field, Sheet, followed_curves, heights
 from clothsim.garments.wrinkle.finer import Subdivision, subdivision, vertex_normals
@@ -41,8 +43,6 @@ KEPT = (
     "seams",
 )  # fmt: skip
 """Effects of the coarse scene that the finer cloth has too; loads are in the coarse motion already."""
-PLACED = {"vertices", "triangles", "rest", "groups", "position", "rotation_degrees", "scale", "up"}
-"""Keys of a cloth that are of its coarse mesh."""
 LITTLE = 0.02
 """Compression of the most wrinkled hundredth of the cloth below which the coarse cloth shows little of it."""
 
@@ -118,14 +118,15 @@ def wrinkle(
     write_atomically(output / TARGETS_NAME, content.getvalue())
     seconds = process_time() - started
     targets = {
-        "displacements": str((output / TARGETS_NAME).resolve()),
+        "displacements": TARGETS_NAME,
         "frames_per_second": run.scene.run_settings.frames_per_second,
         "rate": rate,
     }
+    scene = scene.starting_at(output)  # the targets move with the run
     scene = replace(scene, effects={**scene.effects, "targets": targets})
     made = clothsim.simulate(scene, output, message=message, overwrite=True, **listeners)
     report = {
-        "coarse": str(run.directory.resolve()),
+        "coarse": relpath(run.directory.resolve(), output.resolve()),
         "parts": parts,
         "geometry_cpu_seconds": seconds,
         "newton_cpu_seconds": process_time() - started - seconds,
@@ -166,12 +167,9 @@ def finer_scene(run: "Run", world: World, finer: list[Subdivision]) -> Scene:
     scene, start = run.scene, run.positions(0)
     cloths = []
     for keys, cloth, (one, rows) in zip(scene.cloths, world.cloths, _rows(world, finer), strict=True):
-        own = {name: value for name, value in keys.items() if name in _OF_FABRIC}
         rest = one.of_triangles(cloth.material_coordinates) if cloth.flat else one.curved(cloth.rest_positions)
         panels = {name: _pieces(faces, one.parts) for name, faces in cloth.groups.items()}
-        table = {**own, "name": cloth.name}
-        made = clothsim.Cloth(one.linear(start[rows]), one.triangles, rest=rest, groups=panels, **table)
-        cloths.append(made)
+        cloths.append(table_of_arrays(keys, cloth.name, one.linear(start[rows]), one.triangles, rest, panels))
     effects: dict[str, Any] = {name: keys for name, keys in scene.effects.items() if name in KEPT}
     effects = {name: _on_finer(f"effects.{name}", keys, world, finer) for name, keys in effects.items()}
     effects |= {name: {} for name in ("inertia", "self_contact") if name not in effects}
@@ -182,9 +180,6 @@ def finer_scene(run: "Run", world: World, finer: list[Subdivision]) -> Scene:
     settings = {"duration": float(run.times[-1]), "frames_per_second": rate}
     settings["allow_inside"] = scene.run_settings.allow_inside
     return Scene(cloths, scene.body, effects, solver, scene.contact, settings, directory=scene.directory)
-
-
-_OF_FABRIC = set(clothsim.Cloth.__dataclass_fields__) - PLACED - {"arrays", "section"}
 
 
 def _rows(world: World, finer: list[Subdivision]) -> list[tuple[Subdivision, slice]]:

@@ -146,12 +146,14 @@ class GarmentKeys(FigureKeys):
 
 @dataclass(frozen=True, kw_only=True)
 class Shirt(GarmentKeys):
-    """A shirt with sleeves."""
+    """A shirt with sleeves, also a jacket or a hoody."""
 
     section: ClassVar[str] = "shirt"
 
     ease: Annotated[float, Key("Smallest distance from the body", "m", above=0)] = 0.012
     sleeve: Annotated[float, Key("Sleeve from shoulder joint to cuff at 1.7 m", "m", least=0.13, most=0.46)] = 0.20
+    opening: Annotated[float, Key("Gap down its front; 0 is closed", "m", least=0, most=0.2)] = 0.0
+    hood: Annotated[bool, Key("With a hood over the head")] = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.file_writing import write_atomically
-from clothsim.garments.unpose import character_of_scene, skinning
+from clothsim.engine import character_of_scene
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.study.farm.plan import Farm, open_farm
 from clothsim.study.farm.publication import processor
@@ -87,7 +87,7 @@ def _canonical(farm: Farm, names: Sequence[str]) -> tuple[Floats, Floats]:
     rows = average.averaging(world.cloths[0].positions + world.origin)
     posed = [np.load(farm.directory / "drapes" / name / CLOTH).astype(np.float64) for name in names]
     times = np.arange(len(posed[0])) / farm.scene.run_settings.frames_per_second
-    bodies = [skinning(made, float(time), reference) for time in times]
+    bodies = [made.skinning(float(time), reference) for time in times]
     shapes = [[body.unposed(points, rows).ravel() for body, points in zip(bodies, each, strict=True)] for each in posed]
     moves = np.array([made.character.skeleton.transforms(made.pose(float(time))) for time in times])
     return np.array(shapes), motion_windows(moves[:, :, :3, 3], moves[:, 0, :3, :3])

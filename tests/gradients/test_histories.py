@@ -95,7 +95,8 @@ def test_numbers_that_histories_depend_on():
     )
     for key in ("mu_kinetic", "elastic_slip"):
         assert of_friction.error(f"effects.friction.{key}", (1e-5,)) < BAR
-    assert of_folds.error("effects.plastic_bending.yield_angle_degrees", (1e-4,)) < BAR
+    # A loss of 1 with a derivative of -9e-6: its round-off, 1e-15, is 1e-6 of a difference over 1e-4.
+    assert of_folds.error("effects.plastic_bending.yield_angle_degrees", (1e-3, 4e-4)) < BAR
 
 
 @pytest.mark.parametrize("name", ["friction", "plastic_bending"])

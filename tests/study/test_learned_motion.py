@@ -1,6 +1,7 @@
 """Garments in motion: sets without leaks, a farm of clips learned and judged, files and farms that are refused."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from clothsim import InputError, Scene
 from clothsim.cli import main
 from clothsim.engine import MovingGarment
-from clothsim.scene.assembly.drape_model import read_model
+from clothsim.scene.assembly.drape_model import read_model, refuse_unlike
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.paths import replace as with_key
 from clothsim.study.farm.drape import Drape, store_world
@@ -129,7 +130,7 @@ def test_a_scene_starts_from_a_model_that_is_refused_for_another(farm, learned, 
     start = started.cloths[0].positions + started.origin
     assert np.allclose(start, garment.predicted(made, 0.0), atol=1e-12)
     assert np.allclose(garment.canonical(made, [0.0, 0.04])[0], garment.canonical(made, [0.0])[0])
-    for key, value, what in (("cloth.ease", 0.028, "another garment"), ("cloth.chest", 1.01, "differs")):
+    for key, value, what in (("cloth.ease", 0.028, "another garment"), ("cloth.chest", 1.01, "cloth.chest is 1.01")):
         with pytest.raises(InputError, match=what):
             MovingGarment.of_scene(with_key(mine, key, value)).model_in(file)
     (tmp_path / "torn.npz").write_bytes(file.read_bytes()[:-200])
@@ -145,7 +146,8 @@ def test_farms_without_clips_are_refused(farm, tmp_path):
     recipe = make_recipe(scene(body=body), FRAMES, {}, {"cloth.ease": {"grid": [0.02]}})
     with pytest.raises(InputError, match="no body model that moves"):
         learn_motion(plan(recipe, tmp_path / "unmoved"))
-    assert main(["learn", str(farm.directory), "--kind", "ridge", "-o", str(tmp_path / "m.npz")]) == 2
+    for of_motion in (("--kind", "ridge"), ("--model", "recurrent")):
+        assert main(["learn", str(farm.directory), *of_motion, "-o", str(tmp_path / "m.npz")]) == 2
 
 
 def test_the_command_learns_a_farm(farm, clips, tmp_path, capsys, monkeypatch):
@@ -156,3 +158,14 @@ def test_the_command_learns_a_farm(farm, clips, tmp_path, capsys, monkeypatch):
     answer = json.loads(capsys.readouterr().out)
     assert (answer["kind"], answer["clips"]["training"], answer["clips"]["new motion"]) == ("ridge", 3, 1)
     assert read_model(tmp_path / "model.npz").kind == "ridge"
+
+
+@pytest.mark.parametrize(
+    ("body", "cloth", "fits"),
+    [({}, {}, True), ({"shape": {"chest": 1.05}}, {}, True), ({}, {"height": 1.62}, False)],
+)
+def test_measures_that_a_mannequin_leaves_out_are_the_usual_ones(body, cloth, fits):
+    garment = {"mesh": "shirt", "height": 1.7} | cloth
+    given = Scene(cloth=garment, body={"model": "mannequin"} | body)
+    with nullcontext() if fits else pytest.raises(InputError, match=r"cloth\.height = 1\.7"):
+        refuse_unlike(given, ["cloth.height"], ["body.shape.height"])

@@ -20,9 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.base.arrays import Floats, as_vector, write_arrays
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
+from clothsim.base.inputs import shown
 from clothsim.scene import paths
 from clothsim.scene.assembly.judged_garment import Judge, Prediction
 from clothsim.scene.assembly.meshes import body_of, mesh_shape
+from clothsim.scene.assembly.model_body import value_of
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.assembly.shapes import placed
 from clothsim.scene.named_files import by_content
@@ -96,10 +98,19 @@ def predicted(model: DrapeModel, scene: Scene) -> Floats:
             f"{', '.join(varied)}.",
             "Use the cloth and body of the farm's recipe, or learn a model of these.",
         )
+    refuse_unlike(scene, same, same_as)
+    return model.positions([_number(key, value_of(scene, key)) for key in inputs])
+
+
+def refuse_unlike(scene: Scene, same: Sequence[str], same_as: Sequence[str]) -> None:
+    """InputError where a key has not the value of that which the garments of a model have alike."""
     for key, other in zip(same, same_as, strict=True):
-        if paths.get(scene, key) != paths.get(scene, other):
-            raise InputError(f"{key} differs from {other}, which the model's drapes have alike.", f"Set {key} too.")
-    return model.positions([_number(key, paths.get(scene, key)) for key in inputs])
+        mine, its = value_of(scene, key), value_of(scene, other)
+        if mine != its:
+            raise InputError(
+                f"{key} is {shown(mine)} and {other} {shown(its)}, which the model's garments have alike.",
+                f"Write {key} = {shown(its)}, or change {other}.",
+            )
 
 
 def family(scene: Scene, varied: Sequence[str]) -> str:

@@ -20,7 +20,8 @@ from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
 from clothsim.keys.mesh_keys import ClipKeys, ModelTable, PlacedKeys
 from clothsim.mesh.body import Body, PosedMotion, make_body
-from clothsim.mesh.generators.mannequin.generator import turns_of
+from clothsim.mesh.generators.mannequin.generator import Proportions, turns_of
+from clothsim.scene import paths
 from clothsim.scene.assembly.shapes import Shape, examined, existing_file, name_of, placed
 from clothsim.scene.scene import Scene
 from transfer.body_model import PosedBody
@@ -208,6 +209,24 @@ def character_of_scene(scene: Scene) -> tuple[PlacedCharacter, str]:
     k, keys = models[0]
     where = "body" if len(scene.bodies) == 1 else f"body[{k}]"
     return placed_character(keys, where, scene.directory), keys.name or where
+
+
+def value_of(scene: Scene, path: str) -> Any:
+    """The value of a key, as of `paths.get`; of a measure that a mannequin's `shape` leaves out, the usual one.
+
+    Examples
+    --------
+    >>> scene = Scene(cloth={"mesh": "shirt"}, body={"model": "mannequin", "shape": {"height": 1.8}})
+    >>> value_of(scene, "body.shape.height"), value_of(scene, "body.shape.chest")
+    (1.8, 1.0)
+    """
+    section, number, keys = paths.located(scene, path)
+    table = scene.bodies[int(number or 0)] if section == "body" else None
+    if isinstance(table, ModelTable) and table.model == MANNEQUIN and keys[0] == "shape" and len(keys) > 1:
+        usual = vars(Proportions())
+        if keys[1] in usual and keys[1] not in (table.shape or {}):
+            return usual[str(keys[1])]
+    return paths.get(scene, path)
 
 
 def character_of(keys: ModelTable, where: str, directory: Path) -> Character:

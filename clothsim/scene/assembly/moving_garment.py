@@ -11,8 +11,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World
-from clothsim.scene import paths
-from clothsim.scene.assembly.drape_model import family, predicted, read_model
+from clothsim.scene.assembly.drape_model import family, predicted, read_model, refuse_unlike
 from clothsim.scene.assembly.judged_garment import Judge, Prediction
 from clothsim.scene.assembly.model_body import MANNEQUIN, PlacedCharacter, character_of_scene
 from clothsim.scene.assembly.scene_world import world_of
@@ -186,11 +185,7 @@ class MovingGarment:
                 f"and {', '.join([*model.free, *model.same]) or 'nothing else'}.",
                 "Use the cloth and body of the farm's recipe, or learn a model of these.",
             )
-        for key, other in zip(model.same, model.same_as, strict=True):
-            if paths.get(self.scene, key) != paths.get(self.scene, other):
-                raise InputError(
-                    f"{key} differs from {other}, which the model's garments have alike.", f"Set {key} too."
-                )
+        refuse_unlike(self.scene, model.same, model.same_as)
 
     def predicted(self, model: MotionModel, time: float) -> Floats:
         """The positions of all cloths that a model predicts at one time [s], (k, 3) [m]."""

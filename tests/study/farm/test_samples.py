@@ -8,7 +8,8 @@ import pytest
 from clothsim.cli import main
 from clothsim.data import Drapes
 from clothsim.engine import example_file
-from clothsim.study.farm.recipe import changed, load_recipe
+from clothsim.scene.assembly.scene_world import world_of
+from clothsim.study.farm.recipe import Choice, changed, drawn_value, load_recipe
 
 SHIPPED = sorted((Path(__file__).parents[3] / "scenes").glob("*.recipe"))
 
@@ -22,6 +23,16 @@ def test_a_recipe_that_ships_is_found_by_name_and_fits_its_scene(file):
     assert len(drawn) > 1
     scene = changed(recipe.scene, drawn)
     assert scene.run_settings.duration > 0
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_every_value_of_a_list_of_a_recipe_that_ships_can_be_built(file):
+    recipe = load_recipe(file)
+    lists = {key: draw.values for key, draw in recipe.draws.items() if isinstance(draw, Choice)}
+    for k in range(max(map(len, lists.values()), default=0)):
+        drawn = recipe.values(k) | {key: values[k % len(values)] for key, values in lists.items()}
+        drawn |= {key: drawn_value(drawn, other) for key, other in recipe.same.items()}
+        assert world_of(changed(recipe.scene, drawn)).n_cloth > 0
 
 
 def test_a_sample_is_made_verified_and_packed_and_goes_on(tmp_path, capsys):

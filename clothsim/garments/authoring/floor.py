@@ -1,0 +1,130 @@
+"""Floor of noise under a run, by twins: the same scene from a start a little aside, and with a stricter stop.
+
+Where cloth buckles and slides, a run is one of many that its scene allows. Twins show how far apart they are; no
+authored clip can be nearer to the truth than that.
+"""
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Collection
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import clothsim
+from clothsim import Scene
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
+from clothsim.base.file_writing import write_atomically
+from clothsim.engine import build
+from clothsim.garments.authoring.arrays import scene_of_arrays
+
+if TYPE_CHECKING:
+    from clothsim import Run
+
+FLOOR_NAME = "floor.json"
+"""The file in the directory of a run that holds what its twins found."""
+ASIDE = 1e-6
+"""Standard deviation of the displacements of the twin's start, each coordinate [m]."""
+STRICTER = 0.1
+"""Factor on the stop of Newton's method."""
+
+
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """Mean squared distances of twins from a run in each frame, nan where a twin did not come to it.
+
+    Attributes
+    ----------
+    start : (f,) ndarray [m2]
+        Of the twin from a start `ASIDE` away.
+    stop : (f,) ndarray [m2]
+        Of the twin with `STRICTER` of the stop of Newton's method.
+    """
+
+    start: Floats
+    stop: Floats
+
+    def rms(self, without: Collection[int] = ()) -> tuple[float, float]:
+        """Root mean square distances [m] of both over the frames after the start but for some; nan: not known."""
+        frames = [frame for frame in range(1, len(self.start)) if frame not in without]
+        if not frames:
+            return float("nan"), float("nan")
+        return float(np.sqrt(self.start[frames].mean())), float(np.sqrt(self.stop[frames].mean()))
+
+
+def floor_of(run: "Run") -> Floor:
+    """The floor of a run: of its file where it has one, else two runs of its scene, and then written there.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> sheet = {"mesh": "rectangle", "size": [0.2, 0.2], "cells": [2, 2]}
+    >>> effects = {"inertia": {}, "membrane": {}, "gravity": {}, "pins": {"select": "left"}}
+    >>> run = clothsim.simulate(clothsim.Scene(sheet, effects=effects, run={"duration": 0.08}), "falls")
+    >>> start, stop = floor_of(run).rms()
+    >>> start < 1e-5, stop < 1e-3
+    (True, True)
+    """
+    file, key = run.directory / FLOOR_NAME, _key(run)
+    found = _written(file, key, len(run))
+    if found is not None:
+        return found
+    with tempfile.TemporaryDirectory(prefix="clothsim-") as folder:
+        twins = [_twin(scene, run, Path(folder) / name) for name, scene in _scenes(run.scene).items()]
+    found = Floor(*twins)
+    content = {"run": key, "start": found.start.tolist(), "stop": found.stop.tolist()}
+    with suppress(ClothsimError):  # a directory that is read only: the next command takes the twins again
+        write_atomically(file, json.dumps(content).encode())
+    return found
+
+
+def aside(scene: Scene, seed: int = 0) -> Scene:
+    """A scene of arrays whose start is `ASIDE` away from that of another; its rest shape is the same."""
+    world, noise = build(scene).world, np.random.default_rng(seed)
+    starts = [each.positions + world.origin + ASIDE * noise.normal(size=each.positions.shape) for each in world.cloths]
+    return scene_of_arrays(scene, world, starts)
+
+
+def stricter(scene: Scene) -> Scene:
+    """A scene with `STRICTER` of the stop of Newton's method."""
+    given: Any = scene.solver_settings
+    if given.tolerance:
+        return replace(scene, solver=given.with_keys(tolerance=STRICTER * given.tolerance))
+    return replace(scene, solver=given.with_keys(newton_error_fraction=STRICTER * given.stop_fraction))
+
+
+def _scenes(scene: Scene) -> dict[str, Scene]:
+    return {"start": aside(scene), "stop": stricter(scene)}
+
+
+def _twin(scene: Scene, run: "Run", output: Path) -> Floats:
+    """Mean squared distances (f,) [m2] of a twin in each frame of a run."""
+    twin = clothsim.simulate(scene, output)
+    out = np.full(len(run), np.nan)
+    for frame in range(min(len(run), len(twin))):
+        out[frame] = ((twin.positions(frame) - run.positions(frame)) ** 2).sum(axis=1).mean()
+    return out
+
+
+def _key(run: "Run") -> str:
+    """Digest of the frames of a run: another run in the directory has another."""
+    digest = hashlib.blake2b(digest_size=16)
+    for frame in range(len(run)):
+        digest.update(np.ascontiguousarray(run.positions(frame)).tobytes())
+    return digest.hexdigest()
+
+
+def _written(file: Path, key: str, frames: int) -> Floor | None:
+    try:
+        content = json.loads(file.read_bytes())
+        arrays = [np.array(content[name], np.float64) for name in ("start", "stop")]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    if content["run"] != key or any(each.shape != (frames,) for each in arrays):
+        return None
+    return Floor(*arrays)
