@@ -6,7 +6,8 @@ from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
 from clothsim.garments.dress.corrections import lifted
-from clothsim.garments.dress.rings import centred, lowered_to_crotch, rings
+from clothsim.garments.dress.limbs import Wearer, limb_names
+from clothsim.garments.dress.rings import arms_between, centred, lowered_to_crotch, rings
 from clothsim.garments.dress.sewing_state import SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
@@ -137,3 +138,17 @@ def test_trousers_of_a_low_rise_are_lowered_to_the_crotch(mannequin, above, bodi
     moved, notes = lowered_to_crotch(mesh, mannequin)
     assert len(notes) == (lowered > 0)
     assert np.allclose(mesh.positions - moved.positions, [0, lowered / 100, 0], atol=0.012)  # strings end below it
+
+
+@pytest.mark.parametrize(("limb", "label", "found"), [("hand", "", True), ("hand", "arm", False), ("arm", "", False)])
+def test_strings_of_a_skirt_through_a_hand_are_found(mannequin, limb, label, found):
+    wearer = Wearer(mannequin, body_surface(mannequin.positions, mannequin.triangles))
+    x, y, _ = 100 * mannequin.positions[limb_names(mannequin) == f"left {limb}"].mean(axis=0)
+    outline = [[0, 0], [10, 0], [10, 2], [0, 2]]
+    panels = {
+        part: panel(outline, translation=[x, y - 1, z], **({"label": label} if label else {}))
+        for part, z in (("front", 40), ("back", -40))
+    }
+    stitches = [stitch(("front", 3), ("back", 3), "right_wrong")]
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, stitches)), 0.05))
+    assert arms_between(state, wearer) == (("left hand",) if found else ())
