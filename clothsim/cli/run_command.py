@@ -317,6 +317,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     newton = f"{many(summary['newton_iterations'], 'Newton iteration')}{patch_iterations}"
     effort = (
         f"{clock(summary['wall_seconds'])} ({clock(summary['warmup_seconds'])} to start), "
+        f"{clock(summary['cpu_seconds'])} of CPU, "
         f"{many(summary['steps'], 'step')}{rejected}, {newton}, "
         f"{summary['peak_memory_bytes'] / 1e6:.0f} MB of memory at most"
     )

@@ -79,6 +79,17 @@ class Cord(KeyTable):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stiffener(KeyTable):
+    """A rod, straight at rest, sewn along edges of the cloth: [[effects.stiffeners.stiffener]]."""
+
+    section: ClassVar[str] = "effects.stiffeners.stiffener"
+
+    select: Annotated[Selection, CURVE]
+    bending_stiffness: Annotated[float, Key("EI of the rod", "N m2", least=0)]
+    stretch_stiffness: Annotated[float, Key("EA of the rod: the force that doubles its length", "N", least=0)] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class SeamLine(KeyTable):
     """A line of border vertices that a seam joins: by side, along points or by vertex numbers."""
 

@@ -27,6 +27,7 @@ from clothsim.keys.effect_tables import (
     PinGroup,
     Seam,
     Spring,
+    Stiffener,
     Vortex,
     Zip,
 )
@@ -212,6 +213,15 @@ class Cords(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stiffeners(EffectKeys):
+    """Rods sewn along edges of the cloth: boning, wire, piping, topstitched seams."""
+
+    section: ClassVar[str] = "effects.stiffeners"
+
+    stiffener: Annotated[Sequence[Stiffener | Table], Key("Rods along lines of edges", tables=(Stiffener,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pressure(EffectKeys):
     """Pressure of a fluid along the normals."""
 
@@ -338,7 +348,7 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
     kind.section.removeprefix("effects."): kind
     for kind in (
         Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Targets, ElasticBands,
-        Cords, Pressure, Air, Damping,
+        Cords, Stiffeners, Pressure, Air, Damping,
         BodyContact, SelfContact, Seams, Closures, PlasticBending, Friction,
     )
 }  # fmt: skip

@@ -108,6 +108,7 @@ EFFECTS = {
     "targets": Effect(".energies.targets:targets", "soft targets of every vertex in each frame", "Targets"),
     "elastic_bands": Effect(".energies.elastic_bands:elastic_bands", "elastic along edges", "ElasticBands"),
     "cords": Effect(".energies.cords:cords", "cords that slide through edges", "Cords"),
+    "stiffeners": Effect(".energies.stiffeners:stiffeners", "rods sewn along edges", "Stiffeners"),
     "pressure": Effect(".energies.pressure:pressure", "fluid pressure along the normals", "Pressure"),
     "air": Effect(".energies.air:air", "drag and lift in still air or wind", "Air"),
     "damping": Effect(".energies.damping:damping", "damping of velocity, strain rate and bending rate", "Damping"),

@@ -21,6 +21,7 @@ from clothsim.keys.effect_tables import (
     Seam,
     SeamLine,
     Spring,
+    Stiffener,
     Vortex,
     Zip,
 )
@@ -50,6 +51,7 @@ NESTED: dict[str, tuple[tuple[str, type], ...]] = {
     "elastic_bands": (("effects.elastic_bands.band", Band),),
     "cords": (("effects.cords.cord", Cord),),
     "seams": (("effects.seams.seam", Seam), ("effects.seams.seam.from, .to", SeamLine)),
+    "stiffeners": (("effects.stiffeners.stiffener", Stiffener),),
     "closures": (("effects.closures.zip", Zip), ("effects.closures.buttons", Buttons)),
     "rest_angle": (("effects.rest_angle.crease", Crease),),
     "air": (('effects.air.wind, kind = "gust"', Gust), ('effects.air.wind, kind = "vortex"', Vortex)),
