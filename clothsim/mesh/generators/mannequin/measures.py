@@ -9,7 +9,7 @@ measure has its factor; those of the given measures m_k minimise, within their R
 the others are 1: a measure that is not given stays what it is at that height, but for what the others take along.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 
@@ -192,20 +192,20 @@ class _Section:
 def _sections() -> dict[str, _Section]:
     """The sections of the template, made once."""
     level = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    made = {name: _cut(parts, lambda points, z=z: points[:, 2] - z, level) for name, (parts, z) in _SECTIONS.items()}
+    made = {name: _cut(parts, np.array([0.0, 0.0, z]), level) for name, (parts, z) in _SECTIONS.items()}
     shoulder, wrist = JOINT_POSITIONS[joint("left_shoulder")], JOINT_POSITIONS[joint("left_wrist")]
     along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
     across = np.stack([[0.0, 1.0, 0.0], np.cross(along, (0.0, 1.0, 0.0))])
     middle = shoulder + _UPPER_ARM * (wrist - shoulder)
     arm = ("left_shoulder", "left_elbow")
-    return made | {"upper_arm": _cut(arm, lambda points: (points - middle) @ along, across)}
+    return made | {"upper_arm": _cut(arm, middle, across)}
 
 
-def _cut(parts: tuple[str, ...], side: Callable[[Floats], Floats], axes: Floats) -> _Section:
-    """The section side(points) = 0 of what `parts` move for the most."""
+def _cut(parts: tuple[str, ...], point: Floats, axes: Floats) -> _Section:
+    """The section through a point, along axes (2, 3), of what `parts` move for the most."""
     made = template()
     own = np.isin(made.weights.argmax(axis=1), [joint(name) for name in parts])
-    values = side(made.positions)
+    values = (made.positions - point) @ np.cross(*axes)
     edges = np.sort(made.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges = np.unique(edges[own[edges].all(axis=1) & ((values[edges] > 0).sum(axis=1) == 1)], axis=0)
     a, b = values[edges].T
