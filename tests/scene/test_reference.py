@@ -59,7 +59,7 @@ def test_a_key_has_type_default_unit_and_meaning(section, key):
 def test_the_keys_of_a_generator_are_its_keywords(name):
     parameters = inspect.signature(GENERATORS[name]).parameters.values()
     expected = {p.name: p.default for p in parameters if p.kind is not p.VAR_KEYWORD}
-    if len(expected) < len(parameters):  # **figure
+    if len(expected) < len(parameters):
         expected |= {each.name: each.default for each in fields(Proportions)}
     assert {key: known.default for key, known in keys_of(GENERATOR_KEYS[name]).items()} == expected
     assert set(GENERATORS) == set(GENERATOR_KEYS)

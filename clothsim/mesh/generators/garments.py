@@ -210,7 +210,7 @@ def shirt(
     hood : bool
         With a hood over the head.
     **figure : float
-        `Proportions` of the mannequin.
+        The `Proportions` of the mannequin that wears it.
 
     Raises
     ------

@@ -375,7 +375,9 @@ def template() -> Template:
 
 
 def mannequin(
-    pose: str = "a", joints_degrees: Mapping[str, Sequence[float]] | None = None, **figure: float
+    pose: str = "a",
+    joints_degrees: Mapping[str, Sequence[float]] | None = None,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
     """Closed human figure: z is up, it stands on z = 0 and faces -y, its left hand is at +x.
 
