@@ -1,11 +1,9 @@
 """Recovery of numbers of a scene and of its pattern from calibrated pictures, by Gauss and Newton's method.
 
 The sum of rho(r) over the residuals of all pictures, r over its noise and rho the Huber function, is minimised over the
-logarithms q of the numbers. The derivatives of the cloth's vertices by q are differences of runs at first, and then
-follow the steps by Broyden's update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations");
-the correspondence is found anew at each run, and held in a step. A run begins from the drape that was accepted last, so
-that folds go on as they are. At the end the adjoint gives the gradient of the same
-sum: how far the end is from a minimum, in standard errors, does not rest on the differences.
+logarithms q of the numbers (`gauss_newton`); the correspondence is found anew at each run, and held in a step. A run
+begins from the drape that was accepted last, so that folds go on as they are. At the end the adjoint gives the gradient
+of the same sum: how far the end is from a minimum, in standard errors, does not rest on the differences.
 
 Standard errors: neighbouring pixels err alike, so the covariance is H^-1 M H^-1 with H = J'WJ and M the sum of the
 squares of the gradients of blocks of pixels (White 1982, "Maximum likelihood estimation of misspecified models"). They
@@ -21,6 +19,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.fabric_prior import SOURCE, WEIGHTS, bending_prior
+from clothsim.gradients.gauss_newton import Search
 from clothsim.gradients.loss_of_numbers import Evaluation, Problem, derivatives, intersecting_pairs, problem_of
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.mask_border import MaskBorder, Matches
@@ -50,12 +49,6 @@ UNTOLD = 1e3
 """Standard deviation, in those, of what keeps the covariance finite where the pictures tell nothing."""
 MOST_ERROR = 3.0
 """Standard deviation of a logarithm from which a number is not determined."""
-MOST_ITERATIONS = 10
-"""Steps of one start."""
-HALVINGS = 3
-"""Of a step that does not reduce the sum."""
-ENOUGH = 0.5
-"""Length of a step in standard errors of independent pixels, and drop of the sum, at which the search ends."""
 BLUE, ORANGE = (0, 90, 200), (230, 120, 0)
 """Contours of the recovered cloth, and of the first guess."""
 
@@ -262,7 +255,8 @@ def recover_views(
         begun = first if start == 1 else fit.seen(problem.origin + offset, own)
         tell(begun)
         if begun.parts:
-            last, before, moves, taken = _descended(fit, begun, tell)
+            settled = fit.seen(begun.at, begun.positions)
+            last, before, moves, taken = _search(fit, tell).descended(settled if settled.parts else begun)
             ends.append((last, before, moves))
             runs += taken
     best = min(ends, key=lambda each: each[0].total)
@@ -310,62 +304,19 @@ def _by_kind(paths: Sequence[str], of_pattern: float, of_fabric: float) -> Float
     return np.array([of_pattern if path.startswith(SECTION) else of_fabric for path in paths])
 
 
-def _moves(fit: _Fit, seen: _Seen, tell: Callable[[_Seen], None]) -> Floats | None:
-    """Derivatives of the vertices by the logarithms, (3 n, k), by differences of runs; None where one fails."""
-    steps = _by_kind(fit.problem.paths, PATTERN_STEP, FABRIC_STEP)
-    columns = []
-    for k, step in enumerate(steps):
-        for sign in (1.0, -1.0):  # a run may fail on one side
-            at = seen.at + sign * step * np.eye(len(steps))[k]
-            beside = fit.seen(at, seen.begun)
-            tell(beside)
-            if beside.parts:
-                columns.append((beside.positions - seen.positions).ravel() / (sign * step))
-                break
-        else:
-            return None
-    return np.array(columns).T
-
-
-def _descended(fit: _Fit, seen: _Seen, tell: Callable[[_Seen], None]) -> tuple[_Seen, _Seen, Floats, int]:
-    """The last run of a start, the one before it, the derivatives at the last, and the number of runs."""
-    k = len(seen.at)
-    reach = _by_kind(fit.problem.paths, PATTERN_REACH, FABRIC_REACH)
-    low, high = fit.problem.origin - fit.problem.ranges, fit.problem.origin + fit.problem.ranges
-    settled = fit.seen(seen.at, seen.positions)
-    seen = settled if settled.parts else seen
-    moves, fresh, runs, before = _moves(fit, seen, tell), True, k + 1, seen
-    for _ in range(MOST_ITERATIONS):
-        if moves is None:
-            raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
-        gradient, hessian, _ = fit.linearised(seen, moves)
-        step = -np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0]
-        step *= min(1.0, float((reach / np.maximum(np.abs(step), 1e-12)).min()))
-        step = np.clip(seen.at + step, low, high) - seen.at
-        done = float(step @ hessian @ step) < ENOUGH**2
-        better = None
-        for halving in range(0 if done else HALVINGS + 1):
-            trial = fit.seen(seen.at + 0.5**halving * step, seen.positions)
-            runs += 1
-            tell(trial)
-            if trial.total < seen.total:
-                better = trial
-                break
-        if better is not None:
-            moved = better.at - seen.at
-            secant = (better.positions - seen.positions).ravel() - moves @ moved
-            moves = moves + np.outer(secant, moved) / (moved @ moved)
-            gain, before, seen, fresh = seen.total - better.total, seen, better, False
-            done = gain < ENOUGH
-        if better is None or done:
-            if fresh:
-                break
-            moves, fresh, runs = _moves(fit, seen, tell), True, runs + k
-    if not fresh or moves is None:
-        moves, runs = _moves(fit, seen, tell), runs + k
-    if moves is None:
-        raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
-    return seen, before, moves, runs
+def _search(fit: _Fit, tell: Callable[[_Seen], None]) -> Search[_Seen]:
+    """The search of a fit; each run begins from the drape beside which it is."""
+    paths, origin, ranges = fit.problem.paths, fit.problem.origin, fit.problem.ranges
+    return Search(
+        lambda at, seen: fit.seen(at, seen.positions),
+        lambda at, seen: fit.seen(at, seen.begun),
+        lambda seen, moves: fit.linearised(seen, moves)[:2],
+        _by_kind(paths, PATTERN_STEP, FABRIC_STEP),
+        _by_kind(paths, PATTERN_REACH, FABRIC_REACH),
+        origin - ranges,
+        origin + ranges,
+        tell,
+    )
 
 
 def _result(
