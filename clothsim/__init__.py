@@ -24,13 +24,29 @@ if TYPE_CHECKING:
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
     from clothsim.gradients.recover_clip import ClipRecovery, recover_clip
-    from clothsim.gradients.recover_views import ViewRecovery, recover_views
-    from clothsim.keys.effect_tables import Band, Cord, Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+    from clothsim.gradients.recover_views import recover_views
+    from clothsim.gradients.view_recovery import ViewRecovery
+    from clothsim.keys.effect_tables import (
+        Band,
+        Buttons,
+        Cord,
+        Crease,
+        Gust,
+        Motion,
+        PinGroup,
+        Seam,
+        SeamLine,
+        Spring,
+        Stiffener,
+        Vortex,
+        Zip,
+    )
     from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
     from clothsim.keys.typed_effects import (
         Air,
         Bending,
         BodyContact,
+        Closures,
         Cords,
         Damping,
         ElasticBands,
@@ -46,10 +62,12 @@ if TYPE_CHECKING:
         Seams,
         SelfContact,
         Springs,
+        Stiffeners,
         StrainLimit,
         Targets,
     )
     from clothsim.mesh.checks import Finding
+    from clothsim.mesh.generators.mannequin.measures import MeasuredBody, measured_body
     from clothsim.patterns.pattern import Pattern
     from clothsim.run.check import check
     from clothsim.run.mesh_objects import to_pyvista, to_trimesh

@@ -11,7 +11,16 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.text import length
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import Renamed, add_output_options, add_overwrite, as_length, as_positive_number, as_range
+from clothsim.cli.arguments import (
+    Renamed,
+    add_output_options,
+    add_overwrite,
+    as_length,
+    as_positive_number,
+    as_range,
+    body_file,
+    existing_file,
+)
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
@@ -49,7 +58,12 @@ def add_to(commands: Any) -> None:
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
     fit.add_argument("--scale-to", metavar="S", help="metres per unit of the body of --to (default: by height)")
-    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
+    fit.add_argument(
+        "--body-group",
+        action="append",
+        metavar="NAME",
+        help="this group of the bodies; repeat it for several (default: the largest)",
+    )
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
     fit.add_argument("--markers", type=Path, metavar="FILE", help="a point on each body: x y z x y z a line")
@@ -104,7 +118,12 @@ def add_to(commands: Any) -> None:
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
     dress.add_argument("--seams", type=Path, metavar="TOML", help="seams and placement of a .dxf (default NAME.toml)")
     dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
-    dress.add_argument("--body-group", metavar="NAME", help="this group of the body's file (default: the largest)")
+    dress.add_argument(
+        "--body-group",
+        action="append",
+        metavar="NAME",
+        help="this group of the body's file; repeat it for several (default: the largest)",
+    )
     add_overwrite(dress, "replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
     dress.add_argument("--movie", action="store_true", help="leave movie.mp4 of the sewing, movie.gif without ffmpeg")
@@ -131,9 +150,9 @@ def _fit(arguments: argparse.Namespace) -> Report:
     message = messages(arguments, arguments.garment)
     with progress.shown(arguments.quiet) as listener:
         done = clothsim.fit(
-            _existing(arguments.garment, "the mesh file of the garment, or a scene with it"),
-            _body(arguments.to),
-            _body(arguments.made_for),
+            existing_file(arguments.garment, "the mesh file of the garment, or a scene with it"),
+            body_file(arguments.to),
+            body_file(arguments.made_for),
             directory,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
             scale_to=None if arguments.scale_to is None else as_positive_number("--scale-to", arguments.scale_to),
@@ -229,19 +248,6 @@ def as_factors(given: list[str]) -> dict[str, float]:
     return found
 
 
-def _body(path: Path | None) -> Path | None:
-    """A body file, or the installed scene of that name."""
-    return None if path is None else _existing(path, "a mesh file, or a scene with a body, as shirt (a mannequin)")
-
-
-def _existing(path: Path, what: str) -> Path:
-    """A file, or the installed scene of that name. InputError where there is neither."""
-    file = engine.example_file(path)
-    if not file.exists():
-        raise InputError(f"There is no file {path}.", f"Name {what}.")
-    return file
-
-
 def _dress(arguments: argparse.Namespace) -> Report:
     several = len(arguments.patterns) > 1 or arguments.over is not None
     if several and (arguments.movie or arguments.seams):
@@ -254,12 +260,12 @@ def _dress(arguments: argparse.Namespace) -> Report:
 
     message = messages(arguments, arguments.patterns[0])
     patterns = [engine.example_file(pattern, "_specification.json") for pattern in arguments.patterns]
-    body = _body(arguments.on)
+    body = body_file(arguments.on)
     settings: dict[str, Any] = {
         "size": as_length("--size", arguments.size),
         "fabric": arguments.fabric,
         "fabrics": as_fabrics(arguments.fabric_of),
-        "made_for": _body(arguments.made_for),
+        "made_for": body_file(arguments.made_for),
         "grade": as_factors(arguments.grade),
         "waistband": arguments.waistband,
         "origin": arguments.origin,

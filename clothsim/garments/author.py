@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from io import BytesIO
-from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -328,9 +327,9 @@ def guided(scene: "Scene", frames: Floats, directory: Path, rate: float) -> "Sce
     np.save(content, frames - frames[0])
     make_directory(directory)
     write_atomically(directory / TARGETS_NAME, content.getvalue())
-    name = relpath(directory.resolve() / TARGETS_NAME, scene.directory.resolve())
+    scene = scene.starting_at(directory)  # the targets move with the clip
     effects = {"self_contact": {}, **({"body_contact": {}} if scene.bodies else {}), **scene.effects}
-    keys = {"displacements": name, "frames_per_second": scene.run_settings.frames_per_second, "rate": rate}
+    keys = {"displacements": TARGETS_NAME, "frames_per_second": scene.run_settings.frames_per_second, "rate": rate}
     return replace(scene, effects={**effects, "targets": keys})
 
 

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import triangle_areas
 from clothsim.garments.inputs import BodyMesh
 from transfer.errors import TransferError
 
@@ -84,8 +85,7 @@ def tight_parts(
 def tight_parts_of_run(run: Run, parts: Mapping[str, Ints]) -> dict[str, Tightness]:
     """The tight parts at the end of a drape of one cloth that kept its contact pressure; parts: rows of triangles."""
     stretches, corners = np.asarray(run.stretches(-1), np.float64), run.positions(-1)[run.triangles]
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    areas = 0.5 * doubled / np.maximum(stretches.prod(axis=1), 1e-6)  # of one at rest that is flattened: large
+    areas = triangle_areas(corners) / np.maximum(stretches.prod(axis=1), 1e-6)  # large where flattened at rest
     return tight_parts(
         stretches, areas, parts, run.triangles, np.asarray(run.field("contact_pressure", -1), np.float64)
     )

@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
+from os.path import relpath
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, Any
@@ -117,14 +118,15 @@ def wrinkle(
     write_atomically(output / TARGETS_NAME, content.getvalue())
     seconds = process_time() - started
     targets = {
-        "displacements": str((output / TARGETS_NAME).resolve()),
+        "displacements": TARGETS_NAME,
         "frames_per_second": run.scene.run_settings.frames_per_second,
         "rate": rate,
     }
+    scene = scene.starting_at(output)  # the targets move with the run
     scene = replace(scene, effects={**scene.effects, "targets": targets})
     made = clothsim.simulate(scene, output, message=message, overwrite=True, **listeners)
     report = {
-        "coarse": str(run.directory.resolve()),
+        "coarse": relpath(run.directory.resolve(), output.resolve()),
         "parts": parts,
         "geometry_cpu_seconds": seconds,
         "newton_cpu_seconds": process_time() - started - seconds,

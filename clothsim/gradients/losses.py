@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 
 import igl
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints, as_points, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import called
+from clothsim.base.triangles import area_vectors, barycentric, connected
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World
 
@@ -132,7 +131,7 @@ class Scan(Loss):
             alike = _facing(points, normals, positions[triangles[face]])
             points, face, closest = points[alike], face[alike], np.asarray(closest)[alike]
         corners = triangles[face]
-        weights = _barycentric(np.asarray(closest), positions[corners])
+        weights = barycentric(positions[corners], np.asarray(closest))
         out = np.zeros_like(positions)
         away = np.einsum("kp,kpc->kc", weights, positions[corners]) - points
         np.add.at(out, corners.ravel(), (weights[:, :, None] * away[:, None, :]).reshape(-1, 3) * (2 / len(points)))
@@ -143,7 +142,7 @@ def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
     """Points (k,) whose normals are those of their triangles (k, 3, 3) to 60 degrees. InputError where none is."""
     if normals.shape != points.shape:
         raise InputError(f"There are {len(points)} points and {len(normals)} normals.", "Give one for each point.")
-    own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    own = area_vectors(corners)
     lengths = np.linalg.norm(own, axis=1) * np.linalg.norm(normals, axis=1)
     alike = (own * normals).sum(axis=1) > 0.5 * lengths
     if not alike.any():
@@ -151,16 +150,6 @@ def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
             "No normal of the points is like that of the cloth there.", "Turn them round, or leave them out."
         )
     return np.asarray(alike)
-
-
-def _barycentric(points: Floats, corners: Floats) -> Floats:
-    """Barycentric coordinates (k, 3) of points (k, 3) in triangles (k, 3, 3)."""
-    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    uu, uv, vv = ((a * b).sum(axis=1) for a, b in ((u, u), (u, v), (v, v)))
-    wu, wv = (w * u).sum(axis=1), (w * v).sum(axis=1)
-    determinant = uu * vv - uv**2
-    s, t = (vv * wu - uv * wv) / determinant, (uu * wv - uv * wu) / determinant
-    return np.stack([1 - s - t, s, t], axis=1)
 
 
 @dataclass(frozen=True)
@@ -340,6 +329,5 @@ def border_sides(rest: Floats, triangles: Ints) -> tuple[Ints, ...]:
     turns = np.abs(np.pi - np.bincount(triangles.ravel(), angles.ravel(), len(rest)).astype(np.float64))
     at, ends = np.nonzero(turns[edges] <= CORNER)
     n = len(edges)
-    graph = coo_array((np.ones(len(at)), (at, n + edges[at, ends])), shape=(n + len(rest),) * 2)
-    labels = connected_components(graph, directed=False)[1][:n]
+    labels = connected(at, n + edges[at, ends], n + len(rest))[:n]
     return tuple(np.unique(edges[labels == label]) for label in np.unique(labels))

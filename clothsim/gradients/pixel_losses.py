@@ -18,6 +18,7 @@ from scipy.sparse import coo_array, csr_array, eye_array, kron
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.ray_casting import first_hits
+from clothsim.base.triangles import area_vectors
 from clothsim.gradients.camera import Camera
 from clothsim.gradients.picture_loss import Obstacle, PictureLoss, Residuals, checked_noise
 from clothsim.mesh.refinement import refined
@@ -61,8 +62,7 @@ class Surface:
     @cached_property
     def planes(self) -> Floats:
         """Normals of the triangles, twice their area long, (k, 3) [m2]."""
-        a, b, c = (self.x[self.corners[:, k]] for k in range(3))
-        return np.cross(b - a, c - a)
+        return area_vectors(self.x[self.corners])
 
     @cached_property
     def depth_slopes(self) -> Floats:
@@ -97,8 +97,7 @@ class Surface:
         number = np.full(len(self.x), -1)
         number[used] = np.arange(len(used))
         near = self.triangles[(number[self.triangles] >= 0).any(axis=1)]
-        at = self.x[near]
-        areas = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
+        areas = area_vectors(self.x[near])
         sums = np.zeros((len(used), 3))
         for k in range(3):
             own = number[near[:, k]] >= 0
@@ -192,7 +191,7 @@ class _OfPixels(PictureLoss):
         hits = first_hits(np.concatenate([x[fine], self.obstacle.corners]), self.camera.position, rays)
         met = np.flatnonzero((hits.triangle >= 0) & (hits.triangle < len(fine)))
         corners = fine[hits.triangle[met]]
-        planes = np.cross(x[corners[:, 1]] - x[corners[:, 0]], x[corners[:, 2]] - x[corners[:, 0]])
+        planes = area_vectors(x[corners])
         sizes = np.linalg.norm(planes, axis=1) * np.linalg.norm(rays[met], axis=1)
         facing = np.abs((planes * rays[met]).sum(axis=1)) > EDGE_ON * sizes
         met, corners, planes = met[facing], corners[facing], planes[facing]

@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.stopwatch import Stopwatch
 from clothsim.gradients.backward_pass import backward_pass
 from clothsim.gradients.differentiable_session import (
     RecordedStep,
@@ -228,7 +228,7 @@ def simulate_differentiably(
     ClothsimError
         Where the run fails.
     """
-    started = perf_counter()
+    started = Stopwatch()
     session = differentiable_session(prepare(scene, build(scene, affordable=True)), polish)
     for note in session.notes:
         if message is not None and "held at" in note:

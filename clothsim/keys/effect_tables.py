@@ -1,4 +1,4 @@
-"""Nested tables of effects: motions, selections, springs, seams, creases and winds."""
+"""Nested tables of effects: motions, selections, springs, seams, closures, creases and winds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -79,6 +79,17 @@ class Cord(KeyTable):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stiffener(KeyTable):
+    """A rod, straight at rest, sewn along edges of the cloth: [[effects.stiffeners.stiffener]]."""
+
+    section: ClassVar[str] = "effects.stiffeners.stiffener"
+
+    select: Annotated[Selection, CURVE]
+    bending_stiffness: Annotated[float, Key("EI of the rod", "N m2", least=0)]
+    stretch_stiffness: Annotated[float, Key("EA of the rod: the force that doubles its length", "N", least=0)] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class SeamLine(KeyTable):
     """A line of border vertices that a seam joins: by side, along points or by vertex numbers."""
 
@@ -118,6 +129,35 @@ class Seam(KeyTable):
         Literal["length", "vertices"], Key("Borders meet at equal fractions of their lengths, or vertex by vertex")
     ] = "length"  # fmt: skip
     bends: Annotated[bool, Key("The closed seam bends as the cloth does; false: it folds freely")] = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zip(KeyTable):
+    """Two borders that are closed and opened over time, and never sewn: [[effects.closures.zip]]."""
+
+    section: ClassVar[str] = "effects.closures.zip"
+
+    from_: Annotated[
+        SeamLine | Table, Key("First border, from the end at which it begins to close", tables=(SeamLine,))
+    ]
+    to: Annotated[SeamLine | Table, Key("Second border", tables=(SeamLine,))]
+    flip: Annotated[bool, Key("Reverse the order of the second border")] = False
+    closed: Annotated[OverTime, Key("Fraction of the border that is closed: the slider", "1", least=0, most=1)] = 1.0
+    gap: Annotated[
+        OverTime, Key("Distance of the closed borders; self_contact adds what it needs to push nothing", "m", least=0)
+    ] = 0.0  # fmt: skip
+    stiffness: Annotated[
+        OverTime | None, Key("Stiffness of each stitch", "N/m", least=0, shown="100 times the fabric's")
+    ] = None  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Buttons(Zip):
+    """A row of buttons that are done up one after another: [[effects.closures.buttons]]."""
+
+    section: ClassVar[str] = "effects.closures.buttons"
+
+    count: Annotated[int, Key("Buttons, evenly along the borders from end to end", "1", least=1, most=1000)] = 5
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,7 @@ from clothsim.base.inputs import shown
 from clothsim.keys.effect_tables import (
     SELECT,
     Band,
+    Buttons,
     Cord,
     Crease,
     Gust,
@@ -26,7 +27,9 @@ from clothsim.keys.effect_tables import (
     PinGroup,
     Seam,
     Spring,
+    Stiffener,
     Vortex,
+    Zip,
 )
 from clothsim.keys.key_table import KeyTable, content_of, frozen
 from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
@@ -210,6 +213,15 @@ class Cords(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stiffeners(EffectKeys):
+    """Rods sewn along edges of the cloth: boning, wire, piping, topstitched seams."""
+
+    section: ClassVar[str] = "effects.stiffeners"
+
+    stiffener: Annotated[Sequence[Stiffener | Table], Key("Rods along lines of edges", tables=(Stiffener,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pressure(EffectKeys):
     """Pressure of a fluid along the normals."""
 
@@ -286,6 +298,16 @@ class Seams(EffectKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Closures(EffectKeys):
+    """Zips and buttons: borders that are closed and opened over time, and never sewn."""
+
+    section: ClassVar[str] = "effects.closures"
+
+    zip: Annotated[Sequence[Zip | Table], Key("Zips between two borders", tables=(Zip,))] = ()
+    buttons: Annotated[Sequence[Buttons | Table], Key("Rows of buttons between two borders", tables=(Buttons,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlasticBending(EffectKeys):
     """Folds beyond a yield angle or curvature that stay."""
 
@@ -326,8 +348,8 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
     kind.section.removeprefix("effects."): kind
     for kind in (
         Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Targets, ElasticBands,
-        Cords, Pressure, Air, Damping,
-        BodyContact, SelfContact, Seams, PlasticBending, Friction,
+        Cords, Stiffeners, Pressure, Air, Damping,
+        BodyContact, SelfContact, Seams, Closures, PlasticBending, Friction,
     )
 }  # fmt: skip
 

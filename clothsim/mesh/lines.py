@@ -99,6 +99,10 @@ class Line:
     vertices: Ints
     parameters: Floats
 
+    def reversed(self) -> "Line":
+        """The line from its other end."""
+        return Line(self.vertices[::-1], 1 - self.parameters[::-1])
+
 
 def line_of(vertices: Ints, positions: Floats) -> Line:
     """Return the line through `vertices (k,)` at rest at `positions (k, 3)` [m]."""

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import connected
 
 
 def unique_edges(triangles: Ints) -> Ints:
@@ -70,8 +69,7 @@ def vertex_rings(triangles: Ints, n_vertices: int) -> tuple[Ints, Ints]:
 def components(triangles: Ints, n_vertices: int) -> Ints:
     """Return the connected component of every vertex, (n,), numbered by first appearance; isolated vertices count."""
     edges = half_edges(triangles)
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n_vertices, n_vertices))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+    return connected(edges[:, 0], edges[:, 1], n_vertices)
 
 
 def renumbered_groups(groups: Mapping[str, Ints], remaining: Ints) -> dict[str, Ints]:

@@ -8,9 +8,10 @@ body contains a point, exactly for closed surfaces however they overlap.
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import breadth_first_order
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import area_vectors, connected
 from clothsim.mesh.topology import components, half_edges
 
 
@@ -47,7 +48,7 @@ def bow_tie_vertices(triangles: Ints, joined: tuple[Ints, Ints, Ints], n_vertice
     first_end, second_end = _next_corner(first), _next_corner(second)
     left = np.concatenate([first, first_end])
     right = np.concatenate([np.where(turned, second_end, second), np.where(turned, second, second_end)])
-    fan = _connected(left, right, len(starts))
+    fan = connected(left, right, len(starts))
     _, one_corner = np.unique(fan, return_index=True)
     fans = np.bincount(starts[one_corner], minlength=n_vertices)
     return np.flatnonzero(fans > 1)
@@ -68,7 +69,7 @@ def turned_triangles(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> tuple[
     m, one, two = len(triangles), first // 3, second // 3
     left = np.concatenate([one, one + m])
     right = np.concatenate([np.where(disagree, two + m, two), np.where(disagree, two, two + m)])
-    sheet = _connected(left, right, 2 * m)
+    sheet = connected(left, right, 2 * m)
     as_is, over = sheet[:m], sheet[m:]
     one_sided = as_is == over
     _, piece = np.unique(np.minimum(as_is, over), return_inverse=True)
@@ -100,12 +101,6 @@ def one_sided_edge(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> Ints:
 
 def _next_corner(half_edge: Ints) -> Ints:
     return half_edge - half_edge % 3 + (half_edge % 3 + 1) % 3
-
-
-def _connected(left: Ints, right: Ints, size: int) -> Ints:
-    """Component of each of `size` nodes of which left[i] and right[i] are joined."""
-    graph = coo_array((np.ones(len(left), np.int8), (left, right)), shape=(size, size))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def wound(triangles: Ints, n_vertices: int) -> tuple[Ints, NDArray[np.bool_]]:
@@ -159,7 +154,7 @@ def facing_away(positions: Floats, triangles: Ints, body: Floats, turned: NDArra
     from scipy.spatial import cKDTree
 
     corners = positions[triangles]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = area_vectors(corners)
     centres = corners.mean(axis=1)
     away = centres - body[cKDTree(body).query(centres)[1]]
     distance = np.linalg.norm(away, axis=1, keepdims=True)

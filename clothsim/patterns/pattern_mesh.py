@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 import pythoncdt as cdt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import connected
 from clothsim.patterns.borders import Border, borders, mended, refuse_self_crossing, without_slivers
 from clothsim.patterns.curves import scaled_curve
 from clothsim.patterns.pattern import Pattern, Side, Stitch, gather_notes, turned_panels
@@ -390,9 +389,7 @@ def joined_vertices(mesh: PatternMesh, pairs: Ints | None = None) -> Ints:
     """
     if pairs is None:
         return sewn_vertices(mesh, mesh.seams)
-    n = len(mesh.positions)
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    labels = connected_components(graph, directed=False)[1]
+    labels = connected(pairs[:, 0], pairs[:, 1], len(mesh.positions))
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.empty(len(first), np.int64)
     rank[np.argsort(first)] = np.arange(len(first))

@@ -6,6 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import area_vectors
 
 _HALF_ANGLE = np.radians(13.0)
 HIGH, LOW = np.radians(24.0), np.radians(9.0)
@@ -114,7 +115,7 @@ def three_quarter_view(cloth_corners: Floats, up: Floats, elevation: float = HIG
     front = np.cross(right, vertical)
     level = [np.cos(turn) * front + np.sin(turn) * right for turn in _AZIMUTHS]
     views = np.array([np.cos(elevation) * side + np.sin(elevation) * vertical for side in level])
-    normals = np.cross(cloth_corners[:, 1] - cloth_corners[:, 0], cloth_corners[:, 2] - cloth_corners[:, 0])
+    normals = area_vectors(cloth_corners)
     areas = np.abs(normals @ views.T).sum(axis=0)
     return views[np.argmax(areas >= 0.6 * areas.max())]
 

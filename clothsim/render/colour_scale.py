@@ -8,6 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import triangle_areas
 
 DIVERGING = np.array(
     [
@@ -80,9 +81,7 @@ def painted(values: Floats, low: float, high: float, table: np.ndarray) -> Float
 
 def per_vertex(values: Floats, positions: Floats, triangles: Ints) -> Floats:
     """Values (m,) of triangles as means at the vertices (n,), weighted by area; 0 at a vertex without area."""
-    edges1 = positions[triangles[:, 1]] - positions[triangles[:, 0]]
-    edges2 = positions[triangles[:, 2]] - positions[triangles[:, 0]]
-    area = np.repeat(np.linalg.norm(np.cross(edges1, edges2), axis=1), 3)
+    area = np.repeat(triangle_areas(positions[triangles]), 3)
     corners = triangles.ravel()
     total = np.bincount(corners, weights=area, minlength=len(positions))
     summed = np.bincount(corners, weights=area * np.repeat(values, 3), minlength=len(positions))

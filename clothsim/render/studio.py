@@ -13,6 +13,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
+from clothsim.base.triangles import area_vectors
 from clothsim.render.camera import Camera
 from clothsim.render.colour_scale import Scale
 from clothsim.render.surface_look import Surface, cloth_shell, creased_normals, vertex_values
@@ -140,7 +141,7 @@ def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, rib: fl
     else:
         made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, dyes, rib), shell.uv)]
     if len(stitches):
-        facing = unit(np.cross(stitches[:, 1] - stitches[:, 0], stitches[:, 2] - stitches[:, 0]))
+        facing = unit(area_vectors(stitches))
         normals = np.broadcast_to(facing[:, None], stitches.shape)
         made.append(_mesh(mi, stitches, normals, _diffuse(0.25 * dyes.mean(axis=0) + 0.02)))
     return made

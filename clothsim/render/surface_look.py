@@ -13,11 +13,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
+from clothsim.base.triangles import area_vectors, connected, triangle_areas, unit_or, vertex_area_vectors
 from clothsim.render.colour_scale import Scale, log_stretch, per_vertex
 
 INK = np.array([0.13, 0.13, 0.16])
@@ -32,8 +33,7 @@ The stroke of the larger stretch is the wider one."""
 
 def spacing_of(positions: Floats, triangles: Ints) -> float:
     """Distance between crosses on cloths with vertices (n, 3) and triangles (m, 3) [m]."""
-    a, b, c = (positions[triangles[:, k]] for k in range(3))
-    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    areas = triangle_areas(positions[triangles])
     return float(max(np.ptp(positions, axis=0).max() / ACROSS, np.sqrt(np.median(areas))))
 
 
@@ -148,10 +148,7 @@ def vertex_values(surface: Surface) -> Floats:
 
 def vertex_normals(positions: Floats, triangles: Ints) -> Floats:
     """Unit normals at the vertices, (n, 3): the triangles' weighted by area; z where there is none."""
-    doubled = _area_normals(positions, triangles)
-    corners = triangles.ravel()
-    summed = [np.bincount(corners, np.repeat(doubled[:, k], 3), minlength=len(positions)) for k in range(3)]
-    return _unit(np.column_stack(summed))
+    return unit_or(vertex_area_vectors(positions, triangles), (0.0, 0.0, 1.0))
 
 
 def creased_normals(positions: Floats, triangles: Ints) -> Floats:
@@ -159,8 +156,8 @@ def creased_normals(positions: Floats, triangles: Ints) -> Floats:
 
     So a box keeps its edges and a body is smooth.
     """
-    doubled = _area_normals(positions, triangles)
-    unit = _unit(doubled)
+    doubled = area_vectors(positions[triangles])
+    unit = unit_or(doubled, (0.0, 0.0, 1.0))
     n_corners = triangles.size
     rows = np.arange(n_corners)
     at_vertex = csr_array((np.ones(n_corners), (triangles.ravel(), rows // 3)), shape=(len(positions), len(triangles)))
@@ -168,17 +165,7 @@ def creased_normals(positions: Floats, triangles: Ints) -> Floats:
     alike = np.einsum("ij,ij->i", unit[pairs.row // 3], unit[pairs.col]) > _COS_CREASE
     row, col = pairs.row[alike], pairs.col[alike]
     summed = [np.bincount(row, doubled[col, k], minlength=n_corners) for k in range(3)]
-    return _unit(np.column_stack(summed)).reshape(-1, 3, 3)
-
-
-def _area_normals(positions: Floats, triangles: Ints) -> Floats:
-    a, b, c = (positions[triangles[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
-
-
-def _unit(vectors: np.ndarray) -> Floats:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.where(length > 0, vectors / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
+    return unit_or(np.column_stack(summed), (0.0, 0.0, 1.0)).reshape(-1, 3, 3)
 
 
 SHAPE = 0.5
@@ -286,7 +273,7 @@ def material_coordinates(surface: Surface) -> Floats:
     """Coordinates of the undeformed cloth at each corner, (m, 3, 2) [m], in the plane that its triangle faces."""
     material = surface.material if len(surface.material) else surface.positions
     corners = material[surface.triangles]
-    facing = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).argmax(axis=1)
+    facing = np.abs(area_vectors(corners)).argmax(axis=1)
     axes = np.array([[1, 2], [0, 2], [0, 1]])[facing]
     return np.take_along_axis(corners, np.repeat(axes[:, None], 3, axis=1), axis=2)
 
@@ -310,7 +297,7 @@ def _border_distance(surface: Surface) -> tuple[Floats, Floats]:
     start, end = material[edges[:, 0]], material[edges[:, 1]]
     lengths = np.linalg.norm(end - start, axis=1)
     graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(material), len(material)))
-    _, seeds = np.unique(connected_components(graph, directed=False)[1], return_index=True)
+    _, seeds = np.unique(connected(edges[:, 0], edges[:, 1], len(material)), return_index=True)
     from_seed = dijkstra(graph, directed=False, indices=seeds, min_only=True)
     step = max(_BORDER_STEP, float(lengths.sum()) / _MOST_STEPS)  # a cloth in other units has kilometres of border
     counts = np.maximum(np.ceil(lengths / step).astype(np.int64), 1)
@@ -326,7 +313,7 @@ def _rims(front: Floats, back: Floats, edges: Ints) -> tuple[Floats, Floats]:
     """Two triangles over the thickness at each border edge, and their normals, (2 k, 3, 3) each."""
     a, b, c, d = front[edges[:, 0]], front[edges[:, 1]], back[edges[:, 0]], back[edges[:, 1]]
     corners = np.stack([np.stack([a, d, b], axis=1), np.stack([a, c, d], axis=1)], axis=1).reshape(-1, 3, 3)
-    normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    normals = unit(area_vectors(corners))
     return corners, np.broadcast_to(normals[:, None], corners.shape)
 
 
@@ -344,7 +331,7 @@ def _stitches(side: Floats, triangles: Ints, distance: Floats, along: Floats) ->
         places.append(run[rows, alone] + t * (run[rows, other] - run[rows, alone]))
     sewn = (0.5 * (places[0] + places[1])) % (STITCH + GAP) < STITCH
     a, b = (each[sewn] for each in ends)
-    normal = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[sewn]
+    normal = unit(area_vectors(corners))[sewn]
     aside = THREAD * unit(np.cross(b - a, normal))
     ring = [aside, THREAD * normal, -aside, -THREAD * normal]
     quads = [np.stack([a + p, b + p, b + q, a + q], axis=1) for p, q in zip(ring, ring[1:] + ring[:1], strict=True)]

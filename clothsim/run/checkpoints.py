@@ -65,8 +65,10 @@ def _written_files(saved: Checkpoint) -> Path:
     return folder
 
 
-def checkpoint_of(session: Session, state: State, certificate: Certificate) -> Checkpoint:
-    """The checkpoint of a run at `state`."""
+def checkpoint_of(
+    session: Session, state: State, certificate: Certificate, directory: Path | None = None
+) -> Checkpoint:
+    """The checkpoint of a run at `state`; directory: of the run."""
     potential = session.integrator.potential
     counters = {
         "certificate": certificate.as_json(),
@@ -74,7 +76,7 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
         "phases": potential.timers.phases,
         "linear_solves": potential.timers.linear_solves,
     }
-    return Checkpoint(state, session.scene.to_text(names_of_functions=True), counters)
+    return Checkpoint(state, session.scene.to_text(names_of_functions=True, here=directory), counters)
 
 
 def restore(timers: Timers, counters: dict[str, Any]) -> None:

@@ -355,7 +355,7 @@ def _versions() -> dict[str, str]:
 def _readme(name: str, saved: Checkpoint, summary: dict) -> str:
     failure = summary.get("failure") or {}
     lines = [
-        f"A run of clothsim {version('clothsim')}: {summary.get('status', 'interrupted')}.",
+        f"A run of clothsim {_versions().get('clothsim', '(not installed)')}: {summary.get('status', 'interrupted')}.",
         summary.get("reason", ""),
         failure.get("remedy", ""),
         "",

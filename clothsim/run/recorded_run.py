@@ -28,6 +28,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.interruption import InterruptFlag, interruption
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
+from clothsim.base.stopwatch import Stopwatch
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray
@@ -203,7 +204,7 @@ class _Output:
 
     def save(self, state: State, certificate: Certificate) -> None:
         """Make the state the one from which the run can go on."""
-        self.checkpoints.offer(checkpoint_of(self.session, state, certificate))
+        self.checkpoints.offer(checkpoint_of(self.session, state, certificate, self.directory))
 
 
 def recorded_run(
@@ -211,7 +212,7 @@ def recorded_run(
     state: State,
     certificate: Certificate,
     directory: Path,
-    started: float,
+    started: Stopwatch,
     listeners: tuple[Listener | None, StepListener | None],
     log: IterateLog | None,
     resumed: bool,
@@ -232,7 +233,7 @@ def recorded_run(
     if not resumed:
         # The checkpoint first: where the disk is full before the first frame is written, the run can still go on.
         certificate, _ = _checked(check, session, state, certificate, is_frame=True)
-        write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate))
+        write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate, directory))
     with (
         interruption() as flag,  # before the files: within a call of HDF5 a KeyboardInterrupt is lost
         _Checkpoints(directory) as checkpoints,
@@ -243,12 +244,12 @@ def recorded_run(
         output = _Output(session, directory, trajectory, record, checkpoints, check)
         if not resume_frame:
             output.frame(state)
-        warm = perf_counter() - started
+        warm = started.wall_seconds()
 
         def after_step(report: StepReport) -> None:
             progress, on_step = listeners
             if progress is not None:
-                progress(progress_of(report, session, perf_counter() - started))
+                progress(progress_of(report, session, started.wall_seconds()))
             if on_step is not None:
                 on_step(state_after(session.built.world, report))
             if on_report is not None:
@@ -256,7 +257,11 @@ def recorded_run(
 
         output = replace(output, session=interruptible(session, flag))
         state, certificate, failure = _stepped(output, state, certificate, log, after_step, flag)
-    seconds = {"wall_seconds": perf_counter() - started, "warmup_seconds": warm}
+    seconds = {
+        "wall_seconds": started.wall_seconds(),
+        "warmup_seconds": warm,
+        "cpu_seconds": started.cpu_seconds(),
+    }
     entries = read_record(directory / RECORD_NAME)
     write_summary(directory / SUMMARY_NAME, summary_of(session, state, certificate, check, failure, entries, seconds))
     return open_run(directory)

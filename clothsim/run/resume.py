@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, refuse_replacing
 from clothsim.base.inputs import refuse_uncallable
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME
+from clothsim.base.stopwatch import Stopwatch
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.run_lock import locked
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
@@ -109,7 +109,7 @@ def begun_run(
     permissions: tuple[bool, bool],
 ) -> Run:
     """Simulate a scene with fixed settings; permissions: overwrite and force of `simulate`."""
-    started = perf_counter()
+    started = Stopwatch()
     overwrite, force = permissions
     session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
     if not force:
@@ -171,7 +171,7 @@ def _continued(
     dump_iterates: int | None,
 ) -> Run:
     """Continue the run of a locked directory."""
-    started = perf_counter()
+    started = Stopwatch()
     saved = read_checkpoint(folder / CHECKPOINT_NAME)
     scene = scene_from_text(saved.scene_text, folder)
     if expected_cost(scene).vertices > MORE_VERTICES * len(saved.state.positions):  # not built to find that out

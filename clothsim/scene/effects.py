@@ -108,12 +108,14 @@ EFFECTS = {
     "targets": Effect(".energies.targets:targets", "soft targets of every vertex in each frame", "Targets"),
     "elastic_bands": Effect(".energies.elastic_bands:elastic_bands", "elastic along edges", "ElasticBands"),
     "cords": Effect(".energies.cords:cords", "cords that slide through edges", "Cords"),
+    "stiffeners": Effect(".energies.stiffeners:stiffeners", "rods sewn along edges", "Stiffeners"),
     "pressure": Effect(".energies.pressure:pressure", "fluid pressure along the normals", "Pressure"),
     "air": Effect(".energies.air:air", "drag and lift in still air or wind", "Air"),
     "damping": Effect(".energies.damping:damping", "damping of velocity, strain rate and bending rate", "Damping"),
     "body_contact": Effect(".contact.body_contact:body_contact", "cloth against bodies", "BodyContact"),
     "self_contact": Effect(".contact.self_contact:self_contact", "cloth against cloth", "SelfContact"),
     "seams": Effect(".energies.seams:seams", "borders drawn together over time, then joined", "Seams"),
+    "closures": Effect(".energies.closures:closures", "zips and buttons, closed and opened over time", "Closures"),
     "plastic_bending": Effect(
         ".energies.plastic_bending:plastic_bending", "permanent folds beyond a yield", "PlasticBending"
     ),

@@ -10,7 +10,21 @@ from typing import Any, Literal, get_args, get_origin
 
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest
-from clothsim.keys.effect_tables import Band, Cord, Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+from clothsim.keys.effect_tables import (
+    Band,
+    Buttons,
+    Cord,
+    Crease,
+    Gust,
+    Motion,
+    PinGroup,
+    Seam,
+    SeamLine,
+    Spring,
+    Stiffener,
+    Vortex,
+    Zip,
+)
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.mesh_keys import (
     BodyTable,
@@ -37,6 +51,8 @@ NESTED: dict[str, tuple[tuple[str, type], ...]] = {
     "elastic_bands": (("effects.elastic_bands.band", Band),),
     "cords": (("effects.cords.cord", Cord),),
     "seams": (("effects.seams.seam", Seam), ("effects.seams.seam.from, .to", SeamLine)),
+    "stiffeners": (("effects.stiffeners.stiffener", Stiffener),),
+    "closures": (("effects.closures.zip", Zip), ("effects.closures.buttons", Buttons)),
     "rest_angle": (("effects.rest_angle.crease", Crease),),
     "air": (('effects.air.wind, kind = "gust"', Gust), ('effects.air.wind, kind = "vortex"', Vortex)),
 }

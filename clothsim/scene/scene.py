@@ -30,6 +30,7 @@ from clothsim.keys.value_checks import refuse_deep, refuse_unknown
 from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.mesh_objects import is_mesh, mesh_arrays
+from clothsim.scene.named_keys import named_keys
 
 Table = Mapping[str, Any]
 BodyKind = BodyTable | FramesTable | ModelTable
@@ -200,7 +201,7 @@ class Scene:
         """
         return scene_from_text(text, here)
 
-    def to_text(self, names_of_functions: bool = False) -> str:
+    def to_text(self, names_of_functions: bool = False, here: Path | None = None) -> str:
         """The scene as JSON text, which `from_text` reads back; meshes in memory are in it.
 
         Parameters
@@ -208,6 +209,8 @@ class Scene:
         names_of_functions : bool
             True: of a Python function its name is written, for the record of a run; a scene that is read back has lost
             it, and says so when its effect is built.
+        here : Path, optional
+            Folder where the text will be: a scene whose file names start there may be moved with it.
 
         Raises
         ------
@@ -218,7 +221,22 @@ class Scene:
         if not names_of_functions:
             for name, section in sections.items():
                 _refuse_functions(name, section)
-        return json.dumps({**sections, "directory": str(Path(self.directory).resolve())}, default=_plain)
+        directory = Path(self.directory).resolve()
+        moves = here is not None and here.resolve() == directory
+        return json.dumps({**sections, "directory": "." if moves else str(directory)}, default=_plain)
+
+    def starting_at(self, directory: Path) -> "Scene":
+        """The scene with another folder at which its file names start; the files that it names keep their places.
+
+        Raises
+        ------
+        InputError
+            For a scene with a Python function.
+        """
+        data = json.loads(self.to_text())
+        for _, keys, key in named_keys(data):
+            keys[key] = str((self.directory / keys[key]).resolve())
+        return scene_from_text(json.dumps({**data, "directory": "."}), directory)
 
 
 SECTIONS = ("cloth", "body", "rigid", "effects", "solver", "contact", "run", "seed")

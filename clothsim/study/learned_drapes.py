@@ -11,6 +11,7 @@ from scipy.sparse import diags_array
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.engine import DrapeModel
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.reading import positions_of, read_mesh
@@ -124,9 +125,7 @@ def _meshes(farm: Farm, row: dict[str, Any]) -> tuple[NDArray[np.int32], Floats]
     for digest in row["meshes"]["cloth"].values():
         arrays = read_mesh(farm.directory, digest)
         faces, rest = arrays["triangles"], arrays["start"].astype(np.float64)
-        a, b, c = rest[faces].transpose(1, 0, 2)
-        of_faces = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
-        areas.append(np.bincount(faces.ravel(), np.repeat(of_faces, 3), len(rest)))
+        areas.append(thirds_at_vertices(triangle_areas(rest[faces]), faces, len(rest)))
         triangles.append(faces + first)
         first += len(rest)
     return np.concatenate(triangles), np.concatenate(areas)

@@ -7,6 +7,7 @@ import igl
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.engine import World
 
 
@@ -63,13 +64,12 @@ def at_points_of(base: Material, run: Material, positions: Floats) -> Floats:
 
 def point_areas(material: Material) -> Floats:
     """The area that each vertex stands for: a third of that of its triangles at rest, (n,) [m2]."""
-    areas = []
-    for rest, triangles in zip(material.rest, material.triangles, strict=True):
-        corners = rest[triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        thirds = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
-        areas.append(np.bincount(triangles.ravel(), weights=thirds, minlength=len(rest)))
-    return np.concatenate(areas)
+    return np.concatenate(
+        [
+            thirds_at_vertices(triangle_areas(rest[triangles]), triangles, len(rest))
+            for rest, triangles in zip(material.rest, material.triangles, strict=True)
+        ]
+    )
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

@@ -12,8 +12,8 @@ def test_pictures_fit_the_drape_that_they_show(tmp_path):
     made = views.cameras(2, (160, 120))[1:]
     ball, faces = sphere(views.BALL["radius"], 3)
     obstacle = Obstacle(ball + views.BALL["position"], faces)
-    (view,) = read_views(views.write_views(tmp_path, made, scene), {}, obstacle)
     trace = traced(scene)
+    (view,) = read_views(views.write_views(tmp_path, made, trace), {}, obstacle)
     x, triangles = trace.cloth_positions(), trace.session.built.world.triangles
     for loss in view.losses.values():
         true, longer = (loss.residuals(y, triangles) for y in (x, x * [1.0, 1.0, 1.05]))
@@ -23,7 +23,7 @@ def test_pictures_fit_the_drape_that_they_show(tmp_path):
 
 def test_the_true_numbers_are_those_of_the_pattern():
     shaped = views.meshed(0.1, **views.TRUTH).pattern.panels
-    truth = views.true_values()
+    truth = views.true_values(views.TRUTH)
     for name in ("front", "back"):
         low = shaped[name].vertices[:2]
         assert abs(low[1, 0] - low[0, 0] - views.HEM * truth[f"pattern.{name}.flare"]) < 1e-12

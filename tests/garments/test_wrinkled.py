@@ -108,3 +108,48 @@ def test_a_run_whose_files_are_gone_is_refused(tmp_path, capsys):
     assert main(["wrinkle", str(tmp_path / "run"), "-o", str(tmp_path / "out")]) == 2
     assert "square.obj" in capsys.readouterr().err
     assert main(["wrinkle", str(tmp_path / "none"), "-o", str(tmp_path / "out")]) == 2
+
+
+def test_a_run_that_was_moved_goes_on_and_has_its_fields(coarse, tmp_path):
+    fine = wrinkle(coarse, 2, tmp_path / "there" / "fine")
+    strain = fine.field("compression", 5)
+    moved = (tmp_path / "there").rename(tmp_path / "here") / "fine"
+    np.testing.assert_array_equal(clothsim.open_run(moved).field("compression", 5), strain)
+    again = clothsim.resume(moved)
+    assert again.status == "completed"
+    assert again.summary["steps"] == fine.summary["steps"]
+    assert (moved / json.loads((moved / WRINKLES_NAME).read_text())["coarse"]).resolve() == coarse.directory.resolve()
+
+
+def test_an_archive_has_the_targets_and_its_run_is_exported(fine, tmp_path):
+    assert main(["bundle", str(fine.directory), "-o", str(tmp_path / "fine.zip")]) == 0
+    assert main(["resume", str(tmp_path / "fine.zip"), "-o", str(tmp_path / "again")]) == 0
+    again = clothsim.open_run(tmp_path / "again")
+    targets = np.load(next((tmp_path / "again").rglob(TARGETS_NAME)))
+    np.testing.assert_array_equal(targets, np.load(fine.directory / TARGETS_NAME))
+    np.testing.assert_array_equal(again.positions(-1), fine.positions(-1).astype(again.positions(-1).dtype))
+    assert main(["export", str(fine.directory), "-o", str(tmp_path / "last.obj"), "--frame", "last"]) == 0
+    written = [line for line in (tmp_path / "last.obj").read_text().splitlines() if line.startswith("v ")]
+    assert len(written) == len(fine.positions(-1))
+
+
+def test_each_of_several_cloths_gets_its_own_wrinkles(tmp_path):
+    sheet = {"mesh": "rectangle", "size": [0.9, 0.2], "cells": [9, 2], "diagonals": "right"}
+    cloths = [{**sheet, "name": "low"}, {**sheet, "name": "high", "cells": [8, 2], "position": [0, 0, 0.3]}]
+    pins = {"group": [PUSHED["group"][0], {"select": "right", "motion": {"velocity": [-0.1, 0, 0]}}]}
+    effects = {**pushed().effects, "pins": pins}
+    both = clothsim.simulate(pushed(cloth=cloths, effects=effects, run={"duration": 0.16}), tmp_path / "both")
+    fine = wrinkle(both, 2, tmp_path / "fine")
+    assert fine.intersection_free is True
+    assert {name: len(rows) for name, rows in fine[-1].positions.items()} == {"low": 19 * 5, "high": 17 * 5}
+    for rows in fine[-1].positions.values():
+        assert np.ptp(rows[:, 2]) > 0.01
+
+
+def test_a_run_of_rigid_bodies_alone_is_refused(tmp_path, capsys):
+    ball = {"name": "ball", "mesh": "sphere", "radius": 0.1, "density": 500.0}
+    scene = clothsim.Scene(rigid=[ball], effects={"inertia": {}, "gravity": {}}, run={"duration": 0.08})
+    clothsim.simulate(scene, tmp_path / "run")
+    assert main(["wrinkle", str(tmp_path / "run"), "-o", str(tmp_path / "out")]) == 2
+    assert "no cloth" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

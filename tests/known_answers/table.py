@@ -19,6 +19,7 @@ from tests.known_answers import (
     a11_strips,
     a12_sheets,
     a13_rigid_scenes,
+    a14_rods,
 )
 from tests.known_answers.row import Outcome, Row, Seen
 
@@ -36,6 +37,7 @@ ROWS: tuple[Row, ...] = (
     *a11_strips.ROWS,
     *a12_sheets.ROWS,
     *a13_rigid_scenes.ROWS,
+    *a14_rods.ROWS,
 )
 
 HEADER = ("row", "what", "ours", "exact", "off", "coarser", "bar", "order", "hinges off", "CPU s", "passed")

@@ -1,5 +1,7 @@
 """Warnings of a completed run."""
 
+from time import process_time, sleep
+
 import numpy as np
 import pytest
 from small_scenes import BALL, EFFECTS, RUN, SHEET, small_scene, without
@@ -47,6 +49,14 @@ def test_cloth_that_starts_inside_a_body_is_refused():
         build(scene)
     assert [each.severity for each in check(scene) if "inside" in each.sentence] == ["error"]
     assert build(small_scene(SMALL, BALL, without("body_contact"), run=SHORT))
+
+
+def test_cpu_seconds_are_those_of_the_process_and_not_of_the_clock(tmp_path):
+    started = process_time()
+    run = simulate(small_scene(run=SHORT), tmp_path, on_step=lambda _: sleep(0.1))
+    spent = process_time() - started
+    assert 0.0 < run.summary["cpu_seconds"] <= spent
+    assert run.summary["wall_seconds"] > 0.1 * run.summary["steps"]
 
 
 def test_a_cloth_on_a_body_is_as_it_should_be(tmp_path):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import unit_or, vertex_area_vectors
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,7 @@ class PartFrame:
     @cached_property
     def normals(self) -> Floats:
         """Unit normals of the vertices, (n, 3): means of their triangles' by area; z where they cancel."""
-        corners = self.points[self.triangles]
-        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        flat = self.triangles.ravel()
-        sums = [np.bincount(flat, np.repeat(column, 3), len(self.points)) for column in areas.T]
-        summed = np.stack(sums, axis=1)
-        length = np.linalg.norm(summed, axis=1, keepdims=True)
-        return np.where(length > 0, summed / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
+        return unit_or(vertex_area_vectors(self.points, self.triangles), [0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import igl
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import area_vectors
 from clothsim.engine import components, intersecting_pairs
 from clothsim.garments.dress.closing import WITHIN, is_on_top, order_of
 from clothsim.garments.dress.placement import arm_line, front_of, is_of_arm, middle_of
@@ -154,7 +155,7 @@ def outward_of_groups(state: SewingState, body: BodyMesh) -> Floats:
     for group in range(label.max() + 1):
         faces = state.triangles[label[state.triangles[:, 0]] == group]
         corners = state.positions[faces]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
+        normal = area_vectors(corners).sum(axis=0)
         flat = normal - (normal @ body.up) * body.up
         normal = flat if np.linalg.norm(flat) > 0.3 * np.linalg.norm(normal) else normal
         normal = normal / np.linalg.norm(normal)

@@ -26,6 +26,7 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
+from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.engine import components, intersecting_pairs, intersection_points
 from transfer.errors import TransferError
 from transfer.signed_distance import SKIN, BodySurface, body_surface
@@ -135,9 +136,7 @@ def _laplacian(positions: Floats, triangles: Ints) -> Sparse:
 
 def _vertex_areas(positions: Floats, triangles: Ints) -> Floats:
     """A third of the triangles at each vertex [m^2], (n,); a vertex without any stays where it is."""
-    a, b, c = (positions[triangles[:, k]] for k in range(3))
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    at = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), minlength=len(positions))
+    at = thirds_at_vertices(triangle_areas(positions[triangles]), triangles, len(positions))
     return np.maximum(at, 1e-9 * at.max())
 
 

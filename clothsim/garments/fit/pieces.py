@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import triangle_areas
 from clothsim.engine import components
 
 
@@ -183,7 +184,7 @@ def divided(positions: Floats, triangles: Ints) -> Division:
     label = components(triangles, len(positions))
     of_triangle = label[triangles[:, 0]]
     corners = positions[triangles]
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = triangle_areas(corners)
     total = np.bincount(of_triangle, areas)
     if len(total) == 1 or len(total) > MOST:
         return UNDIVIDED

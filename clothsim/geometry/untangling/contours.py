@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import connected, thirds_at_vertices
 from clothsim.mesh.topology import unique_edges
 
 SLACK = 1e-9
@@ -157,12 +156,6 @@ def contours(found: EdgeTriangleIntersections, n_pairs: int) -> Contours:
     return Contours(dense.ravel(), edge_curve, face_curve, len(numbers), n_curves, of_curve)
 
 
-def connected(left: Ints, right: Ints, n: int) -> Ints:
-    """Return the connected component of each of n nodes of an undirected graph."""
-    graph = coo_array((np.ones(len(left)), (left, right)), shape=(n, n))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
-
-
 # Regions of surfaces that intersection curves bound: flood fill, and which side of a curve is inside.
 #
 # All cut edges are removed and the rest is filled once into patches; the two sides of one curve are then unions of
@@ -189,7 +182,7 @@ class FilledMesh:
 
 def make_mesh(triangles: Ints, areas: Floats, n_vertices: int) -> FilledMesh:
     """Return the surfaces of `triangles (m, 3)` with `areas (m,)` [m2]."""
-    of_vertices = np.bincount(triangles.ravel(), np.repeat(areas / 3, 3), minlength=n_vertices).astype(np.float64)
+    of_vertices = thirds_at_vertices(areas, triangles, n_vertices)
     return FilledMesh(triangles, unique_edges(triangles), of_vertices)
 
 

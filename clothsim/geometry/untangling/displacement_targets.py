@@ -13,6 +13,7 @@ from scipy.sparse.linalg import splu
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
+from clothsim.base.triangles import area_vectors, vertex_area_vectors
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.geometry.untangling.contours import (
     Contours,
@@ -157,7 +158,7 @@ def contour_gradients(x: Floats, triangles: Ints, pairs: Ints, found: EdgeTriang
     owner = triangles[pairs[pair, role]]
     corners = x[owner]
     N, E = found.normals[intersection], edge[intersection]
-    R = np.cross(N, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    R = np.cross(N, area_vectors(corners))
     opposite = owner.sum(axis=1) - found.edges[intersection].sum(axis=1)
     inward = x[opposite] - x[found.edges[intersection, 0]]
     inward -= np.einsum("ij,ij->i", inward, E)[:, None] * E
@@ -288,7 +289,7 @@ def _pull_through(triangles: Ints, found: EdgeTriangleIntersections, inner: Ints
 def _part_touching(x: Floats, mesh: FilledMesh, pairs: Ints, gap: float) -> Part:
     """Pairs without an intersection, coplanar or folded onto one another: their corners part along the mean normal."""
     one, other = mesh.triangles[pairs[:, 0]], mesh.triangles[pairs[:, 1]]
-    normal = [np.cross(x[t[:, 1]] - x[t[:, 0]], x[t[:, 2]] - x[t[:, 0]]) for t in (one, other)]
+    normal = [area_vectors(x[t]) for t in (one, other)]
     along = unit(normal[0] + np.sign(np.einsum("ij,ij->i", *normal))[:, None] * normal[1])
     # only what the two do not share can part
     free = [~(t[:, :, None] == o[:, None, :]).any(axis=2) for t, o in ((one, other), (other, one))]
@@ -309,10 +310,7 @@ def _body_targets(
     found = edge_triangle_intersections(x, both, pairs + np.array([0, len(triangles)]))
     of_cloth = found.edges[:, 0] < n_cloth
     inner = np.where(of_cloth, np.where(found.depths[:, 0] < found.depths[:, 1], 0, 1), -1)
-    corners = x[solid]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    at_vertices = np.zeros_like(x)
-    np.add.at(at_vertices, solid, normals[:, None])
+    at_vertices = vertex_area_vectors(x, solid)
     rows = np.flatnonzero(~of_cloth)
     out = unit(at_vertices[found.edges[rows]].sum(axis=1))
     pierced = triangles[found.faces[rows]]
@@ -324,7 +322,7 @@ def _body_targets(
     return [
         _pull_through(both, found, inner, gap, step),
         _shift_corners(pierced, found.barycentric[rows], np.clip(highest + gap, 0.0, step)[:, None] * out),
-        _shift_corners(lifted, np.full(lifted.shape, 1 / 3), gap * unit(normals[pairs[touching, 1]])),
+        _shift_corners(lifted, np.full(lifted.shape, 1 / 3), gap * unit(area_vectors(x[solid[pairs[touching, 1]]]))),
     ]
 
 

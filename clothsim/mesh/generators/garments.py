@@ -176,69 +176,76 @@ _ARMS = ("left_shoulder", "right_shoulder")
 _LEGS = ("left_hip", "right_hip")
 _SHOULDER = JOINT_POSITIONS[joint("left_shoulder")]
 _Y = np.array([0.0, 1.0, 0.0])
-UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+UP, DOWN, _FORWARD = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)
+_HOOD = (
+    limb((0, 0.030, 1.600), (0, 0.030, 1.600), np.array([1.0, 0.0, 0.0]), [(0.0, 0.100, 0.112)], (0.116, 0.116)),
+    limb(
+        (0, 0.024, 1.420), (0, 0.024, 1.560), np.array([1.0, 0.0, 0.0]), [(0.0, 0.098, 0.100), (1.0, 0.088, 0.100)],
+        (0.03, 0.03),
+    ),
+)  # fmt: skip
+"""A hood around the head, and its neck."""
 
 
 def shirt(
-    height: float = 1.7,
-    chest: float = 1.0,
-    waist: float = 1.0,
-    hips: float = 1.0,
-    shoulder_width: float = 1.0,
-    limb_girth: float = 1.0,
     ease: float = 0.012,
     edge: float = 0.018,
     sleeve: float = 0.20,
+    opening: float = 0.0,
+    hood: bool = False,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
-    """Shirt with sleeves, straight from chest to hip, open at the neck, the hem and the cuffs.
+    """Shirt with sleeves, straight from chest to hip, open at the neck, the hem and the cuffs; or a jacket, a hoody.
 
     Parameters
     ----------
-    height, chest, waist, hips, shoulder_width, limb_girth : float
-        Proportions, see `mannequin`.
     ease : float
         Smallest distance from the body [m].
     edge : float
         Edge length [m].
     sleeve : float
         From the shoulder joint to the cuff, for a height of 1.7 m [m].
+    opening : float
+        Width of the gap down its front [m]; 0 is a closed front.
+    hood : bool
+        With a hood over the head.
+    **figure : float
+        The `Proportions` of the mannequin that wears it.
 
     Raises
     ------
     InputError
         Naming a bad key.
     """
-    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(**figure)
     length = _check_range("sleeve", sleeve, 0.13, 0.46)
     trunk = tube_limb((0.83, 0.010, 0.164, 0.114), (1.04, 0.010, 0.150, 0.105), (1.25, 0.010, 0.143, 0.103))
     wide = [(0.0, 0.050, 0.048), (0.5, 0.056, 0.052), (1.0, 0.050, 0.048)]
     tip = _SHOULDER + 0.54 * ARM
     sleeve_limb = limb(_SHOULDER, tip, _Y, wide, (0.03, 0.03))
-    cuts = (
+    neck = cut(((0, -0.36, 0.93), (0, 0.02, 1.452)))
+    cuts = [
         cut((DOWN, (0, 0, 0.84))),
-        cut(((0, -0.36, 0.93), (0, 0.02, 1.452))),
+        cut((_FORWARD, (0, -0.050, 0)), ((0, -0.30, 1.0), (0, -0.060, 1.480))) if hood else neck,
         cut((ARM, _SHOULDER + length * ARM), ((1, 0, 0), (0.195, 0, 0))),
-    )
+    ]
+    if opening:
+        half = 0.5 * _check_range("opening", opening, edge, 0.2)
+        cuts.append(cut(((-1, 0, 0), (half, 0, 0)), (_FORWARD, (0, 0, 0)), (DOWN, (0, 0, 1.5))))
+    limbs = [trunk, *both_sides(sleeve_limb), *(_HOOD if hood else ())]
     wrist = _SHOULDER + (length + 0.02) * ARM
-    pattern = Construction(
-        _TRUNK + _ARMS, (trunk, *both_sides(sleeve_limb)), cuts, (0, -0.13, 0.82), (wrist[0] + 0.05, 0.14, 1.50)
-    )
-    return garment_mesh(pattern, proportions, ease, edge)
+    box = (0, -0.13, 0.82), (wrist[0] + 0.05, 0.17 if hood else 0.14, 1.74 if hood else 1.50)
+    return garment_mesh(Construction(_TRUNK + _ARMS, tuple(limbs), tuple(cuts), *box), proportions, ease, edge)
 
 
 def skirt(
-    height: float = 1.7,
-    chest: float = 1.0,
-    waist: float = 1.0,
-    hips: float = 1.0,
-    shoulder_width: float = 1.0,
-    limb_girth: float = 1.0,
     ease: float = 0.008,
     edge: float = 0.018,
     hem: float = 0.50,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
     """Flared skirt from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
-    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(**figure)
     low = _check_range("hem", hem, 0.15, 0.75)
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.055))))
@@ -247,18 +254,13 @@ def skirt(
 
 
 def trousers(
-    height: float = 1.7,
-    chest: float = 1.0,
-    waist: float = 1.0,
-    hips: float = 1.0,
-    shoulder_width: float = 1.0,
-    limb_girth: float = 1.0,
     ease: float = 0.008,
     edge: float = 0.018,
     hem: float = 0.12,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
     """Trousers from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
-    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(**figure)
     low = _check_range("hem", hem, 0.10, 0.60)
     profile = [(0.0, 0.060, 0.070), (0.5, 0.056, 0.064), (1.0, 0.054, 0.058)]
     leg = limb(

@@ -7,6 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import triangle_areas
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.keys.typed_effects import ContactKeys
 from clothsim.mesh.topology import unique_edges
@@ -14,7 +15,7 @@ from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.stiffness import HeavyBody, default_d_hat
-from clothsim.physics.contact.surface import ContactSurface, triangle_areas
+from clothsim.physics.contact.surface import ContactSurface
 
 CONTACT_ROUND_OFF = 64 * float(np.finfo(float).eps)
 """Fraction of the largest coordinate below which a gap at the start is round-off."""

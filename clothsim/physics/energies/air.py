@@ -24,6 +24,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import called
+from clothsim.base.triangles import area_vectors
 from clothsim.keys.effect_tables import Gust, Vortex
 from clothsim.keys.typed_effects import Air
 from clothsim.mesh.world import World
@@ -244,7 +245,7 @@ class AirEnergy(Energy, Driven, Idling):
         now = step.time + step.dt
         factor = self.strength.at(now) * (step.load if self.strength.is_constant else 1.0)
         wind = factor * self.wind.at(corners.mean(axis=1) + self.origin, now)
-        twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        twice = area_vectors(corners)
         areas = np.linalg.norm(twice, axis=1) / 2
         normals = twice / np.maximum(2 * areas, np.finfo(float).tiny)[:, None]
         speeds = np.linalg.norm(step.velocities[self.triangles].mean(axis=1) - wind, axis=1)

@@ -15,6 +15,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import cross_matrices
+from clothsim.base.triangles import area_vectors
 from clothsim.keys.typed_effects import Pressure
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World
@@ -134,7 +135,7 @@ class PressureEnergy(Energy, Idling, Nonconservative):
     def _true_forces(self, x: Floats) -> Floats:
         """p A n / 3 on each corner, (N, 3) [N]."""
         corners = x[self.triangles]
-        area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = 0.5 * area_vectors(corners)
         thirds = np.repeat((self.pressures[:, None] * area / 3)[:, None], 3, axis=1)
         return _gathered(thirds, self.triangles, len(x))
 

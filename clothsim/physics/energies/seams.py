@@ -99,10 +99,10 @@ def _seam(
 ) -> tuple[tuple[str, float, float, int, int], Ints, Floats, Floats, Ints, Ints]:
     """What a `StitchedSeam` has, stitches (rows, weights, stiffnesses), hinges and the triangles beside them."""
     is_nearest, fewest = keys.to.nearest and keys.to.given == ("nearest",), 1 if keys.match == "vertices" else 2
-    first = _line(f"{name}.from", world, keys.from_, fewest)
-    second = first if is_nearest else _line(f"{name}.to", world, keys.to, fewest)
+    first = seam_line(f"{name}.from", world, keys.from_, fewest)
+    second = first if is_nearest else seam_line(f"{name}.to", world, keys.to, fewest)
     if keys.flip:
-        second = Line(second.vertices[::-1], 1 - second.parameters[::-1])
+        second = second.reversed()
     if keys.match == "vertices":
         first, second = _one_by_one(name, first, second)
     if keys.end <= keys.start:
@@ -111,16 +111,21 @@ def _seam(
     if not len(rows):
         what = "finds no other piece" if is_nearest else "joins a line to itself"
         raise InputError(f"{name} {what}.", "Give two lines.")
-    fabric = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")).max()
-    if keys.stiffness is None and not fabric > 0:
-        raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
-    stiffness = STIFFER * float(fabric) if keys.stiffness is None else keys.stiffness
+    stiffness = stitch_stiffness(name, world) if keys.stiffness is None else keys.stiffness
     hinges, beside = hinges_across(first, second, world.triangles)
     if is_nearest:
         hinges, beside = hinges[:0], beside[:0]
     n = len(hinges) if bending and keys.bends else 0
     numbers = name.removeprefix("effects.seams."), keys.start, keys.end, len(rows), n
     return numbers, rows, weights, np.full(len(rows), stiffness), hinges[:n], beside[:n]
+
+
+def stitch_stiffness(name: str, world: World) -> float:
+    """The stiffness of a stitch where the scene gives none [N/m]. InputError names the seam of fabric without any."""
+    fabric = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")).max()
+    if not fabric > 0:
+        raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
+    return STIFFER * float(fabric)
 
 
 def _nearest(world: World, line: Line) -> tuple[Ints, Floats]:
@@ -137,7 +142,7 @@ def _one_by_one(name: str, *lines: Line) -> tuple[Line, ...]:
     return tuple(Line(line.vertices, np.linspace(0.0, 1.0, counts[0])) for line in lines)
 
 
-def _line(name: str, world: World, keys: SeamLine, fewest: int) -> Line:
+def seam_line(name: str, world: World, keys: SeamLine, fewest: int) -> Line:
     """The line of vertices on one side of a seam; one vertex will do where they meet one by one."""
     number = cloth_number(name, world, keys.cloth)
     cloth, rows = world.cloths[number], world.cloth_slices[number]

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import connected
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Constraint, Energy, Step
 from clothsim.physics.energies.protocols import Anchored, ChangingMaterial, Driven, Joining, is_idle
@@ -281,8 +280,7 @@ def _pieces(world: World, energies: Mapping[str, Energy]) -> Ints:
             pairs += [rows[:, [0, k]] for k in range(1, rows.shape[1])]
     edges = np.concatenate(pairs)
     edges = edges[(edges < world.n_cloth).all(axis=1)]
-    graph = coo_array((np.ones(len(edges)), tuple(edges.T)), shape=(world.n_cloth, world.n_cloth))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+    return connected(edges[:, 0], edges[:, 1], world.n_cloth)
 
 
 def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:

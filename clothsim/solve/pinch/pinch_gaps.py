@@ -11,6 +11,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
+from clothsim.base.triangles import area_vectors
 from clothsim.base.vectors import cross, dot, minus
 from clothsim.physics.contact.bvh import hilbert_order
 from clothsim.physics.contact.distance import point_triangle_closest
@@ -70,8 +71,7 @@ def frames(x: Floats, triangles: Ints) -> Floats:
 
 def normals(x: Floats, triangles: Ints) -> Floats:
     """Unit normals of triangles (k, 3), (k, 3)."""
-    corners = x[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = area_vectors(x[triangles])
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 

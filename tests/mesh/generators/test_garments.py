@@ -110,6 +110,7 @@ def test_the_sleeve_and_the_hem_are_where_they_were_asked_for():
         ("shirt", {"ease": 0.001}, ["ease", "0.0040", "0.06", "0.018", "0.001"]),
         ("shirt", {"ease": 0.5}, ["ease", "0.06"]),
         ("shirt", {"sleeve": 1.0}, ["sleeve", "0.13", "0.46"]),
+        ("shirt", {"opening": 0.01}, ["opening", "0.018", "0.2"]),
         ("shirt", {"chest": 2}, ["chest", "0.8"]),
         ("skirt", {"hem": 0.9}, ["hem", "0.15", "0.75"]),
         ("trousers", {"hem": 0.01}, ["hem", "0.1", "0.6"]),
@@ -120,3 +121,20 @@ def test_a_bad_key_is_named(name, keys, words):
         GENERATORS[name](**keys)
     assert caught.value.sentence.split()[0] == words[0]
     assert [word for word in words if word not in str(caught.value)] == []
+
+
+@pytest.mark.parametrize(
+    ("keys", "n_borders"), [({"hood": True}, 4), ({"opening": 0.05}, 3), ({"hood": True, "opening": 0.05}, 3)]
+)
+def test_a_hoody_and_a_jacket_are_sound_and_clear_of_the_body(keys, n_borders):
+    positions, triangles = GENERATORS["shirt"](edge=0.03, ease=0.02, sleeve=0.46, **keys)
+    assert examine("shirt", positions, triangles).findings == ()
+    borders = loops(positions, triangles)
+    assert len(borders) == n_borders
+    assert smallest_angle(positions, triangles) > 12
+    body, skin = mannequin()
+    both = np.concatenate([positions, body])
+    assert len(intersecting_pairs(both, triangles, skin + len(positions))) == 0
+    assert (positions[:, 2].max() > body[:, 2].max()) == ("hood" in keys)
+    front = positions[(positions[:, 1] < 0) & (abs(positions[:, 2] - 1.2) < 0.1)]
+    assert 2 * abs(front[:, 0]).min() == pytest.approx(keys.get("opening", 0.0), abs=1e-3)

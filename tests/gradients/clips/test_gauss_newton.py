@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim import ClothsimError
-from clothsim.gradients.gauss_newton import Search
+from clothsim.gradients.clips.gauss_newton import Search
 
 TARGET = np.array([np.exp(0.6), np.exp(-0.4), 2.0])
 

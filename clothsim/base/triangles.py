@@ -1,0 +1,77 @@
+"""Triangle meshes as arrays: area vectors, areas, normals, cotangents, barycentric coordinates, connected components.
+
+A row sum over three numbers has one order of additions, so each function gives the same bits wherever it is called.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from clothsim.base.arrays import Floats, Ints
+
+
+def area_vectors(corners: NDArray[np.floating]) -> Floats:
+    """Return e1 x e2 of triangles with the corners (m, 3, 3), (m, 3): their normals, twice their area long [m2].
+
+    The same bits as np.cross, in a sixth of its time for some hundred triangles.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> area_vectors(np.array([[[0.0, 0, 0], [2, 0, 0], [0, 1, 0]]])).tolist()
+    [[0.0, 0.0, 2.0]]
+    """
+    a0, a1, a2 = (corners[:, 1] - corners[:, 0]).T
+    b0, b1, b2 = (corners[:, 2] - corners[:, 0]).T
+    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=1)
+
+
+def triangle_areas(corners: NDArray[np.floating]) -> Floats:
+    """Return the area of each triangle with the corners (m, 3, 3), (m,) [m2]."""
+    return np.asarray(0.5 * np.linalg.norm(area_vectors(corners), axis=1), np.float64)
+
+
+def thirds_at_vertices(amounts: Floats, triangles: Ints, n_vertices: int) -> Floats:
+    """Return the sum at each vertex of a third of the amounts (m,) of its triangles (m, 3), (n,)."""
+    thirds = np.repeat(amounts / 3, 3)
+    return np.bincount(triangles.ravel(), weights=thirds, minlength=n_vertices).astype(np.float64)
+
+
+def vertex_area_vectors(positions: Floats, triangles: Ints) -> Floats:
+    """Return the sum at each vertex of the area vectors of its triangles, (n, 3) [m2]: a normal weighted by area."""
+    at, vectors = triangles.ravel(), area_vectors(positions[triangles])
+    return np.stack([np.bincount(at, np.repeat(axis, 3), minlength=len(positions)) for axis in vectors.T], axis=1)
+
+
+def unit_or(vectors: NDArray[np.floating], otherwise: ArrayLike) -> Floats:
+    """Return vectors (..., 3) of length 1, and `otherwise (3,)` where the length is 0."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(lengths > 0, vectors / np.where(lengths > 0, lengths, 1.0), otherwise)
+
+
+def barycentric(corners: Floats, points: Floats) -> Floats:
+    """Return barycentric coordinates (k, 3) of `points (k, 3)`, seen along the normals, in triangles (k, 3, 3).
+
+    Ericson, Real-Time Collision Detection (2004), 3.4. A triangle without area gives (1, 0, 0).
+    """
+    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    uu, uv, vv = (u * u).sum(axis=1), (u * v).sum(axis=1), (v * v).sum(axis=1)
+    wu, wv = (w * u).sum(axis=1), (w * v).sum(axis=1)
+    determinant = uu * vv - uv * uv
+    safe = np.where(determinant > 0, determinant, 1.0)
+    s, t = (vv * wu - uv * wv) / safe, (uu * wv - uv * wu) / safe
+    return np.column_stack([1 - s - t, s, t])
+
+
+def connected(left: Ints, right: Ints, n: int) -> Ints:
+    """Return the connected component of each of n nodes, (n,), of which left[i] and right[i] are joined.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> connected(np.array([0, 3]), np.array([2, 4]), 5).tolist()
+    [0, 1, 0, 2, 2]
+    """
+    graph = coo_array((np.ones(len(left), np.int8), (left, right)), shape=(n, n))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
