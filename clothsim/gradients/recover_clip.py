@@ -1,7 +1,7 @@
 """Recovery of what explains edited frames of a clip: numbers of its scene, then a residual rest shape.
 
 The sum over the edited frames of the squared distances, over what noise leaves of them, is minimised over logarithms of
-factors (`clips.numbers`) with a normal prior about the scene as it was, by Gauss and Newton's method (`clips.gauss_newton`):
+factors (`clips.numbers`) with a normal prior about the scene as it was (`clips.gauss_newton`):
 a run with the scene's own contact and stop for each evaluation, for an adjoint holds the stiffness of contact and
 polishes each solve, and so is another clip by more than the noise. At the end the adjoint gives the gradient of the
 same sum, where the scene has one: how far the end is from a minimum does not rest on the differences.
@@ -19,10 +19,10 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients.clips.gauss_newton import Search
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
 from clothsim.gradients.clips.rest_shape import RestPrice, Sheet, fitted_rest
 from clothsim.gradients.differentiable_session import forward
-from clothsim.gradients.clips.gauss_newton import Search
 from clothsim.gradients.loss_of_numbers import Evaluation
 from clothsim.gradients.losses import Distance
 from clothsim.gradients.recover import Recovery
