@@ -196,7 +196,7 @@ def json_schema() -> dict[str, Any]:
         "title": "clothsim scene",
         "type": "object",
         "properties": properties,
-        "required": ["cloth"],
+        "anyOf": [{"required": [name]} for name in ("cloth", "rigid", "rod")],
         "additionalProperties": False,
     }
 

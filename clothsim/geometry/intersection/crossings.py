@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.geometry.intersection.centre_lines import found_by_rods
+from clothsim.geometry.centre_lines import found_by_rods
 from clothsim.geometry.intersection.intersecting_pairs import LIMIT, intersecting_pairs, intersection_points
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 

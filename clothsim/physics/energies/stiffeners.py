@@ -187,24 +187,18 @@ def rods_along(curves: list[tuple[EdgeCurve, float, float]]) -> RodsEnergy:
     return RodsEnergy(Links(rows, *links), RodBending(np.concatenate(triples), np.concatenate(moments)))
 
 
-def rods_of(world: World) -> RodsEnergy:
-    """The energy of the rods of a world that are no part of a cloth."""
-    curves = []
-    for rod, rows in world.rods:
-        stiffnesses = rod.stretch_stiffness, rod.bending_stiffness
-        curves.append((EdgeCurve(rod.line + rows.start, rod.lengths), *stiffnesses))
-    return rods_along(curves)
-
-
 def stiffeners(world: World, keys: Stiffeners) -> Energy | Off:
-    """Rods of the tables of a scene; off where every stiffness is 0.
+    """Rods of the tables of a scene, and those of [[rod]]; off where every stiffness is 0.
 
     Raises
     ------
     InputError
         Names the table and key.
     """
-    curves = []
+    curves = [
+        (EdgeCurve(rod.line + rows.start, rod.lengths), rod.stretch_stiffness, rod.bending_stiffness)
+        for rod, rows in world.rods
+    ]
     for k, each in enumerate(keys.stiffener):
         name = f"effects.stiffeners.stiffener[{k}]"
         if each.stretch_stiffness == 0 and each.bending_stiffness == 0:

@@ -140,10 +140,8 @@ def build_effects(
             world, constraints[name] = _constrained(name, made)
             notes.extend(_held(world, constraints[name]))
     energies |= _rigid_energies(scene, world, energies)
-    if world.rods:
-        from clothsim.physics.energies.stiffeners import rods_of  # a scene without rods does not load it
-
-        energies["rods"] = rods_of(world)
+    if world.rods and "stiffeners" not in energies:  # which has them too
+        energies["rods"] = EFFECTS["stiffeners"].build(world, EFFECTS["stiffeners"].keys_class(), {})
     if not energies:
         raise InputError(
             "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."

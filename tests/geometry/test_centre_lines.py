@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from clothsim.geometry.intersection.centre_lines import edges_through, overlapping_edges, segment_distances
+from clothsim.geometry.centre_lines import edges_through, overlapping_edges, segment_distances
 from clothsim.geometry.intersection.crossings import crossings
 from clothsim.mesh.rod import make_rod
 from clothsim.mesh.world import make_world, world_surfaces
