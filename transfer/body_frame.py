@@ -279,7 +279,7 @@ def toe_direction(points: Floats, triangles: Ints, axis: Floats, floor: float, h
     """Horizontal unit vector (3,) in which both feet point, each from its own ankle; zeros where they differ."""
     heights, found = points @ axis, []
     low = points[heights < floor + FOOT * height]
-    pieces = loops(level_set(points, triangles, heights, floor + np.mean(ANKLE) * height), triangles)[:2]
+    pieces = loops(level_set(points, triangles, heights, floor + float(np.mean(ANKLE)) * height), triangles)[:2]
     if len(pieces) < 2 or not len(low):
         return np.zeros(3)
     ankles = np.stack([piece.centre for piece in pieces])
