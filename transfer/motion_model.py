@@ -7,8 +7,8 @@ accelerations, the shape of the body, the fabric. Kinds of models:
 * skinned: c = 0, the mean garment;
 * nearest: the coefficients of the frame of a training clip whose inputs are nearest;
 * ridge: a linear map of the standardised inputs;
-* recurrent: a gated recurrent unit over the frames, then the decoder of an auto-encoder (`transfer.motion_regressor`;
-  Santesteban et al. 2021, section 5).
+* recurrent: a linear map and a gated recurrent unit over the frames give a code, and the decoder of an auto-encoder the
+  coefficients (`transfer.motion_regressor`; Santesteban et al. 2021, section 5).
 
 All have one form of arrays, for one kind of file. Canonical garments have the body in one shape and pose, so that one
 grid of signed distances keeps the vertices of every prediction out of it: those nearer than CLEARANCE are moved along
@@ -83,9 +83,12 @@ class MotionModel:
         given = np.asarray(inputs, np.float64)
         if given.ndim != 2 or given.shape[1] != len(self.centre):
             raise TransferError(f"inputs are {given.shape}, not (f, {len(self.centre)}).", "Take the same skeleton.")
-        standard = (np.clip(given, self.low, self.high) - self.centre) / self.scale
-        points = self.space.drapes(KINDS[self.kind](self.parts, standard)).reshape(-1, 3)
+        points = self.space.drapes(KINDS[self.kind](self.parts, self.standard(given))).reshape(-1, 3)
         return pushed_out(self.grid, points, CLEARANCE).reshape(len(given), -1, 3)
+
+    def standard(self, inputs: Floats) -> Floats:
+        """Inputs (f, p) clipped to the box and standardised."""
+        return np.asarray((np.clip(inputs, self.low, self.high) - self.centre) / self.scale)
 
     def arrays(self) -> dict[str, Any]:
         """All content by name, for `numpy.savez`; see `motion_model`."""
@@ -184,7 +187,8 @@ def _ridge(parts: Mapping[str, Floats], inputs: Floats) -> Floats:
 
 
 def _recurrent(parts: Mapping[str, Floats], inputs: Floats) -> Floats:
-    codes = gated_unit({name: parts[name] for name in UNIT}, inputs) @ parts["out"] + parts["shift"]
+    states = gated_unit({name: parts[name] for name in UNIT}, inputs)
+    codes = parts["shift"] + inputs @ parts["linear"] + states @ parts["out"]
     return np.asarray(parts["unit"] * network(read_layers(parts, "decoder"), codes))
 
 

@@ -116,28 +116,38 @@ def minimised(start: Any, loss: Loss, steps: int, rate: float, batch: int, count
         Rows of a step, drawn from 0 to count - 1.
     seed : int
     """
+    return minimised_each(start, loss, (steps,), rate, batch, count, seed)[0]
+
+
+def minimised_each(
+    start: Any, loss: Loss, steps: Sequence[int], rate: float, batch: int, count: int, seed: int
+) -> list[Any]:
+    """Parameters after each number of steps, as of `minimised`, all from the same start; compiled once."""
     jax = jax_module()
     np_, tree = jax.numpy, jax.tree_util.tree_map
     first, second = DECAYS
 
-    def step(state: Any, number: Any) -> Any:
-        values, slope, square, key = state
+    def step(state: Any, at: Any) -> Any:
+        (values, slope, square, key), (number, end) = state, at
         key, row_key, loss_key = jax.random.split(key, 3)
         rows = jax.random.randint(row_key, (min(batch, count),), 0, count)
         gradient = jax.grad(loss)(values, rows, loss_key)
         slope = tree(lambda m, g: first * m + (1 - first) * g, slope, gradient)
         square = tree(lambda v, g: second * v + (1 - second) * g * g, square, gradient)
-        now = 0.5 * rate * (1 + np_.cos(np_.pi * number / steps))
+        now = 0.5 * rate * (1 + np_.cos(np_.pi * number / end))
         now *= np_.sqrt(1 - second ** (number + 1)) / (1 - first ** (number + 1))
         values = tree(lambda p, m, v: p - now * m / (np_.sqrt(v) + ADAM_FLOOR), values, slope, square)
         return (values, slope, square, key), None
 
-    run = jax.jit(lambda state, numbers: jax.lax.scan(step, state, numbers)[0])
-    zero = tree(np_.zeros_like, start)
-    state = (tree(np_.asarray, start), zero, zero, jax.random.PRNGKey(seed))
-    for begin in range(0, steps, CHUNK):
-        state = run(state, np_.arange(begin, min(begin + CHUNK, steps), dtype=np_.float32))
-    return state[0]
+    run = jax.jit(lambda state, at: jax.lax.scan(step, state, at)[0])
+    zero, made = tree(np_.zeros_like, start), []
+    for total in steps:
+        state = (tree(np_.asarray, start), zero, zero, jax.random.PRNGKey(seed))
+        for begin in range(0, total, CHUNK):
+            numbers = np_.arange(begin, min(begin + CHUNK, total), dtype=np_.float32)
+            state = run(state, (numbers, np_.full_like(numbers, total)))
+        made.append(state[0])
+    return made
 
 
 def jax_module() -> Any:

@@ -5,6 +5,9 @@ winding number, and inside a garment where the magnitude of its winding number i
 under a skirt or a loose shirt is filled up to its openings (Jacobson, Kavan & Sorkine-Hornung 2013). Marching cubes on
 a lattice, evaluated near the surface alone. A level set has an error of the order of the curvature times the square of
 a cell, and sees no sheet thinner than a cell: whether it holds what it should is for the caller to test.
+
+Without garments and distance it is the union of a body's pieces, with holes closed. Gaps between pieces, as at the
+joints of a jointed figure, are bridged by a morphological closing: out by a distance, and back by the same.
 """
 
 from collections.abc import Sequence
@@ -12,13 +15,22 @@ from collections.abc import Sequence
 import igl
 import numpy as np
 
-from transfer.signed_distance import BodySurface
-from transfer.triangle_surface import Floats, Ints, vertex_components
+from transfer.errors import TransferError
+from transfer.signed_distance import BodySurface, body_surface
+from transfer.triangle_surface import Floats, Ints, adjacency, edges_of, largest_component, vertex_components
 
 COARSE = 4
 """Cells of the lattice along a side of those by which the surface is found first."""
 FLAT = 0.1
 """Least magnitude of d - c at a node, as a fraction of a cell: below, triangles would be slivers."""
+
+CLOSINGS = (0.0, 1.0, 2.0)
+"""Distances by which a union is closed, in cells, in the order in which they are tried."""
+CRUMBS = 0.01
+"""Largest area of parts of a union that are left out, as a fraction of the whole: a fragment of a scan."""
+ROUNDINGS = (0.5, -0.53, 0.5, -0.53)
+"""Steps of the vertices of a union towards the means of their neighbours and back, which widen the slivers of marching
+cubes and keep the volume (Taubin 1995)."""
 
 Sheet = tuple[Floats, Ints]
 """Vertices (n, 3) [m] and triangles (m, 3) of a garment."""
@@ -69,6 +81,72 @@ def wrap(surface: BodySurface, garments: Sequence[Sheet], layer: float, cell: fl
     return _outer(np.asarray(positions, np.float64), np.asarray(triangles, np.int64))
 
 
+def union(surface: BodySurface, cell: float) -> Sheet:
+    """The outside of a body in pieces as one closed surface, outward.
+
+    Parameters
+    ----------
+    surface : BodySurface
+        The body, whose pieces may overlap, be open, or leave gaps of up to four cells.
+    cell : float
+        Side of a lattice cell [m].
+
+    Returns
+    -------
+    Sheet
+        Vertices (n, 3) [m] and triangles (m, 3).
+
+    Raises
+    ------
+    TransferError
+        The pieces are further apart.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from transfer.signed_distance import body_surface
+    >>> cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    >>> faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    >>> faces = np.array([*faces, [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
+    >>> two = body_surface(np.concatenate([cube, cube + [0.9, 0.1, 0.1]]), np.concatenate([faces, faces + 8]))
+    >>> np.ptp(union(two, 0.1)[0], axis=0).round(1).tolist()
+    [1.9, 1.1, 1.1]
+    """
+    parts: Floats = np.zeros(0)
+    for closing in CLOSINGS:
+        made = wrap(surface, [], closing * cell, cell)
+        if closing and len(made[1]):
+            made = wrap(body_surface(*made), [], -closing * cell, cell)
+        positions, triangles = made
+        if not len(triangles):
+            continue
+        label = vertex_components(triangles, len(positions))
+        own = label[triangles[:, 0]]
+        parts = np.sort(np.bincount(own))[::-1] / len(own)  # all triangles have about the same area
+        if (parts[1:] < CRUMBS).all():
+            return _rounded(*_only(positions, triangles[own == largest_component(triangles, label)]))
+    if not len(parts):
+        raise TransferError("The body is thinner than a cell of the lattice on which it is wrapped.")
+    raise TransferError(
+        f"The pieces of the body are more than {4e3 * cell:.3g} mm apart: wrapped in one surface they are still "
+        f"{np.count_nonzero(parts >= CRUMBS)} parts, the largest with {100 * parts[0]:.0f} % of the area."
+    )
+
+
+def _rounded(positions: Floats, triangles: Ints) -> Sheet:
+    ring = adjacency(edges_of(triangles), len(positions))
+    count = ring.sum(axis=1)[:, None]
+    for step in ROUNDINGS:
+        positions = positions + step * ((ring @ positions) / count - positions)
+    return positions, triangles
+
+
+def _only(positions: Floats, triangles: Ints) -> Sheet:
+    """The vertices of some triangles, renumbered."""
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return positions[used], renumbered.reshape(-1, 3).astype(np.int64)
+
+
 class _Shell:
     """Garment with its search tree; `distance` is negative in the space that it encloses."""
 
@@ -86,12 +164,12 @@ class _Shell:
 
 def _outer(positions: Floats, triangles: Ints) -> Sheet:
     """The pieces of a level set that are no cavities, turned outward."""
+    if not len(triangles):
+        return positions, triangles
     label = vertex_components(triangles, len(positions))[triangles[:, 0]]
     corners = positions[triangles]
     volumes = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     volume = np.bincount(label, volumes)
     sign = np.sign(volume[np.argmax(np.abs(volume))])
-    kept = triangles[(sign * volume > 0)[label]]
-    used, renumbered = np.unique(kept, return_inverse=True)
-    faces = renumbered.reshape(-1, 3).astype(np.int64)
-    return positions[used], faces if sign > 0 else faces[:, [0, 2, 1]]
+    points, faces = _only(positions, triangles[(sign * volume > 0)[label]])
+    return points, faces if sign > 0 else faces[:, [0, 2, 1]]

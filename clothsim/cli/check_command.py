@@ -56,7 +56,9 @@ def add_to(commands: Any) -> None:
     mesh.add_argument("--component", metavar="N", help="only this piece, 0 the largest")
     worn = check.add_argument_group("for a garment on a body (--scale is then of both)")
     worn.add_argument("--on", type=Path, metavar="BODY", help="the body that wears it")
-    worn.add_argument("--body-group", metavar="NAME", help="this group of the body")
+    worn.add_argument(
+        "--body-group", action="append", metavar="NAME", help="this group of the body; repeat it for several"
+    )
     worn.add_argument("--body-scale", metavar="S", help="its numbers times S are metres")
     worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
     worn.add_argument("--weld", metavar="M", help="sew borders closer than that [m]")

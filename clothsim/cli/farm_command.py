@@ -48,6 +48,7 @@ is of a garment on moving bodies, from a farm of clips or its recipe; errors are
 
   clothsim learn drapes -o model.npz
   clothsim learn shirt_in_motion --motion -o moving.npz     farm and training in one command
+  clothsim learn moving_farm --motion --model recurrent -o moving.npz      a recurrent network too; the best is written
 """
 
 
@@ -101,6 +102,9 @@ def _add_motion(learn: Parser) -> None:
     learn.add_argument("--motion", action="store_true", help="learn a garment in motion, from a farm of clips")
     learn.add_argument("--held-kind", metavar="KIND", help="with --motion: kind of motion held out (default: drawn)")
     learn.add_argument("--held-bodies", default="2", metavar="N", help="with --motion: bodies held out (default 2)")
+    learn.add_argument(
+        "--model", choices=["recurrent"], help="with --motion: learn this too (minutes; needs clothsim[learn])"
+    )
     learn.add_argument("--kind", metavar="MODEL", help="with --motion: write that kind of model, not the best")
     learn.add_argument("--seed", default="0", metavar="N", help="with --motion: of all that is drawn (default 0)")
 
@@ -437,7 +441,7 @@ def _learn(arguments: argparse.Namespace) -> Report | int:
     refuse_output(arguments.output, arguments)
     if arguments.motion:
         return _learn_motion(arguments)
-    given = {"--held-kind": arguments.held_kind, "--kind": arguments.kind}
+    given = {"--held-kind": arguments.held_kind, "--kind": arguments.kind, "--model": arguments.model}
     lost = [name for name, value in given.items() if value]
     if lost:
         raise InputError(f"{lost[0]} is of models of motion.", "Add --motion, or leave it out.")
@@ -465,7 +469,8 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     bodies = as_count("--held-bodies", arguments.held_bodies, least=0)
     components = 48 if arguments.components is None else arguments.components
     farm = on_demand.open_farm(directory)
-    made = on_demand.learn_motion(farm, arguments.held_kind, bodies, components, seed)
+    recurrent = on_demand.RegressorTraining(seed=seed) if "recurrent" in (arguments.model, arguments.kind) else None
+    made = on_demand.learn_motion(farm, arguments.held_kind, bodies, components, seed, recurrent)
     made.write(arguments.output, arguments.kind, arguments.overwrite)
     sets = made.division
     counts = {name: len(sets.rows(name)) for name in ("training", *on_demand.SETS)}

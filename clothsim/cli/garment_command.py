@@ -49,7 +49,12 @@ def add_to(commands: Any) -> None:
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
     fit.add_argument("--scale-to", metavar="S", help="metres per unit of the body of --to (default: by height)")
-    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
+    fit.add_argument(
+        "--body-group",
+        action="append",
+        metavar="NAME",
+        help="this group of the bodies; repeat it for several (default: the largest)",
+    )
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
     fit.add_argument("--markers", type=Path, metavar="FILE", help="a point on each body: x y z x y z a line")
@@ -104,7 +109,12 @@ def add_to(commands: Any) -> None:
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
     dress.add_argument("--seams", type=Path, metavar="TOML", help="seams and placement of a .dxf (default NAME.toml)")
     dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
-    dress.add_argument("--body-group", metavar="NAME", help="this group of the body's file (default: the largest)")
+    dress.add_argument(
+        "--body-group",
+        action="append",
+        metavar="NAME",
+        help="this group of the body's file; repeat it for several (default: the largest)",
+    )
     add_overwrite(dress, "replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
     dress.add_argument("--movie", action="store_true", help="leave movie.mp4 of the sewing, movie.gif without ffmpeg")

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from clothsim.study.result import UNFINISHED
     from clothsim.viewer.motion_preview import preview_motion
     from clothsim.viewer.preview import preview
+    from transfer.motion_regressor import RegressorTraining
     from transfer.signed_distance import body_surface
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

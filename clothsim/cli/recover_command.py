@@ -53,6 +53,8 @@ def add_to(commands: Any) -> None:
     recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", metavar="N", help="starts of the search (default 2, of pictures 1)")
+    recover.add_argument("--folds", metavar="N", help="with --views: drapes that the first start is chosen from (1)")
+    recover.add_argument("--no-twins", action="store_true", help="with --views: no other models at the end")
     recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
     add_set(recover)
     add_overwrite(recover, "replace an earlier run in the output directory")
@@ -83,6 +85,8 @@ def _recover(arguments: argparse.Namespace) -> Report:
             raise InputError(f"recover needs {option}.", "Or give pictures with --views, outlines with --test cusick.")
     if arguments.on is not None:
         raise InputError("--on has no effect without --views.", "Dress the body first, and name its directory.")
+    if arguments.folds is not None or arguments.no_twins:
+        raise InputError("--folds and --no-twins have no effect without --views.", "Leave them out.")
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts or "2")
     scale = as_positive_number("--scale", arguments.scale or "1")
     if not arguments.target.exists():
@@ -115,7 +119,7 @@ def _recover(arguments: argparse.Namespace) -> Report:
 def _progress(starts: int) -> Any:
     """A callback that prints each run of a search."""
     return lambda start, each: _shown(
-        f"start {start} of {starts}", each.values, each.failure or f"loss {each.loss:.4g}"
+        f"start {start} of {starts}" if start else "folds", each.values, each.failure or f"loss {each.loss:.4g}"
     )
 
 
@@ -134,12 +138,28 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
     scene, mesh = _dressed(arguments) if arguments.on is not None else _of_scene(arguments)
     messages(arguments, f"{', '.join(free)} from {arguments.views}")
     progress = None if arguments.quiet else _progress(starts)
-    found = clothsim.recover_views(scene, arguments.views, free, starts, progress, pattern=mesh, prior=arguments.prior)
+    found = clothsim.recover_views(
+        scene,
+        arguments.views,
+        free,
+        starts,
+        progress,
+        pattern=mesh,
+        prior=arguments.prior,
+        twins=not arguments.no_twins,
+        folds=as_count("--folds", arguments.folds or "1"),
+    )
     content = summary(found, "pictures") | {
         "pictures": [asdict(each) for each in found.pictures],
+        "twins": [asdict(each) for each in found.twins],
+        "model_errors": dict(found.model_errors),
+        "total_errors": dict(found.total_errors),
+        "folds": list(found.folds),
         "told": {name: dict(errors) for name, errors in found.told.items()},
         "wide": list(found.wide),
         "from_minimum": found.from_minimum,
+        "cpu_seconds": found.cpu_seconds,
+        "adjoint_share": found.adjoint_share,
     }
     code = 0 if found.best.intersecting_pairs == 0 else 1
     out = arguments.output
@@ -193,6 +213,14 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
     return engine.override(worn.run.scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size)
 
 
+_TWINS = {
+    "mesh": "a mesh of half the size",
+    "step": "steps of half the length",
+    "time": "twice the time",
+    "start": "from the first start",
+}
+
+
 def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
     """How each picture fits, and what they do not tell."""
     out = []
@@ -200,16 +228,27 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
         left = f", {100 * each.left_out:.2g} % without a residual" if each.left_out > 0 else ""
         switched = "" if math.isnan(each.switched) else f", {100 * each.switched:.2g} % of the pairs switched last"
         out.append(f"  view {each.view}, {each.what}: {each.misfit:.2g} of its noise{left}{switched}")
+    for twin in found.twins:
+        text = twin.failure or ", ".join(f"{path} {100 * shift:+.2g} %" for path, shift in twin.shifts.items())
+        out.append(f"  the model, {_TWINS[twin.name]}: {text}")
+    if found.model_errors:
+        with_model = ", ".join(f"{path} +- {100 * error:.2g} %" for path, error in found.total_errors.items())
+        out.append(f"  errors with the model's own: {with_model}")
+    for name, errors in found.told.items():
+        out.append(f"  {name} would tell: {', '.join(f'{path} {_error(error)}' for path, error in errors.items())}")
+    if len(found.folds) > 1:
+        out.append(f"  misfits of the folds of {len(found.folds)} drapes: {', '.join(f'{k:.3g}' for k in found.folds)}")
     out += [
         f"  {path} is told to no half of what is known without pictures: more views or normals." for path in found.wide
     ]
     out.append(f"  the step that is left, by the adjoint: {found.from_minimum:.2g} standard errors at most")
+    out.append(f"  {found.cpu_seconds:.3g} CPU s, {100 * found.adjoint_share:.2g} % of it in the adjoint")
     return out
 
 
 def _recover_drape(arguments: argparse.Namespace) -> Report:
     """D/(rho g) and curl from outlines of a drape tester."""
-    for name in ("target", "free", "pattern", "views", "on"):
+    for name in ("target", "free", "pattern", "views", "on", "folds"):
         if getattr(arguments, name) is not None:
             raise InputError(f"--{name} has no effect with --test.", "The outlines are the target; leave it out.")
     if arguments.scene is None:

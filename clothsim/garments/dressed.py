@@ -1,7 +1,7 @@
 """Dress: a sewing pattern meshed, placed, closed round a body, welded and draped; its result and its files."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -204,7 +204,7 @@ def dress(
     rotation_order: str = "zyx",
     seams: str | Path | None = None,
     scale: float | None = None,
-    body_group: str | None = None,
+    body_group: str | Sequence[str] | None = None,
     overwrite: bool = False,
     on_stage: StageCallback = lambda stage: None,
     progress: Listener | None = None,
@@ -240,7 +240,7 @@ def dress(
         TOML file with the seams and the placement of a DXF drawing; None: NAME.toml beside NAME.dxf.
     scale : float, optional
         Metres per unit of the body's file; None: from its height.
-    body_group : str, optional
+    body_group : str or sequence of str, optional
         Group of the body's file.
     overwrite : bool
         True: replace an earlier run in the directory.
@@ -352,7 +352,7 @@ def _graded(
     return graded(pattern, source, body, origin, factors)
 
 
-def body_of_wearer(on: Any, scale: float | None, group: str | None) -> BodyMesh:
+def body_of_wearer(on: Any, scale: float | None, group: str | Sequence[str] | None) -> BodyMesh:
     """The body that wears a garment: a file, a mesh in memory, or as it is. InputError for one that cannot."""
     made = on if isinstance(on, BodyMesh) else None
     if made is None:

@@ -1,7 +1,7 @@
 """Fit of a garment to another body: transfer, repair and drape."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -134,7 +134,7 @@ def fit(
     *,
     scale: float | None = None,
     scale_to: float | None = None,
-    body_group: str | None = None,
+    body_group: str | Sequence[str] | None = None,
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
     fabric: str | None = None,
@@ -163,7 +163,7 @@ def fit(
         Metres per unit of the files of garment and body; None: from the height of the body.
     scale_to : float, optional
         Metres per unit of the file of the body to wear it; None: from its height, or `scale` where both bodies are one.
-    body_group : str, optional
+    body_group : str or sequence of str, optional
         Group of the body files.
     part : (lo, hi), optional
         Vertices of the garment's file.
@@ -239,12 +239,12 @@ def fit(
     return _finish_fit(task, run_fit(task), started)
 
 
-def _read_body(body: Any, scale: float | None, group: str | None) -> BodyMesh:
+def _read_body(body: Any, scale: float | None, group: str | Sequence[str] | None) -> BodyMesh:
     """A body from a file or from memory."""
     return read_body_mesh(body, scale=scale, group=group) if isinstance(body, str | Path) else as_body_mesh(body)
 
 
-def _target(body: Any, scale: float | None, group: str | None) -> BodyMesh:
+def _target(body: Any, scale: float | None, group: str | Sequence[str] | None) -> BodyMesh:
     """The body that shall wear the garment. InputError for a unit of what has its own."""
     in_file = isinstance(body, str | Path)
     if scale is not None and (not in_file or Path(body).suffix.lower() == ".toml"):
@@ -367,7 +367,7 @@ def refuse_lying(body: BodyMesh) -> None:
     """InputError for a body whose legs and head are clearly along x, -y or -z, and not along y or z."""
 
     def score(axis: tuple[int, int, int]) -> float:
-        return legs_score(body.positions, body.triangles, np.array(axis, np.float64))
+        return legs_score(body.closed.positions, body.closed.triangles, np.array(axis, np.float64))
 
     with suppress(TransferError):
         _ = body.frame  # computed once for the whole fit

@@ -1,6 +1,7 @@
 """Body and garment of a fit from files: part, unit of length, vertical axis; the file of the garment in a new shape."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +19,8 @@ from clothsim.garments.fit.pieces import UNDIVIDED, Division, divided
 from transfer.body_frame import BodyFrame, body_frame, legs_score
 from transfer.body_parts import BodyParts, body_parts
 from transfer.errors import TransferError
+from transfer.signed_distance import body_surface
+from transfer.wrap import union
 
 NO_VERTICES: Ints = np.zeros(0, np.int64)
 HEADER = "# fitted by clothsim: positions in metres; else as in {name}{changes}\n"
@@ -123,6 +126,8 @@ FARTHEST = 1e6
 """No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
 LONG = 0.5
 """Least extent of a body candidate as a fraction of the file's extent."""
+CELL = 0.006
+"""Cell of the lattice on which a body in pieces is wrapped, as a fraction of its largest extent: a centimetre."""
 
 
 @dataclass(frozen=True)
@@ -139,19 +144,50 @@ class BodyMesh:
     notes: tuple[str, ...]
     like: "BodyMesh | None" = field(default=None, repr=False)
 
+    @property
+    def closed(self) -> "BodyMesh":
+        """What is registered, deflated and has the landmarks: itself, or one closed surface round its pieces."""
+        return self._union[0]
+
+    @property
+    def fault(self) -> str:
+        """Why its pieces make no standing body in one surface; empty where they do, or need not."""
+        return self._union[1]
+
+    @cached_property
+    def _union(self) -> tuple["BodyMesh", str]:
+        whole = is_closed(self.triangles)
+        label = components(self.triangles, len(self.positions))[self.triangles[:, 0]]
+        pieces, sizes = np.unique(label, return_counts=True)
+        if whole and len(pieces) == 1:
+            return self, ""
+        largest = self.triangles[label == pieces[np.argmax(sizes)]]
+        if len(pieces) > 1 and is_closed(largest) and stands(BodyMesh(self.name, self.positions, largest, 1.0, ())):
+            return self, ""  # its eyes change none of its landmarks
+        try:
+            surface = body_surface(self.positions, self.triangles)
+            cell = CELL * float(np.ptp(self.positions[self.triangles.ravel()], axis=0).max())
+            made = BodyMesh(self.name, *union(surface, cell), self.scale, ())
+            _ = made.parts
+        except TransferError as error:
+            return self, f"{self.name} in {len(pieces)} pieces: {error.sentence}"
+        return made, ""
+
     @cached_property
     def parts(self) -> BodyParts:
         """Frame, trunk, arms and legs. TransferError where it is no standing body."""
-        if self.like is not None:
-            nearest = cKDTree(self.like.positions).query(self.positions)[1]
-            return replace(self.like.parts, hands=self.like.parts.hands[:, nearest])
+        like = self.closed if self.like is None else self.like
+        if like is not self:
+            nearest = cKDTree(like.positions).query(self.positions)[1]
+            return replace(like.parts, hands=like.parts.hands[:, nearest])
         return body_parts(self.positions, self.triangles)
 
     @cached_property
     def frame(self) -> BodyFrame:
         """Upright, front-facing frame. TransferError where it is no standing body."""
-        if self.like is not None:
-            return self.like.frame
+        like = self.closed if self.like is None else self.like
+        if like is not self:
+            return like.frame
         try:
             return self.parts.frame
         except TransferError:
@@ -164,16 +200,30 @@ class BodyMesh:
             return self.like.up
         extent = np.ptp(self.positions, axis=0)
         if extent[1:].min() > NEARLY * extent[1:].max():  # arms held level, a body turned by 90 degrees
-            scores = [legs_score(self.positions, self.triangles, axis) for axis in np.eye(3)[1:]]
+            scores = [legs_score(self.closed.positions, self.closed.triangles, axis) for axis in np.eye(3)[1:]]
             if scores[0] != scores[1]:
                 return np.eye(3)[1 + int(np.argmax(scores))]
         return np.eye(3)[1 if extent[1] >= extent[2] else 2]
 
 
+def stands(body: BodyMesh) -> bool:
+    """True where a body has arms, legs and a head."""
+    try:
+        return bool(body.parts.landmarks)
+    except TransferError:
+        return False
+
+
 def read_body_mesh(
-    path: str | Path, *, scale: float | None = None, group: str | None = None, option: str = "--scale"
+    path: str | Path,
+    *,
+    scale: float | None = None,
+    group: str | Sequence[str] | None = None,
+    option: str = "--scale",
 ) -> BodyMesh:
-    """The body in a file: its `group`, else its largest closed piece, else its largest; or the first body of a scene.
+    """The body in a file: its `group` or several, else its largest closed piece, else its largest; or that of a scene.
+
+    Where that piece is no standing body, but all pieces together are, as of a jointed figure, all of them.
 
     scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does, with the
     option that gives it.
@@ -183,14 +233,35 @@ def read_body_mesh(
         scale = as_positive("scale", scale)
     if file.suffix.lower() == ".toml":
         return _read_scene_body(file)
-    if group is not None:
-        mesh = read_mesh(file, group=group)
-        remarks: tuple[str, ...] = ()
-    else:
-        mesh, remarks = _largest_piece(file, read_mesh(file))
-    extent = float(np.ptp(mesh.positions, axis=0).max())
-    factor, unit = (scale, ()) if scale is not None else _guess_unit(file, extent, option)
-    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *remarks, *unit))
+    named = [group] if isinstance(group, str) else list(group or ())
+    whole = read_mesh(file, parts=named)
+    if named:
+        return _in_metres(file, whole, scale, option)
+    mesh, pieces = _largest_piece(file, whole)
+    is_long = _extent(mesh) > LONG * _extent(whole)
+    if is_long or pieces == 1:
+        body = _in_metres(file, mesh, scale, option)
+        if pieces == 1 or stands(body):
+            return body
+    fault = ""
+    with suppress(InputError):  # pieces of a room, say, which is no person in any unit
+        together = _in_metres(file, whole, scale, option)
+        fault = together.fault
+        if together.closed is not together:
+            note = f"{file.name}: none of its {pieces} pieces is a standing body alone: all together are"
+            return replace(together, notes=(*together.notes, note))
+    body = _in_metres(file, mesh, scale, option)
+    return replace(body, notes=(*body.notes, fault)) if fault else body
+
+
+def _extent(mesh: MeshFile) -> float:
+    """Largest extent of the triangles, in the mesh's units."""
+    return float(np.ptp(mesh.positions[mesh.triangles.ravel()], axis=0).max())
+
+
+def _in_metres(file: Path, mesh: MeshFile, scale: float | None, option: str) -> BodyMesh:
+    factor, unit = (scale, ()) if scale is not None else _guess_unit(file, _extent(mesh), option)
+    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *unit))
     return BodyMesh(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
 
 
@@ -285,8 +356,8 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, BodyMesh]:
     return garment, BodyMesh(body.name, body.positions + origin, body.triangles, 1.0, ())
 
 
-def _largest_piece(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
-    """Largest closed piece of a file, by number of vertices, that is as long as a body.
+def _largest_piece(file: Path, mesh: MeshFile) -> tuple[MeshFile, int]:
+    """Largest closed piece of a file, by number of vertices, that is as long as a body, and the number of pieces.
 
     Eyes are closed too. Where none is closed, the largest of the long ones; where none is long, of all.
     """
@@ -301,16 +372,16 @@ def _largest_piece(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...
     for piece in candidates:
         chosen = mesh.triangles[of_triangle == piece]
         if is_closed(chosen):
-            return _only(mesh, chosen, f"the largest closed piece of {len(pieces)}", len(pieces))
+            return _only(mesh, chosen, f"the largest closed piece of {len(pieces)}", len(pieces)), len(pieces)
     chosen = mesh.triangles[of_triangle == candidates[0]]
-    return _only(mesh, chosen, f"the largest piece of {len(pieces)}, which is not closed", 2)
+    return _only(mesh, chosen, f"the largest piece of {len(pieces)}, which is not closed", 2), len(pieces)
 
 
-def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> tuple[MeshFile, tuple[str, ...]]:
+def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> MeshFile:
     used, renumbered = np.unique(triangles, return_inverse=True)
     remarks = (f"{what}: {len(used):,} of {len(mesh.positions):,} vertices",) if pieces > 1 else ()
     faces = renumbered.reshape(-1, 3).astype(np.int64)
-    return MeshFile(mesh.positions[used], faces, np.zeros((0, 3, 2)), mesh.messages), remarks
+    return MeshFile(mesh.positions[used], faces, np.zeros((0, 3, 2)), (*mesh.messages, *remarks))
 
 
 def is_closed(triangles: Ints) -> bool:

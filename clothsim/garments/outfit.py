@@ -113,7 +113,7 @@ def outfit(
     *,
     over: str | Path | None = None,
     scale: float | None = None,
-    body_group: str | None = None,
+    body_group: str | Sequence[str] | None = None,
     overwrite: bool = False,
     on_stage: StageCallback = lambda stage: None,
     progress: Listener | None = None,
@@ -197,7 +197,7 @@ def outfit(
 
 
 def _wearer(
-    on: Any, over: str | Path | None, scale: float | None, body_group: str | None
+    on: Any, over: str | Path | None, scale: float | None, body_group: str | Sequence[str] | None
 ) -> tuple[BodyMesh, tuple[Worn, ...]]:
     """The body and the garments that it wears. InputError for neither, and for a run that cannot be sewn over."""
     given = None if on is None else body_of_wearer(on, scale, body_group)

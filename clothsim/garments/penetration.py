@@ -1,6 +1,6 @@
 """Penetration of a garment: vertices inside the body, pairs of the exact check of intersections; report and picture."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -159,7 +159,7 @@ def read_penetration_report(
     *,
     scale: float | None = None,
     body_scale: float | None = None,
-    body_group: str | None = None,
+    body_group: str | Sequence[str] | None = None,
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
 ) -> PenetrationReport:

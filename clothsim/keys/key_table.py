@@ -92,7 +92,7 @@ class KeyTable(Locked, Mapping[str, Any]):
     """
 
     section: ClassVar[str] = ""
-    parts: ClassVar[tuple[type["KeyTable"], ...]] = ()
+    composed_of: ClassVar[tuple[type["KeyTable"], ...]] = ()
     """Of a section that `composed` made."""
 
     def __init_subclass__(cls) -> None:
@@ -146,7 +146,7 @@ class KeyTable(Locked, Mapping[str, Any]):
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self.items())})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (type(self).parts or type(self), self._fields_given(), self._table)
+        return _restored, (type(self).composed_of or type(self), self._fields_given(), self._table)
 
     def __copy__(self) -> Self:
         return self
@@ -227,7 +227,7 @@ def composed(parts: tuple[type[KeyTable], ...]) -> type[KeyTable]:
     first, *others = parts
     if not others:
         return first
-    names = {"parts": parts, "section": first.section, "__doc__": first.__doc__, "__module__": first.__module__}
+    names = {"composed_of": parts, "section": first.section, "__doc__": first.__doc__, "__module__": first.__module__}
     return dataclass(frozen=True, kw_only=True)(type(first.__name__, tuple(reversed(parts)), names))
 
 

@@ -192,11 +192,16 @@ class ClothKeys(PlacedKeys):
 
 @dataclass(frozen=True, kw_only=True)
 class FilePart(KeyTable):
-    """A part of a mesh file: one of group, component and vertices."""
+    """A part of a mesh file: one of group, parts, component and vertices."""
 
     section: ClassVar[str] = "a file"
 
     group: Annotated[str | None, Key("A group or object of an OBJ file, a node of a glb", shown="all")] = None
+    parts: Annotated[
+        Sequence[str],
+        Key("Several such groups, which make the body together: its own hair and clothes are named or left out",
+            shown="all"),
+    ] = ()  # fmt: skip
     component: Annotated[
         int | None, Key("A connected piece, numbered by decreasing number of vertices", "1", least=0, shown="all")
     ] = None

@@ -127,7 +127,7 @@ def _keys_of_a_plate(section: KeyTable) -> set[str]:
 
 def _declaring(section: KeyTable, name: str) -> list[str]:
     """The last words of the names of the sections that have a key: "cloth" and "mannequin" of a composed one."""
-    kinds = type(section).parts or (type(section),)
+    kinds = type(section).composed_of or (type(section),)
     return [kind.section.rpartition(".")[2] for kind in kinds if name in keys_of(kind)]
 
 

@@ -10,7 +10,7 @@ Every model is learned on the same frames in the same subspace; the errors are d
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from clothsim.study.learned_drapes import alike
 from transfer.drape_autoencoder import distance_grid
 from transfer.errors import TransferError
 from transfer.motion_model import MotionModel
+from transfer.motion_regressor import LearnedFrames, RegressorTraining, trained_recurrent
 from transfer.signed_distance import body_surface
 from transfer.subspace import Subspace, metric_components, ridge
 
@@ -247,17 +248,13 @@ class LearnedMotion:
         return write_arrays(path, self.models[kind or self.best].arrays(), overwrite)
 
 
-Networks = Callable[[MotionModel, Sequence[MovingClip], Floats], MotionModel]
-"""Trains a recurrent model: from a model whose parts are another's, the training clips and the body's positions."""
-
-
 def learn_motion(
     farm: Farm,
     kind: str | None = None,
     bodies: int = 2,
     components: int = 48,
     seed: int = 0,
-    networks: Networks | None = None,
+    recurrent: RegressorTraining | None = None,
     clips: Sequence[MovingClip] | None = None,
 ) -> LearnedMotion:
     """Learn models of the garment of a farm of clips.
@@ -270,15 +267,15 @@ def learn_motion(
         What is held out (`division`).
     components : int
         Dimension of the subspace.
-    networks : callable, optional
-        Training of a recurrent model too.
+    recurrent : RegressorTraining, optional
+        Training of a recurrent model too, of which `penalty` is that of the ridge regression.
     clips : sequence of MovingClip, optional
         Those of `clips_of`, where they are known.
 
     Raises
     ------
     InputError
-        For a farm that has no such clips, or too few.
+        For a farm that has no such clips, or too few; for a recurrent model without JAX.
     """
     if components < 1:
         raise InputError(f"{components} components were asked for.", "Give a whole number from 1.")
@@ -293,10 +290,11 @@ def learn_motion(
     skinned = _model_of(farm, found[0], space, inputs, flat)
     validation = [found[k] for k in sets.validation]
     models = {"skinned": skinned, "nearest": _nearest(skinned, flat, inputs)}
-    fitted = [_ridge(skinned, flat, inputs, penalty) for penalty in PENALTIES]
-    models["ridge"] = min(fitted, key=lambda model: error_of(model, validation))
-    if networks is not None:
-        models["recurrent"] = networks(models["ridge"], training, found[0].garment.reference)
+    fitted = {penalty: _ridge(skinned, flat, inputs, penalty) for penalty in PENALTIES}
+    penalty = min(PENALTIES, key=lambda penalty: error_of(fitted[penalty], validation))
+    models["ridge"] = fitted[penalty]
+    if recurrent is not None:
+        models["recurrent"] = _recurrent(skinned, training, validation, replace(recurrent, penalty=penalty))
     measured = {part: _measured(models, [found[k] for k in sets.rows(part)]) for part in SETS}
     errors, inside = ({name: {part: measured[part][name][k] for part in SETS} for name in models} for k in (0, 1))
     best = min(models, key=lambda name: errors[name]["validation"])
@@ -328,12 +326,8 @@ def _model_of(farm: Farm, clip: MovingClip, space: Subspace, inputs: Floats, fla
     )
 
 
-def _standard(model: MotionModel, inputs: Floats) -> Floats:
-    return (inputs - model.centre) / model.scale
-
-
 def _nearest(model: MotionModel, flat: Floats, inputs: Floats) -> MotionModel:
-    given = _standard(model, inputs)
+    given = model.standard(inputs)
     projection = metric_components(given, NEAREST_COMPONENTS).basis
     parts = {
         "projection": projection,
@@ -344,8 +338,18 @@ def _nearest(model: MotionModel, flat: Floats, inputs: Floats) -> MotionModel:
 
 
 def _ridge(model: MotionModel, flat: Floats, inputs: Floats, penalty: float) -> MotionModel:
-    weights = ridge(_standard(model, inputs), model.space.coefficients(flat), penalty).weights
+    weights = ridge(model.standard(inputs), model.space.coefficients(flat), penalty).weights
     return replace(model, kind="ridge", parts={"offset": weights[0], "weights": weights[1:]})
+
+
+def _recurrent(
+    model: MotionModel, training: Sequence[MovingClip], validation: Sequence[MovingClip], given: RegressorTraining
+) -> MotionModel:
+    frames = [LearnedFrames(clip.inputs, clip.canonical, clip.settled.start) for clip in training]
+    try:
+        return trained_recurrent(model, frames, lambda made: error_of(made, validation), given)
+    except TransferError as error:
+        raise InputError(error.sentence, error.remedy) from error
 
 
 def predictions(model: MotionModel, clip: MovingClip) -> Floats:

@@ -23,7 +23,7 @@ def test_pictures_fit_the_drape_that_they_show(tmp_path):
 
 def test_the_true_numbers_are_those_of_the_pattern():
     shaped = views.meshed(0.1, **views.TRUTH).pattern.panels
-    truth = views.true_values()
+    truth = views.true_values(views.TRUTH)
     for name in ("front", "back"):
         low = shaped[name].vertices[:2]
         assert abs(low[1, 0] - low[0, 0] - views.HEM * truth[f"pattern.{name}.flare"]) < 1e-12

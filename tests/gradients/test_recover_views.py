@@ -68,15 +68,22 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     out, err = capsys.readouterr()
     content = json.loads(out)
     assert content == json.loads((folder / "found" / "recovery.json").read_text())
-    found, error = (content[key]["pattern.towel.height"] for key in ("values", "relative_errors"))
+    found, own = (content[key]["pattern.towel.height"] for key in ("values", "relative_errors"))
     assert abs(found / (1.06 * HEIGHT) - 1.0) < 1e-2  # a third of a pixel
-    assert abs(found / (1.06 * HEIGHT) - 1.0) < 2 * error < 0.2  # a heavier one is longer
+    assert abs(found / (1.06 * HEIGHT) - 1.0) < 2 * own < 0.2  # a heavier one is longer
     assert content["wide"] == ["cloth.density"]  # 1 mm of stretch
     assert content["undetermined"][0]["cloth.density"] > 0.9
     assert content["pictures"][0]["misfit"] < 1.0
     assert content["pictures"][0].keys() == {"view", "what", "misfit", "left_out", "switched"}
     assert content["from_minimum"] < 2.0
     assert err.count("start 1 of 1") > 4
+    assert [twin["name"] for twin in content["twins"]] == ["mesh", "step", "time", "start"]
+    for path, total in content["total_errors"].items():
+        shifts = [twin["shifts"][path] for twin in content["twins"]]
+        assert 0.0 < content["model_errors"][path] == pytest.approx(np.linalg.norm(shifts))
+        error = content["relative_errors"][path]
+        assert total is None if error is None else total == pytest.approx(np.hypot(error, np.linalg.norm(shifts)))
+    assert 0.0 < content["adjoint_share"] < 0.5
     assert Image.open(folder / "found" / "view_from_here.png").size == (160, 120)
     written = read_specification(folder / "found" / "pattern.json")
     assert written.panels["towel"].extent[1] == pytest.approx(found, rel=1e-6)
@@ -85,6 +92,8 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     refused(capsys, *words[:4])  # nothing is free
     refused(capsys, "recover", "--views", "views.toml", "--free", "density")
     refused(capsys, *words[:-2], "--on", "towel.toml")
+    refused(capsys, "recover", "towel.toml", "--target", "mask.png", "--free", "density", "--folds", "2")
+    refused(capsys, *words[:-2], "--folds", "0")
     refused(capsys, *words[:-2], "--prior")  # no stiffness of bending
     (folder / "views.toml").write_text(
         (folder / "views.toml").read_text().replace("position = [0.1", "position = [9.1")

@@ -50,7 +50,7 @@ def test_every_section_is_typed():
     ]
     assert [type(each) for each in SCENE.effects.values()] == [Pins, Gravity]
     assert all(isinstance(each, ClothTable) for each in SCENE.cloths)
-    assert [type(each).parts or type(each) for each in SCENE.bodies] == [
+    assert [type(each).composed_of or type(each) for each in SCENE.bodies] == [
         (BodyTable, clothsim.keys.generator_keys.Sphere),
         (FramesTable, FilePart),
         ModelTable,

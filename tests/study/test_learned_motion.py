@@ -146,7 +146,8 @@ def test_farms_without_clips_are_refused(farm, tmp_path):
     recipe = make_recipe(scene(body=body), FRAMES, {}, {"cloth.ease": {"grid": [0.02]}})
     with pytest.raises(InputError, match="no body model that moves"):
         learn_motion(plan(recipe, tmp_path / "unmoved"))
-    assert main(["learn", str(farm.directory), "--kind", "ridge", "-o", str(tmp_path / "m.npz")]) == 2
+    for of_motion in (("--kind", "ridge"), ("--model", "recurrent")):
+        assert main(["learn", str(farm.directory), *of_motion, "-o", str(tmp_path / "m.npz")]) == 2
 
 
 def test_the_command_learns_a_farm(farm, clips, tmp_path, capsys, monkeypatch):

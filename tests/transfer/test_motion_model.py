@@ -21,6 +21,7 @@ def parts_of(kind):
         "bias": np.zeros(3 * STATE),
         "out": RANDOM.normal(size=(STATE, CODE)),
         "shift": np.zeros(CODE),
+        "linear": RANDOM.normal(size=(COUNT, CODE)),
         "unit": np.array(0.1),
     }
     return {

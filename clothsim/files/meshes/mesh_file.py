@@ -168,6 +168,7 @@ def read_mesh(
     group: str | None = None,
     component: int | None = None,
     vertices: Sequence[int] | None = None,
+    parts: Sequence[str] = (),
 ) -> MeshFile:
     r"""Read a mesh file or one part of it.
 
@@ -186,6 +187,8 @@ def read_mesh(
         A connected piece, numbered from 0 by decreasing number of vertices.
     vertices : (lo, hi), optional
         The vertices lo to hi - 1 of the file.
+    parts : sequence of str
+        Several groups, objects, nodes or subsets, as one mesh.
 
     Returns
     -------
@@ -210,7 +213,7 @@ def read_mesh(
     """
     file = Path(path)
     polygons = read_polygons(file)
-    part = MeshPart(scale, group, component, vertices)
+    part = MeshPart(scale, group, component, vertices, parts)
     return choose(file, polygons, cut_polygons(polygons), part)
 
 

@@ -122,6 +122,7 @@ class MeshPart:
     group: str | None = None
     component: int | None = None
     vertices: Sequence[int] | None = None
+    parts: Sequence[str] = ()
 
 
 def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...]], part: MeshPart) -> MeshFile:
@@ -133,10 +134,12 @@ def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...
     texture = polygons.texture[corner_rows] if len(polygons.texture) else np.zeros((0, 3, 2))
     groups = {name: np.flatnonzero(np.isin(faces, own)) for name, own in polygons.groups.items()}
     whole = MeshFile(polygons.positions, triangles, texture, messages, groups)
-    if sum(key is not None for key in (part.group, part.component, part.vertices)) > 1:
-        raise InputError(f"{file}: give only one of group, component and vertices.")
+    if sum(key is not None for key in (part.group, part.component, part.vertices, part.parts or None)) > 1:
+        raise InputError(f"{file}: give only one of group, parts, component and vertices.")
     if part.group is not None:
-        mesh = _take_group(file, whole, polygons, faces, part.group)
+        mesh = _take_groups(file, whole, [part.group])
+    elif part.parts:
+        mesh = _take_groups(file, whole, part.parts)
     elif part.component is not None:
         mesh = _take_component(file, whole, part.component)
     elif part.vertices is not None:
@@ -148,13 +151,17 @@ def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...
     return replace(mesh, positions=factor * mesh.positions, messages=(*mesh.messages, f"scaled by {factor:g}"))
 
 
-def _take_group(file: Path, whole: MeshFile, polygons: Polygons, faces: Ints, group: str) -> MeshFile:
-    names = list(polygons.groups)
-    if group not in polygons.groups:
-        near = get_close_matches(str(group), names, n=5, cutoff=0.3) or names[:5]
-        has = f"The nearest are {', '.join(map(repr, near))}." if names else "The file names no groups."
-        raise InputError(f"{file} has no group {group!r}.", has)
-    return _part(whole, np.isin(np.arange(len(faces)), whole.groups[group]), f"group {group!r}")
+def _take_groups(file: Path, whole: MeshFile, wanted: Sequence[str]) -> MeshFile:
+    names = list(whole.groups)
+    for group in wanted:
+        if group not in whole.groups:
+            near = get_close_matches(str(group), names, n=5, cutoff=0.3) or names[:5]
+            has = f"The nearest are {', '.join(map(repr, near))}." if names else "The file names no groups."
+            raise InputError(f"{file} has no group {group!r}.", has)
+    keep = np.zeros(len(whole.triangles), bool)
+    for group in wanted:
+        keep[whole.groups[group]] = True
+    return _part(whole, keep, f"{'group' if len(wanted) == 1 else 'groups'} {', '.join(map(repr, wanted))}")
 
 
 def _take_component(file: Path, whole: MeshFile, component: int) -> MeshFile:

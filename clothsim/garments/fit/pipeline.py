@@ -122,14 +122,16 @@ class FitState:
 def seed_fit(task: Task) -> FitState:
     """Run the stages before the drape. InputError for a garment or a body that no stage can take."""
     try:
-        body = body_surface(task.target.positions, task.target.triangles)
-        own_body = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
+        closed, own = task.target.closed, task.source.closed
+        body = body_surface(closed.positions, closed.triangles)
+        own_body = body if task.same_body else body_surface(own.positions, own.triangles)
         rest = task.garment.positions
         worn = StageSettings(task.garment, rest, task.fabric, body.triangles, self_contact=True)
         size = Size(rest, "own", rest)
-        return run_stages(SEEDING, task, FitState((), worn, rest, 0, body, own_body, task.target.positions, size))
+        return run_stages(SEEDING, task, FitState((), worn, rest, 0, body, own_body, closed.positions, size))
     except TransferError as error:
-        raise InputError(error.sentence, error.remedy) from error
+        faults = filter(None, [task.source.fault, "" if task.same_body else task.target.fault])
+        raise InputError(" ".join([*faults, error.sentence]), error.remedy) from error
 
 
 def run_fit(task: Task) -> FitState:
@@ -159,7 +161,7 @@ def _transfer(task: Task, state: FitState) -> FitState:
 
     def make() -> tuple[Floats, str]:
         shaped = replace(task.garment, positions=state.last.positions)
-        done.append(transferred(shaped, task.source, task.target, task.markers))
+        done.append(transferred(shaped, task.source.closed, task.target.closed, task.markers))
         return done[0].positions, done[0].description
 
     stage = staged("transfer", task.garment.triangles, state.body, make, task.on_stage)
@@ -169,7 +171,8 @@ def _transfer(task: Task, state: FitState) -> FitState:
 def _resize(task: Task, state: FitState) -> FitState:
     """The transferred garment in its own or its graded size, and where it was worn."""
     started, garment = perf_counter(), task.garment
-    size = sized(garment, task.source, task.target, state.last.positions, state.body, graded=task.resize)
+    bodies = task.source.closed, task.target.closed
+    size = sized(garment, *bodies, state.last.positions, state.body, graded=task.resize)
     if size.kind != "transferred":
         made = lambda: (size.positions, str(size))  # noqa: E731
         stage = staged("size", garment.triangles, state.body, made, task.on_stage, started)
@@ -187,6 +190,23 @@ def _clear(task: Task, state: FitState) -> FitState:
     tries = (_untangle(state.worn.rest, state.last, beside, body, task, "clear") for beside in (wider, body))
     cleared = next((stage for stage in tries if stage is not None), None)
     return state if cleared is None else state.with_stage(cleared)
+
+
+def _onto_pieces(task: Task, state: FitState) -> FitState:
+    """The garment on the body's own pieces, in place of the closed surface round them."""
+    target = task.target
+    body = body_surface(target.positions, target.triangles)
+    state = replace(state, body=body, worn=replace(state.worn, body_triangles=body.triangles), overlap=NO_OVERLAP)
+    made = lambda: (state.last.positions, f"on the pieces of {target.name} in place of the surface round them")  # noqa: E731
+    state = state.with_stage(staged("pieces", task.garment.triangles, body, made, task.on_stage))
+    if not state.last.counts.clean:
+        state = _clear(task, state)
+    if state.last.counts.clean:
+        return state
+    counts = state.last.counts
+    return replace(
+        state, failure=f"The pieces of {target.name} reach out of the surface round them: {counts}, {counts.where}."
+    )
 
 
 def _refine_on_body(task: Task, state: FitState) -> FitState:
@@ -311,9 +331,10 @@ def _grow_body(
 
 def _morph_body(state: FitState, start: Stage, task: Task) -> FitState:
     """The source body becomes the target, with the garment of the stage `start` on it."""
-    worn = replace(state.worn, body_triangles=task.source.triangles)
+    own = task.source.closed
+    worn = replace(state.worn, body_triangles=own.triangles)
     description = f"{task.source.name} became {task.target.name} under IPC"
-    frames = [task.source.positions, state.source_shape]
+    frames = [own.positions, state.source_shape]
     done = _move_body(replace(state, worn=worn), "morph", start.positions, frames, task, state.body, description)
     return replace(done, worn=state.worn)
 
@@ -441,6 +462,7 @@ SEEDING = (
     PlannedStage("clear", _clear, lambda task, state: bool(state.last.counts.body_pairs)),
     PlannedStage("refine", _refine_on_body, lambda task, state: not state.last.counts.clean),
     PlannedStage("grow", _run_guaranteed_path, lambda task, state: not state.last.counts.clean),
+    PlannedStage("pieces", _onto_pieces, lambda task, state: task.target.closed is not task.target),
 )
 """Stages before the drape; a stage that is needed may add none or several to the summary."""
 

@@ -311,14 +311,9 @@ def template() -> Template:
 
 
 def mannequin(
-    height: float = 1.7,
-    chest: float = 1.0,
-    waist: float = 1.0,
-    hips: float = 1.0,
-    shoulder_width: float = 1.0,
-    limb_girth: float = 1.0,
     pose: str = "a",
     joints_degrees: Mapping[str, Sequence[float]] | None = None,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
     """Closed human figure: z is up, it stands on z = 0 and faces -y, its left hand is at +x.
 
@@ -326,14 +321,12 @@ def mannequin(
 
     Parameters
     ----------
-    height : float
-        [m].
-    chest, waist, hips, shoulder_width, limb_girth : float
-        Factors of the default measures at that height.
     pose : str
         "a" | "t" | "walk" | "reach" | "arms_down".
     joints_degrees : mapping, optional
         Rotation vectors by joint, in place of those of the pose [degrees].
+    **figure : float
+        `Proportions`.
 
     Returns
     -------
@@ -347,7 +340,7 @@ def mannequin(
     InputError
         Naming a bad key.
     """
-    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(**figure)
     turns = turns_of(pose, joints_degrees)
     made = template()
     positions = posed(

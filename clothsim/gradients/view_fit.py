@@ -1,0 +1,156 @@
+"""Pictures of a scene as a sum over residuals, its derivatives by numbers, and their covariance.
+
+Neighbouring pixels err alike, so the covariance is H^-1 M H^-1 with H = J'WJ and M the sum of the squares of the
+gradients of blocks of pixels (White 1982, "Maximum likelihood estimation of misspecified models").
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import ClothsimError
+from clothsim.gradients.loss_of_numbers import Problem
+from clothsim.gradients.mask_border import MaskBorder
+from clothsim.gradients.pattern_numbers import SECTION
+from clothsim.gradients.picture_loss import Residuals
+from clothsim.gradients.pixel_losses import Normals
+from clothsim.gradients.run import Trace, traced
+from clothsim.gradients.views import View
+
+BLOCK = 40
+"""Side of a block of pixels that err alike."""
+BOTH_WAYS = 0.5
+"""Weight of a residual of a mask's border, each piece of which is compared twice."""
+PATTERN_PRIOR, FABRIC_PRIOR = 0.2, 0.85
+"""Standard deviations of logarithms that pictures are compared with: what half of it is not told."""
+UNTOLD = 1e3
+"""Standard deviation, in those, of what keeps the covariance finite where the pictures tell nothing."""
+MOST_ERROR = 3.0
+"""Standard deviation of a logarithm from which a number is not determined."""
+
+
+def by_kind(paths: Sequence[str], of_pattern: float, of_fabric: float) -> Floats:
+    """A number for each path, of the pattern or not."""
+    return np.array([of_pattern if path.startswith(SECTION) else of_fabric for path in paths])
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A run, and what is left of the pictures.
+
+    at: logarithms (k,); total: the sum, inf where the run cannot be taken; begun: positions that it began from, empty
+    for the scene's own.
+    """
+
+    at: Floats
+    total: float
+    positions: Floats
+    parts: tuple[Residuals, ...]
+    begun: Floats
+    failure: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewFit:
+    """The pictures of a problem, with the prior: mean (k,) and precision (k, k) of the logarithms."""
+
+    problem: Problem
+    views: tuple[View, ...]
+    triangles: Ints
+    mean: Floats
+    precision: Floats
+
+    @property
+    def pairs(self) -> list[tuple[View, str]]:
+        """Each picture: the view and what was measured."""
+        return [(view, what) for view in self.views for what in view.losses]
+
+    def residuals(self, positions: Floats) -> tuple[Residuals, ...]:
+        """Return the residuals of all pictures, those of borders at half of their weight."""
+        found = []
+        for view, what in self.pairs:
+            loss = view.losses[what]
+            own = loss.residuals(positions, self.triangles)
+            found.append(replace(own, weights=BOTH_WAYS * own.weights) if isinstance(loss, MaskBorder) else own)
+        return tuple(found)
+
+    def total(self, parts: Sequence[Residuals], at: Floats) -> float:
+        """The sum that is minimised."""
+        away = at - self.mean
+        return sum(float(each.weights @ each.costs) for each in parts) + 0.5 * float(away @ self.precision @ away)
+
+    def trace(self, at: Floats, begun: Floats, kick: Floats | None = None) -> Trace:
+        """Run from some positions (n, 3) at rest or with velocities, or from the scene's own where they are empty."""
+        start = {"start": begun, "velocity": np.zeros_like(begun) if kick is None else kick} if len(begun) else None
+        return traced(self.problem.scene_at(at), self.problem.stiffness, start=start)
+
+    def seen(self, at: Floats, begun: Floats, kick: Floats | None = None) -> Seen:
+        """Take a run as of `trace`; a failed one is an outcome too."""
+        try:
+            x = self.trace(at, begun, kick).cloth_positions()
+            parts = self.residuals(x)
+        except ClothsimError as error:
+            return Seen(at, float("inf"), np.zeros((0, 3)), (), begun, error.sentence)
+        return Seen(at, self.total(parts, at), x, parts, begun)
+
+    def folds_misfit(self, seen: Seen) -> float:
+        """How badly folds agree: mean rho of the normals, and rho at the gate of pixels left out; without them, all."""
+        if not seen.parts:
+            return float("inf")
+        scores = []
+        for (view, what), each in zip(self.pairs, seen.parts, strict=True):
+            loss = view.losses[what]
+            if isinstance(loss, Normals):
+                at_gate = 1.0 / np.radians(loss.noise)  # |n - m| at 60 degrees
+                beyond = each.huber * (at_gate - 0.5 * each.huber)
+                scores.append((1.0 - each.left_out) * each.mean + each.left_out * beyond)
+        return float(np.mean(scores)) if scores else seen.total
+
+    def linearised(
+        self, seen: Seen, moves: Floats, kept: Callable[[str, str], bool] = lambda view, what: True
+    ) -> tuple[Floats, Floats, Floats]:
+        """Gradient (k,), Gauss-Newton Hessian (k, k) and gradients of blocks (b, k), moves (3 n, k) of the vertices.
+
+        kept: which pictures count, by view and by what was measured.
+        """
+        k = len(seen.at)
+        gradient, hessian = self.precision @ (seen.at - self.mean), self.precision.copy()
+        blocks = dict[tuple[str, int, int], Floats]()
+        for (view, what), each in zip(self.pairs, seen.parts, strict=True):
+            if not kept(view.name, what):
+                continue
+            rows = each.jacobian @ moves
+            steep = each.weights * each.slopes
+            bent = each.weights * np.minimum(1.0, each.huber / np.maximum(np.abs(each.values), 1e-12))
+            gradient = gradient + rows.T @ steep
+            hessian = hessian + (rows * bent[:, None]).T @ rows
+            cells = np.floor(each.pixels / BLOCK).astype(np.int64)
+            unique, number = np.unique(cells, axis=0, return_inverse=True)
+            sums = np.zeros((len(unique), k))
+            np.add.at(sums, number.ravel(), rows * steep[:, None])
+            for cell, own in zip(unique.tolist(), sums, strict=True):
+                key = (view.name, *cell)
+                blocks[key] = blocks.get(key, 0.0) + own
+        return gradient, hessian, np.array(list(blocks.values())).reshape(-1, k)
+
+    def covariance(self, hessian: Floats, blocks: Floats) -> Floats:
+        """Covariance of the logarithms (k, k) by blocks."""
+        known = by_kind(self.problem.paths, PATTERN_PRIOR, FABRIC_PRIOR)
+        floor = np.diag((UNTOLD * known) ** -2.0)
+        inverse = np.linalg.inv(hessian + floor)
+        middle = blocks.T @ blocks * (len(blocks) / max(len(blocks) - len(hessian), 1)) + self.precision
+        return np.asarray(inverse @ (middle + floor) @ inverse)
+
+    def left(self, seen: Seen, moves: Floats) -> Floats:
+        """Return the step of Gauss and Newton that is left, (k,), weakly bound to where it is."""
+        gradient, hessian, _ = self.linearised(seen, moves)
+        known = by_kind(self.problem.paths, PATTERN_PRIOR, FABRIC_PRIOR)
+        return np.asarray(-np.linalg.solve(hessian + np.diag(known**-2.0), gradient))
+
+
+def errors_of(covariance: Floats) -> Floats:
+    """Standard deviations of logarithms (k,), inf where a number is not determined."""
+    errors = np.sqrt(np.diag(covariance))
+    return np.where(errors > MOST_ERROR, np.inf, errors)
