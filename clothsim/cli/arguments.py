@@ -250,6 +250,19 @@ def words(option: str, text: str, example: str = "youngs_modulus,bending_stiffne
     return names
 
 
+def existing_file(path: Path, what: str) -> Path:
+    """Return a file, or the installed scene of that name. InputError where there is neither."""
+    file = engine.example_file(path)
+    if not file.exists():
+        raise InputError(f"There is no file {path}.", f"Name {what}.")
+    return file
+
+
+def body_file(path: Path | None) -> Path | None:
+    """Return a body file, or the installed scene of that name."""
+    return None if path is None else existing_file(path, "a mesh file, or a scene with a body, as shirt (a mannequin)")
+
+
 def meshed(file: Path, size: str) -> "PatternMesh":
     """Return the mesh of a pattern file with a size such as "2cm", as a dressed garment has it."""
     return patterns.mesh_pattern(patterns.read_specification(file), as_length("--size", size))
