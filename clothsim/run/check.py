@@ -134,10 +134,12 @@ def examined(what: Any, role: Role | None = None, motion: bool = False, **part: 
 
 
 def sizes(positions: Floats, triangles: Ints) -> tuple[str, ...]:
-    """Counts and lengths of a mesh, which may have faults."""
+    """Counts and lengths of a mesh, which may have faults; of a rod, which has no triangles, its size alone."""
     corners = positions[triangles]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     box = " x ".join(f"{side:.3g}" for side in np.ptp(positions, axis=0))
+    if not len(triangles):
+        return (f"{len(positions):,} vertices", f"box {box} m")
     return (
         f"{len(positions):,} vertices, {len(triangles):,} triangles",
         f"box {box} m",
@@ -242,7 +244,10 @@ def _examine_scene(scene: Scene, subject: str) -> Examination:
     except InputError as error:
         return Examination(subject, (), (*_refusals(error), *costly))
     world = built.world
-    notes = [f"{each.name}, cloth: {'; '.join(sizes(each.positions, each.triangles))}" for each in world.cloths]
+    notes = [
+        f"{each.name}, {'cloth' if len(each.triangles) else 'rod'}: {'; '.join(sizes(each.positions, each.triangles))}"
+        for each in world.cloths
+    ]
     notes += [f"{each.name}, body: {'; '.join(sizes(each.positions, each.triangles))}" for each in world.bodies]
     notes += [*built.notes, *(f"{name} is off: {reason}." for name, reason in built.off.items())]
     test = intersection_check_of(world_surfaces(world), scene.effects, built.energies)

@@ -29,7 +29,7 @@ from clothsim.files.runs.vtkhdf import (
     set_frame_count,
     write_frame,
 )
-from clothsim.mesh.world import SurfaceRows, check_surfaces, same_surfaces
+from clothsim.mesh.world import NO_EDGES, SurfaceRows, check_surfaces, same_surfaces
 
 TRAJECTORY_NAME = "trajectory.vtkhdf"
 
@@ -242,7 +242,10 @@ def _read_surfaces(file: h5py.File) -> tuple[SurfaceRows, ...]:
         triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
         name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
         rigid = bool(block.attrs.get("Rigid", 0))
-        surfaces.append(SurfaceRows(name, role, slice(start, stop), triangles, bool(moving), rigid))
+        edges, radius = NO_EDGES, float(block.attrs.get("Radius", 0.0))
+        if radius:
+            edges = block["Lines/Connectivity"][:].reshape(-1, 2) + start
+        surfaces.append(SurfaceRows(name, role, slice(start, stop), triangles, bool(moving), rigid, edges, radius))
         if triangles.size and not start <= triangles.min() <= triangles.max() < stop:
             raise ValueError(f"{name} has triangles of vertices that are not there")
         start = stop
