@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         Targets,
     )
     from clothsim.mesh.checks import Finding
+    from clothsim.mesh.generators.mannequin.measures import MeasuredBody, measured_body
     from clothsim.patterns.pattern import Pattern
     from clothsim.run.check import check
     from clothsim.run.mesh_objects import to_pyvista, to_trimesh

@@ -17,7 +17,6 @@ drapes out of the body. Then the regressor: smooth L1 of the code + |decoder(cod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -124,17 +123,6 @@ def drape_autoencoder(arrays: Mapping[str, ArrayLike]) -> DrapeAutoencoder:
             f"The {wrong[0]} maps {shapes[wrong[0]]} numbers, not {wanted[wrong[0]]}.", "Train it again."
         )
     return made
-
-
-def read_drape_autoencoder(path: Path) -> DrapeAutoencoder:
-    """The auto-encoder in an .npz file. TransferError for another file."""
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return drape_autoencoder(arrays)
-    except (OSError, ValueError) as error:
-        if isinstance(error, TransferError):
-            raise
-        raise TransferError(f"{path} is no auto-encoder: {error}.", "Give an .npz file of its arrays.") from error
 
 
 MOST_NODES = 4_000_000

@@ -1,4 +1,4 @@
-"""Small dense linear algebra on stacks of matrices: 2x2 eigenpairs, Kabsch rotations, 3D affine fits, PSD projection.
+"""Small dense linear algebra on stacks of matrices: 2x2 eigenpairs, Kabsch rotations.
 
 Plain NumPy, for outputs, pictures and data bound once a step; the energies have their own kernels.
 """
@@ -6,16 +6,13 @@ Plain NumPy, for outputs, pictures and data bound once a step; the energies have
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from clothsim.base.arrays import Floats, Ints, as_finite
+from clothsim.base.arrays import Floats, as_finite
 from clothsim.base.errors import InputError
 
 LINE_TOLERANCE = 1e-12
 """Points are collinear where the second singular value of H = P'Q is below this fraction of the first: where
 (height over the line / length)^2 is, in exact coordinates.
 """
-
-FLAT_TOLERANCE = 1e-10
-"""Points are coplanar where they rise above their plane by less than this fraction of their extent."""
 
 _NOISE = 8.0  # round-off of one coordinate, in ulps of the largest, below which a singular value counts as 0
 
@@ -86,47 +83,6 @@ def kabsch(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, NDArray[n
     size_p, size_q = np.linalg.norm(P, axis=(-2, -1)), np.linalg.norm(Q, axis=(-2, -1))
     floor = LINE_TOLERANCE * s[..., 0] + noise[0] * size_q + noise[1] * size_p
     return rotations, s[..., 1] + sign * s[..., 2] > floor
-
-
-def fit_gradient(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Ints]:
-    """Fit 3D deformation gradients F that map `reference` to `deformed`, both centred first.
-
-    min_F sum |F p_i - q_i|^2: F = Q' P (P'P)^-1, computed as Q' pinv(P'), so that no condition number is squared.
-
-    Parameters
-    ----------
-    reference, deformed : (..., k, 3) array_like
-        Points [m].
-
-    Returns
-    -------
-    gradients : (..., 3, 3) float64
-        F.
-    rank : (...) int64
-        Rank of the reference points. 3: F is the fit. 2 (coplanar): F is right in the plane of the reference and maps
-        its normal to 0. 1 (collinear): right along the line only.
-    """
-    P, Q, noise = _centred_pair(reference, deformed)
-    A, s, Bt = np.linalg.svd(P, full_matrices=False)
-    significant = s > np.maximum(FLAT_TOLERANCE * s[..., :1], noise[0][..., None])
-    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=significant)
-    gradients = np.swapaxes(Q, -1, -2) @ (A * inverse[..., None, :]) @ Bt
-    return gradients, significant.sum(axis=-1)
-
-
-def project_psd(blocks: ArrayLike) -> Floats:
-    """Return the nearest positive semi-definite blocks (m, k, k) in the Frobenius norm: negative eigenvalues set to 0.
-
-    Reads the lower triangles. Blocks without a negative eigenvalue come back bit for bit; of the others the eigenvalues
-    are >= 0 to round-off of the largest. Higham, Linear Algebra Appl. 103 (1988), theorem 2.1.
-    """
-    matrices = as_finite("blocks", blocks)
-    values, vectors = np.linalg.eigh(matrices)
-    indefinite = values[..., 0] < 0
-    V = vectors[indefinite]
-    projected = matrices.copy()
-    projected[indefinite] = (V * np.maximum(values[indefinite], 0)[..., None, :]) @ np.swapaxes(V, -1, -2)
-    return projected
 
 
 def _centred_pair(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Floats, tuple[Floats, Floats]]:

@@ -49,6 +49,7 @@ COMMANDS = {
         "`clothsim check FILE` examines a mesh; units are given by --scale.",
     ),
     "dress": Command("garment_command", "sew a pattern on a body", _PATTERN),
+    "body": Command("body_command", "a body by its measures"),
     "unpose": Command("unpose_command", "garments of a run in the rest pose", _RUN),
     "repose": Command(
         "unpose_command",
@@ -76,7 +77,7 @@ COMMANDS = {
 
 GROUPS = {
     "": ("run", "resume", "check", "explain", "view", "render", "export", "bundle"),
-    "garment": ("fit", "dress", "unpose", "repose", "wrinkle", "author"),
+    "garment": ("fit", "dress", "body", "unpose", "repose", "wrinkle", "author"),
     "study": ("study", "test"),
     "farm": ("farm", "sweep", "learn", "preview"),
     "design": ("gradient", "recover", "design"),

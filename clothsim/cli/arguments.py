@@ -117,11 +117,6 @@ PRINT_RESOLUTION = 300.0
 """Dots per inch of a size in millimetres that names none."""
 
 
-def as_size(text: str) -> tuple[int, int]:
-    """Width and height of "1280x960", (1280, 960), or of "85x64mm" at 300 dots per inch, (1004, 756)."""
-    return as_printed_size(text)[0]
-
-
 def as_printed_size(text: str) -> tuple[tuple[int, int], float]:
     """Width and height in pixels, and the dots per inch, of "85x64mm", "85x64mm@600" or "1280x960" (0 of pixels)."""
     match = re.fullmatch(r"(\d{1,5})[x,](\d{1,5})(?:(mm)(?:@(\d{2,4}))?)?", text.strip().lower())
@@ -253,6 +248,19 @@ def words(option: str, text: str, example: str = "youngs_modulus,bending_stiffne
     if not names:
         raise InputError(f"{option} names nothing.", f"Give some, such as {option} {example}.")
     return names
+
+
+def existing_file(path: Path, what: str) -> Path:
+    """Return a file, or the installed scene of that name. InputError where there is neither."""
+    file = engine.example_file(path)
+    if not file.exists():
+        raise InputError(f"There is no file {path}.", f"Name {what}.")
+    return file
+
+
+def body_file(path: Path | None) -> Path | None:
+    """Return a body file, or the installed scene of that name."""
+    return None if path is None else existing_file(path, "a mesh file, or a scene with a body, as shirt (a mannequin)")
 
 
 def meshed(file: Path, size: str) -> "PatternMesh":

@@ -11,7 +11,16 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.text import length
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import Renamed, add_output_options, add_overwrite, as_length, as_positive_number, as_range
+from clothsim.cli.arguments import (
+    Renamed,
+    add_output_options,
+    add_overwrite,
+    as_length,
+    as_positive_number,
+    as_range,
+    body_file,
+    existing_file,
+)
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
@@ -141,9 +150,9 @@ def _fit(arguments: argparse.Namespace) -> Report:
     message = messages(arguments, arguments.garment)
     with progress.shown(arguments.quiet) as listener:
         done = clothsim.fit(
-            _existing(arguments.garment, "the mesh file of the garment, or a scene with it"),
-            _body(arguments.to),
-            _body(arguments.made_for),
+            existing_file(arguments.garment, "the mesh file of the garment, or a scene with it"),
+            body_file(arguments.to),
+            body_file(arguments.made_for),
             directory,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
             scale_to=None if arguments.scale_to is None else as_positive_number("--scale-to", arguments.scale_to),
@@ -239,19 +248,6 @@ def as_factors(given: list[str]) -> dict[str, float]:
     return found
 
 
-def _body(path: Path | None) -> Path | None:
-    """A body file, or the installed scene of that name."""
-    return None if path is None else _existing(path, "a mesh file, or a scene with a body, as shirt (a mannequin)")
-
-
-def _existing(path: Path, what: str) -> Path:
-    """A file, or the installed scene of that name. InputError where there is neither."""
-    file = engine.example_file(path)
-    if not file.exists():
-        raise InputError(f"There is no file {path}.", f"Name {what}.")
-    return file
-
-
 def _dress(arguments: argparse.Namespace) -> Report:
     several = len(arguments.patterns) > 1 or arguments.over is not None
     if several and (arguments.movie or arguments.seams):
@@ -264,12 +260,12 @@ def _dress(arguments: argparse.Namespace) -> Report:
 
     message = messages(arguments, arguments.patterns[0])
     patterns = [engine.example_file(pattern, "_specification.json") for pattern in arguments.patterns]
-    body = _body(arguments.on)
+    body = body_file(arguments.on)
     settings: dict[str, Any] = {
         "size": as_length("--size", arguments.size),
         "fabric": arguments.fabric,
         "fabrics": as_fabrics(arguments.fabric_of),
-        "made_for": _body(arguments.made_for),
+        "made_for": body_file(arguments.made_for),
         "grade": as_factors(arguments.grade),
         "waistband": arguments.waistband,
         "origin": arguments.origin,

@@ -155,7 +155,11 @@ def _fabrics(arguments: argparse.Namespace) -> Report:
     if name is not None:
         engine.fabric_named("NAME", name)
     if file is not None:
-        return _swatches([name] if name is not None else list(engine.FABRICS), file, arguments)
+        if file.suffix.lower() != ".png":
+            raise InputError(f"--swatches is {str(file)!r}.", "A picture ends in .png.")
+        refuse_output(file, arguments)
+        note = engine.draw_swatches([name] if name is not None else list(engine.FABRICS), file)
+        return Report({"file": str(file), "note": note}, f"{file}. {note}")
     names = list(engine.FABRICS) if name is None else [name]
     document = {each: _document(each) for each in names}
     return Report(document, table(names) if name is None else sheet(name))
@@ -171,14 +175,6 @@ def _document(name: str) -> dict[str, Any]:
         "sources": dict(named.sources),
         "compared": asdict(named.compared),
     }
-
-
-def _swatches(names: list[str], file: Path, arguments: argparse.Namespace) -> Report:
-    if file.suffix.lower() != ".png":
-        raise InputError(f"--swatches is {str(file)!r}.", "A picture ends in .png.")
-    refuse_output(file, arguments)
-    note = engine.draw_swatches(names, file)
-    return Report({"file": str(file), "note": note}, f"{file}. {note}")
 
 
 def table(names: Sequence[str]) -> str:

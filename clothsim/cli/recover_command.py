@@ -21,6 +21,7 @@ from clothsim.cli.arguments import (
     as_length,
     as_positive_number,
     assigned_number,
+    existing_file,
     meshed,
     scene_of,
     words,
@@ -200,8 +201,8 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
     folder, size = arguments.output.with_name(f"{arguments.output.name}_{DRESSED}"), as_length("--size", arguments.size)
     scale = None if arguments.scale is None else as_positive_number("--scale", arguments.scale)
     worn = clothsim.dress(
-        arguments.pattern,
-        arguments.on,
+        engine.example_file(arguments.pattern, "_specification.json"),
+        existing_file(arguments.on, "a body: a mesh file, or a scene with one, as shirt"),
         folder,
         size=size,
         scale=scale,

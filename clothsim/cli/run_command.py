@@ -179,7 +179,10 @@ def _resume(arguments: argparse.Namespace) -> int:
 
 
 def _wrinkle(arguments: argparse.Namespace) -> int:
-    parts = _parts(arguments.cells)
+    match = re.fullmatch(r"(\d{1,9})x", arguments.cells.strip())
+    if not match:
+        raise InputError(f"--cells is {arguments.cells!r}.", "Give the parts of each edge, such as 4x.")
+    parts = int(match[1])
     radius = None if arguments.least_radius is None else as_length("--least-radius", arguments.least_radius)
     run = clothsim.open_run(arguments.directory)
     on_demand.refuse_unfit(run, parts)
@@ -200,14 +203,6 @@ def _wrinkle(arguments: argparse.Namespace) -> int:
         )
 
     return _execute(arguments, arguments.output, job)
-
-
-def _parts(text: str) -> int:
-    """The number of "4x"."""
-    match = re.fullmatch(r"(\d{1,9})x", text.strip())
-    if not match:
-        raise InputError(f"--cells is {text!r}.", "Give the parts of each edge, such as 4x.")
-    return int(match[1])
 
 
 def _dumped_step(arguments: argparse.Namespace) -> int | None:

@@ -1,22 +1,25 @@
 """Recovery of numbers of a scene and of its pattern from calibrated pictures, by Gauss and Newton's method.
 
 The sum of rho(r) over the residuals of all pictures, r over its noise and rho the Huber function, is minimised over the
-logarithms q of the numbers. The derivatives of the cloth's vertices by q are differences of runs at first, and then
-follow the steps by Broyden's update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations");
-the correspondence is found anew at each run, and held in a step. A run begins from the drape that was accepted last, so
-that folds go on as they are. At the end the adjoint gives the gradient of the same sum: how far the end is from a
-minimum, in standard errors, does not rest on the differences.
+logarithms q of the numbers. Its gradient is that of the adjoint of the run. Its Hessian is that of Gauss and Newton:
+the derivatives of the cloth's vertices by q are differences of runs at first, and then follow the steps by Broyden's
+update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations"); the correspondence is found
+anew at each run, and held in a step. A run begins from the drape that was accepted last, so that folds go on as they
+are. How far the end is from a minimum, in standard errors, does not rest on the differences.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients.exact_system import NoMinimumError
 from clothsim.gradients.fabric_prior import SOURCE, WEIGHTS, bending_prior
 from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
 from clothsim.gradients.losses import Custom
@@ -97,7 +100,7 @@ def recover_views(
     first = fit.seen(problem.origin, own)
     if not first.parts:
         raise InputError(f"The pictures cannot be compared with the scene as it is: {first.failure}")
-    drapes = [first]
+    drapes, adjoint = [first], 0.0
     for _ in range(folds - 1):
         drapes.append(fit.seen(first.at, first.positions, _kick(first.positions, rng)))
         if progress is not None:
@@ -116,11 +119,11 @@ def recover_views(
         begun = drapes[int(np.argmin(misfits))] if start == 1 else fit.seen(problem.origin + offset, own)
         tell(begun)
         if begun.parts:
-            last, before, moves, taken = _descended(fit, begun, tell)
+            last, before, moves, taken, seconds = _descended(fit, begun, tell)
             ends.append((last, before, moves))
-            runs += taken
+            runs, adjoint = runs + taken, adjoint + seconds
     best = min(ends, key=lambda each: each[0].total)
-    search = Search(runs, tuple(each[0].total for each in ends), note, began, misfits, twins)
+    search = Search(runs, tuple(each[0].total for each in ends), note, began, adjoint, misfits, twins)
     return recovery_of(fit, first, best, search)
 
 
@@ -186,21 +189,34 @@ def _moves(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> Floats | N
     return np.array(columns).T
 
 
-def _descended(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> tuple[Seen, Seen, Floats, int]:
-    """The last run of a start, the one before it, the derivatives at the last, and the number of runs."""
+def _step(fit: ViewFit, gradient: Floats, hessian: Floats, within: tuple[Floats, Floats]) -> Floats:
+    """The step (k,) that reduces the sum most within limits, weakly bound to where it is.
+
+    What the pictures hardly tell goes to its limit then, and what they tell goes on.
+    """
+    factor = np.linalg.cholesky(hessian + np.diag(fit.known**-2.0))
+    return np.asarray(lsq_linear(factor.T, -np.linalg.solve(factor, gradient), bounds=within).x)
+
+
+def _descended(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> tuple[Seen, Seen, Floats, int, float]:
+    """The last run of a start, the one before it, the derivatives at the last, runs, and seconds of the adjoint."""
     k = len(seen.at)
     reach = by_kind(fit.problem.paths, PATTERN_REACH, FABRIC_REACH)
     low, high = fit.problem.origin - fit.problem.ranges, fit.problem.origin + fit.problem.ranges
     settled = fit.seen(seen.at, seen.positions)
     seen = settled if settled.parts else seen
-    moves, fresh, runs, before = _moves(fit, seen, tell), True, k + 1, seen
+    moves, fresh, runs, before, adjoint = _moves(fit, seen, tell), True, k + 1, seen, 0.0
     for _ in range(MOST_ITERATIONS):
         if moves is None:
             raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
         gradient, hessian, _ = fit.linearised(seen, moves)
-        step = -np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0]
-        step *= min(1.0, float((reach / np.maximum(np.abs(step), 1e-12)).min()))
-        step = np.clip(seen.at + step, low, high) - seen.at
+        if seen.trace is not None:
+            before_adjoint = process_time()
+            with suppress(NoMinimumError):  # a step beside a saddle: the differences do
+                gradient = fit.adjoint(seen, seen.trace).slope
+            adjoint += process_time() - before_adjoint
+        within = np.maximum(low - seen.at, -reach), np.minimum(high - seen.at, reach)
+        step = _step(fit, gradient, hessian, within)
         done = float(step @ hessian @ step) < ENOUGH**2
         better = None
         for halving in range(0 if done else HALVINGS + 1):
@@ -224,4 +240,4 @@ def _descended(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> tuple[
         moves, runs = _moves(fit, seen, tell), runs + k
     if moves is None:
         raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
-    return seen, before, moves, runs
+    return seen, before, moves, runs, adjoint

@@ -11,7 +11,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError
-from clothsim.gradients.loss_of_numbers import Problem
+from clothsim.gradients.loss_of_numbers import Evaluation, Problem, derivatives
+from clothsim.gradients.losses import Custom
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import Residuals
@@ -41,7 +42,7 @@ class Seen:
     """A run, and what is left of the pictures.
 
     at: logarithms (k,); total: the sum, inf where the run cannot be taken; begun: positions that it began from, empty
-    for the scene's own.
+    for the scene's own; trace: its steps, where the adjoint may go over them.
     """
 
     at: Floats
@@ -50,6 +51,7 @@ class Seen:
     parts: tuple[Residuals, ...]
     begun: Floats
     failure: str = ""
+    trace: Trace | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,11 @@ class ViewFit:
     def pairs(self) -> list[tuple[View, str]]:
         """Each picture: the view and what was measured."""
         return [(view, what) for view in self.views for what in view.losses]
+
+    @property
+    def known(self) -> Floats:
+        """Standard deviations of the logarithms without pictures, (k,)."""
+        return by_kind(self.problem.paths, PATTERN_PRIOR, FABRIC_PRIOR)
 
     def residuals(self, positions: Floats) -> tuple[Residuals, ...]:
         """Return the residuals of all pictures, those of borders at half of their weight."""
@@ -89,11 +96,24 @@ class ViewFit:
     def seen(self, at: Floats, begun: Floats, kick: Floats | None = None) -> Seen:
         """Take a run as of `trace`; a failed one is an outcome too."""
         try:
-            x = self.trace(at, begun, kick).cloth_positions()
+            trace = self.trace(at, begun, kick)
+            x = trace.cloth_positions()
             parts = self.residuals(x)
         except ClothsimError as error:
             return Seen(at, float("inf"), np.zeros((0, 3)), (), begun, error.sentence)
-        return Seen(at, self.total(parts, at), x, parts, begun)
+        return Seen(at, self.total(parts, at), x, parts, begun, trace=trace)
+
+    def adjoint(self, seen: Seen, trace: Trace) -> Evaluation:
+        """The sum and its derivative by the logarithms, through the adjoint of the run.
+
+        NoMinimumError where a step of it did not end at a minimum of its energy.
+        """
+        by_x = np.sum([each.jacobian.T @ (each.weights * each.slopes) for each in seen.parts], axis=0, dtype=np.float64)
+        gradient = trace.gradient(Custom(lambda x: (seen.total, by_x.reshape(-1, 3))))
+        values = self.problem.values(seen.at)
+        slope = derivatives(values, gradient, self.problem.shaped) * list(values.values())
+        slope = slope + self.precision @ (seen.at - self.mean)
+        return Evaluation(values, seen.total, slope, gradient.newton_error)
 
     def folds_misfit(self, seen: Seen) -> float:
         """How badly folds agree: mean rho of the normals, and rho at the gate of pixels left out; without them, all."""
@@ -137,8 +157,7 @@ class ViewFit:
 
     def covariance(self, hessian: Floats, blocks: Floats) -> Floats:
         """Covariance of the logarithms (k, k) by blocks."""
-        known = by_kind(self.problem.paths, PATTERN_PRIOR, FABRIC_PRIOR)
-        floor = np.diag((UNTOLD * known) ** -2.0)
+        floor = np.diag((UNTOLD * self.known) ** -2.0)
         inverse = np.linalg.inv(hessian + floor)
         middle = blocks.T @ blocks * (len(blocks) / max(len(blocks) - len(hessian), 1)) + self.precision
         return np.asarray(inverse @ (middle + floor) @ inverse)
@@ -146,8 +165,7 @@ class ViewFit:
     def left(self, seen: Seen, moves: Floats) -> Floats:
         """Return the step of Gauss and Newton that is left, (k,), weakly bound to where it is."""
         gradient, hessian, _ = self.linearised(seen, moves)
-        known = by_kind(self.problem.paths, PATTERN_PRIOR, FABRIC_PRIOR)
-        return np.asarray(-np.linalg.solve(hessian + np.diag(known**-2.0), gradient))
+        return np.asarray(-np.linalg.solve(hessian + np.diag(self.known**-2.0), gradient))
 
 
 def errors_of(covariance: Floats) -> Floats:

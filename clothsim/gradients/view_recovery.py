@@ -10,14 +10,13 @@ from scipy.sparse import block_diag, csr_array, eye_array, kron
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.loss_of_numbers import Evaluation, derivatives, intersecting_pairs
-from clothsim.gradients.losses import Custom
+from clothsim.gradients.loss_of_numbers import intersecting_pairs
 from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import PictureLoss
 from clothsim.gradients.recover import Recovery
-from clothsim.gradients.run import Trace, traced
-from clothsim.gradients.view_fit import FABRIC_PRIOR, PATTERN_PRIOR, Seen, ViewFit, by_kind, errors_of
+from clothsim.gradients.run import traced
+from clothsim.gradients.view_fit import Seen, ViewFit, errors_of
 from clothsim.gradients.views import overlay
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.mesh.refinement import refined
@@ -126,14 +125,16 @@ class ViewRecovery(Recovery):
 class Search:
     """What a search took.
 
-    runs; minima: sums at the ends of all starts; note: what the prior is; began: processor time at its start; folds:
-    misfits of the drapes that the first start was chosen from; twins: whether other models are to be run.
+    runs; minima: sums at the ends of all starts; note: what the prior is; began: processor time at its start; adjoint:
+    that of the adjoint [s]; folds: misfits of the drapes that the first start was chosen from; twins: whether other
+    models are to be run.
     """
 
     runs: int
     minima: tuple[float, ...]
     note: str
     began: float
+    adjoint: float
     folds: tuple[float, ...]
     twins: bool
 
@@ -156,17 +157,17 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
     problem, paths = fit.problem, fit.problem.paths
     _, hessian, blocks = fit.linearised(last, moves)
     covariance = fit.covariance(hessian, blocks)
-    known = by_kind(paths, PATTERN_PRIOR, FABRIC_PRIOR)
+    known = fit.known
     spread, directions = np.linalg.eigh(covariance / np.outer(known, known))
     errors = errors_of(covariance)
     loose = [
         directions[:, k] * np.sign(directions[np.abs(directions[:, k]).argmax(), k])
         for k in np.flatnonzero(spread > 0.25)
     ]
-    trace = fit.trace(last.at, last.begun)
+    trace = fit.trace(last.at, last.begun) if last.trace is None else last.trace
     before_adjoint = process_time()
-    gradient = _adjoint_gradient(fit, trace, last)
-    adjoint = process_time() - before_adjoint
+    gradient = fit.adjoint(last, trace)
+    adjoint = search.adjoint + process_time() - before_adjoint
     left = np.linalg.lstsq(hessian, gradient.slope, rcond=1e-12)[0]
     at_limit = np.abs(np.abs(last.at - problem.origin) - problem.ranges) < 1e-3
     values = problem.values(last.at)
@@ -182,7 +183,7 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
         tuple(path for path, limit in zip(paths, at_limit, strict=True) if limit),
         replace(gradient, intersecting_pairs=intersecting_pairs(trace)),
         search.minima,
-        search.runs + 1 + len(twins),
+        search.runs + len(twins),
         search.note,
         _fits(fit, last, before),
         twins,
@@ -316,17 +317,6 @@ def _told(fit: ViewFit, last: Seen, moves: Floats) -> dict[str, dict[str, float]
         errors = errors_of(fit.covariance(hessian, blocks))
         out[name] = {path: float(error) for path, error in zip(fit.problem.paths, errors, strict=True)}
     return out
-
-
-def _adjoint_gradient(fit: ViewFit, trace: Trace, last: Seen) -> Evaluation:
-    """The sum and its derivative by the logarithms, through the adjoint of the run."""
-    by_x = np.sum([each.jacobian.T @ (each.weights * each.slopes) for each in last.parts], axis=0, dtype=np.float64)
-    gradient = trace.gradient(Custom(lambda x: (last.total, by_x.reshape(-1, 3))))
-    problem = fit.problem
-    values = problem.values(last.at)
-    slope = derivatives(values, gradient, problem.shaped) * list(values.values())
-    slope = slope + fit.precision @ (last.at - fit.mean)
-    return Evaluation(values, last.total, slope, gradient.newton_error)
 
 
 def _fits(fit: ViewFit, last: Seen, before: Seen) -> tuple[PictureFit, ...]:

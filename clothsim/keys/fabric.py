@@ -236,39 +236,3 @@ class Fabric:
     @staticmethod
     def _own(value: float | None, isotropic: float) -> float:
         return isotropic if value is None else value
-
-
-NEAREST = 0.95
-"""Share of the limit at which an inadmissible stiffness on the bias is taken; at the limit twisting is rigid."""
-
-
-def admissible_bias(warp: float, weft: float, bias: float, poisson_ratio: float) -> tuple[float, str]:
-    """Bending stiffness at 45 degrees nearest to a measured one that a sheet can have.
-
-    Parameters
-    ----------
-    warp, weft, bias : float
-        Bending stiffnesses that were measured along warp, weft and at 45 degrees [N m].
-    poisson_ratio : float
-        Of the fabric.
-
-    Returns
-    -------
-    bias : float
-        The measured one, or where no twisting stiffness gives it `NEAREST` times the limit [N m].
-    note : str
-        What was done and why; empty where the measured one is taken.
-
-    Examples
-    --------
-    >>> admissible_bias(2e-5, 1e-5, 1.2e-5, 0.3)
-    (1.2e-05, '')
-    >>> nearest, note = admissible_bias(2e-5, 1e-5, 4e-5, 0.3)
-    >>> round(1e6 * nearest, 1)
-    35.3
-    """
-    unlimited = Fabric(1.0, 1.0, 1.0, poisson_ratio, warp, bending_warp=warp, bending_weft=weft)
-    limit = 1 / unlimited._flexibility_without_twist if unlimited._flexibility_without_twist > 0 else float("inf")
-    if bias <= NEAREST * limit:
-        return bias, ""
-    return NEAREST * limit, f"{bias:.3g} N m was measured; no twisting stiffness gives more than {limit:.3g} N m"

@@ -122,6 +122,13 @@ class FigureKeys(KeyTable):
     hips: Annotated[float, Key("Factor of the hip girth", "1", above=0)] = 1.0
     shoulder_width: Annotated[float, Key("Factor of the shoulder width", "1", above=0)] = 1.0
     limb_girth: Annotated[float, Key("Factor of the girths of arms and legs", "1", above=0)] = 1.0
+    neck: Annotated[float, Key("Factor of the neck girth", "1", above=0)] = 1.0
+    arm_girth: Annotated[float, Key("Factor of the girths of the upper arms, beside limb_girth", "1", above=0)] = 1.0
+    arm_length: Annotated[float, Key("Factor of the length from shoulder to wrist", "1", above=0)] = 1.0
+    leg_length: Annotated[float, Key("Factor of the height of the crotch", "1", above=0)] = 1.0
+    waist_height: Annotated[float, Key("Factor of the height of the waist, beside leg_length", "1", above=0)] = 1.0
+    thigh: Annotated[float, Key("Factor of the thigh girth, beside limb_girth", "1", above=0)] = 1.0
+    calf: Annotated[float, Key("Factor of the calf girth, beside limb_girth", "1", above=0)] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

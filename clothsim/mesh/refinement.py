@@ -78,7 +78,7 @@ def _rules(ends: Ints, edge: Ints, n_edges: int, n: int) -> tuple[Ints, Ints, Fl
     following = opposite[before]  # the next spoke about the start of a half-edge
     inner = ~on_border[ends[:, 0]]
     shared = np.where(inner & ~on_border[ends[:, 1]], 0.5, 1.0)
-    parts = [(edge[inner], ends[inner, 0], (shared * _of_centre(fan[ends[:, 0]]))[inner])]
+    parts = [(edge[inner], ends[inner, 0], 0.75 * shared[inner])]  # of a vertex in the new vertices of its spokes
     spoke = np.flatnonzero(inner)
     at = spoke.copy()
     for k in range(int(fan[ends[spoke, 0]].max(initial=0))):
@@ -109,11 +109,6 @@ def _twins(ends: Ints, edge: Ints, n_edges: int) -> Ints:
     out = np.full(len(ends), -1)
     out[a[against]], out[b[against]] = b[against], a[against]
     return out
-
-
-def _of_centre(counts: Ints) -> Floats:
-    """Weight of a vertex with `counts` neighbours in the new vertices of its spokes."""
-    return np.full(len(counts), 0.75)
 
 
 def _of_spoke(k: int, counts: Ints) -> Floats:

@@ -19,6 +19,7 @@ from clothsim.base.triangles import thirds_at_vertices
 from clothsim.mesh.body import Body, FreeMotion, RigidMotion
 from clothsim.mesh.cloth import Cloth, Hinges, cloth_hinges, corner_over_edge, join_hinges, stiffness_in_series
 from clothsim.mesh.rigid_body import RigidBody
+from clothsim.mesh.rod import Rod
 from clothsim.mesh.topology import unique_edges
 
 
@@ -77,6 +78,17 @@ class World:
         """The rows of x of the coordinates of each rigid body."""
         return _slices([len(body.coordinates) for body in self.rigid], self.n_cloth)
 
+    @cached_property
+    def rods(self) -> tuple[tuple[Rod, slice], ...]:
+        """The cloths that are rods, with their rows of x."""
+        every = zip(self.cloths, self.cloth_slices, strict=True)
+        return tuple((cloth, rows) for cloth, rows in every if isinstance(cloth, Rod))
+
+    @cached_property
+    def rod_edges(self) -> Ints:
+        """Edges of all rods, which belong to no triangle, (k, 2)."""
+        return np.concatenate([np.zeros((0, 2), np.int64), *(rod.edges + rows.start for rod, rows in self.rods)])
+
     @property
     def prescribed_bodies(self) -> tuple[Body, ...]:
         """The bodies that are not rigid ones moved by forces."""
@@ -116,8 +128,8 @@ class World:
 
     @cached_property
     def edges(self) -> Ints:
-        """All cloth edges, (e, 2)."""
-        return unique_edges(self.triangles)
+        """All edges of cloths and rods, (e, 2)."""
+        return np.concatenate([unique_edges(self.triangles), self.rod_edges])
 
     @cached_property
     def cell(self) -> float:
@@ -125,8 +137,8 @@ class World:
         if not self.cloths:
             ends = np.concatenate([body.positions[unique_edges(body.triangles)] for body in self.rigid])
             return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
-        E = self.rest_shapes  # columns are two edges of each triangle
-        return float(np.median(np.linalg.norm(E, axis=1)))
+        sizes = np.linalg.norm(self.rest_shapes, axis=1)  # columns are two edges of each triangle
+        return float(np.median(np.concatenate([sizes.ravel(), *(rod.lengths for rod, _ in self.rods)])))
 
     @property
     def material_coordinates(self) -> Floats:
@@ -152,7 +164,10 @@ class World:
     @cached_property
     def masses(self) -> Floats:
         """Lumped masses of the cloth vertices, (n_cloth,) [kg]: a third of each triangle to each corner."""
-        return thirds_at_vertices(self.per_triangle("density") * self.rest_areas, self.triangles, self.n_cloth)
+        masses = thirds_at_vertices(self.per_triangle("density") * self.rest_areas, self.triangles, self.n_cloth)
+        for rod, rows in self.rods:
+            masses[rows] = rod.mass_per_length * rod.vertex_lengths
+        return masses
 
     @cached_property
     def inertial_masses(self) -> Floats:
@@ -166,8 +181,11 @@ class World:
 
     @cached_property
     def vertex_areas(self) -> Floats:
-        """Reference area of each cloth vertex, (n_cloth,) [m2]."""
-        return thirds_at_vertices(self.rest_areas, self.triangles, self.n_cloth)
+        """Reference area of each cloth vertex, (n_cloth,) [m2]; of a rod its length times the radius."""
+        areas = thirds_at_vertices(self.rest_areas, self.triangles, self.n_cloth)
+        for rod, rows in self.rods:
+            areas[rows] = rod.radius * rod.vertex_lengths
+        return areas
 
     def per_triangle(self, property_name: str) -> Floats:
         """Return a property of each triangle's fabric, (m,): "density", "shear_modulus", "thickness", ..."""

@@ -157,7 +157,7 @@ def _metres(properties: Mapping[str, Any]) -> tuple[float, tuple[str, ...]]:
     """Metres in a unit of the file, and a note where it is assumed."""
     if "units_in_meter" not in properties:
         return 1 / USUAL_UNITS, ("the file names no units_in_meter: its lengths are read as centimetres",)
-    units = _number("properties.units_in_meter", properties["units_in_meter"])
+    units = float(_numbers("properties.units_in_meter", [properties["units_in_meter"]], (1,))[0])
     if not SMALLEST_UNITS <= units <= LARGEST_UNITS:
         raise InputError(f"properties.units_in_meter is {units:g}.", "100 for centimetres, 1 for metres.")
     return 1 / units, ()
@@ -295,10 +295,6 @@ def _refuse_deep(entries: Any) -> None:
         if not level:
             return
     raise InputError(f"The file nests lists and tables deeper than {DEEPEST}.", "No sewing pattern does.")
-
-
-def _number(where: str, value: Any) -> float:
-    return float(_numbers(where, [value], (1,))[0])
 
 
 def _numbers(where: str, value: Any, shape: tuple[int, ...]) -> Floats:

@@ -51,7 +51,11 @@ def pair_stress(membrane: PairMembrane, world: World, x: Floats) -> Floats:
     forces = separate.gradient(y).reshape(-1, 4, 3)
     single = second < 0
     X = np.zeros((len(first), 4, 2))
-    X[:, 1:] = _edges(membrane.rates, single)
+    # rest positions of the last three vertices relative to the first, (p, 3, 2) [m], from their gradients
+    edges = np.zeros((len(membrane.rates), 3, 2))
+    edges[:, :2] = np.linalg.inv(membrane.rates[:, 1, 1:3]).transpose(0, 2, 1)
+    edges[~single, 2] = np.linalg.inv(membrane.rates[~single][:, 2, [1, 3]])[:, :, 1]
+    X[:, 1:] = edges
     areas = world.rest_areas[first] + np.where(single, 0.0, world.rest_areas[second])
     P = np.einsum("pvk,pvi->pki", forces, X) / areas[:, None, None]
     values = np.zeros((len(world.triangles), 3, 2))
@@ -90,14 +94,6 @@ def _separate_pairs(membrane: PairMembrane, world: World, x: Floats) -> tuple[En
     second[elements[:, 2] == elements[:, 3]] = -1
     separate = replace(cast("Any", membrane), elements=np.arange(elements.size).reshape(-1, 4))
     return separate, np.ascontiguousarray(x[elements.ravel()]), first, second
-
-
-def _edges(rates: Floats, single: np.ndarray) -> Floats:
-    """Rest positions of the last three vertices relative to the first, (p, 3, 2) [m], from their gradients."""
-    edges = np.zeros((len(rates), 3, 2))
-    edges[:, :2] = np.linalg.inv(rates[:, 1, 1:3]).transpose(0, 2, 1)
-    edges[~single, 2] = np.linalg.inv(rates[~single][:, 2, [1, 3]])[:, :, 1]
-    return edges
 
 
 def _turns(world: World, elements: Ints, first: Ints, second: Ints) -> Floats:

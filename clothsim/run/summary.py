@@ -104,11 +104,13 @@ def _reason_of_end(session: "Session", state: "State") -> str:
 def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """Names and texts of what a summary certifies, with its warnings."""
     certificate = summary["certificate"]
+    speed = certificate["fastest_speed"]
+    fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
     return [
         *_contact_and_balance(certificate, "body_contact" in summary["effects"]),
         *(("checked", text) for text in _effort(summary.get("exact_check"))),
         *(("WARNING", text) for text in summary.get("warnings", ())),
-        ("rest", _rest(certificate)),
+        ("rest", f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"),
         *(("unstable", text) for text in _unstable(certificate)),
         ("error", _error(certificate)),
     ]
@@ -175,13 +177,6 @@ def _effort(checks: dict[str, int] | None) -> list[str]:
         return []
     tested = f"{many(checks['states'], 'state')} exactly: {many(checks['pairs_tested'], 'pair')} of triangles tested"
     return [f"{tested}, {checks['pairs_proved']:,} proved apart since an earlier state"]
-
-
-def _rest(certificate: dict[str, Any]) -> str:
-    """At rest or not, and the largest speed at the end."""
-    speed = certificate["fastest_speed"]
-    fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
-    return f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"
 
 
 def _unstable(certificate: dict[str, Any]) -> list[str]:

@@ -62,7 +62,10 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
             try:
                 points, faces = read(where, mesh)
             except (TypeError, ValueError) as error:  # another library's object, whose faces may be anything
-                raise _unreadable(where, mesh, error) from error
+                raise InputError(
+                    f"{where}: the faces of the {type(mesh).__name__} cannot be read ({error}).",
+                    "Give vertices and triangles.",
+                ) from error
             break
     else:
         known = (
@@ -203,12 +206,6 @@ def _read_skfem(where: str, mesh: Any) -> tuple[Any, Faces]:
 def _middles(mesh: Any, corners: Floats) -> list[Floats]:
     """The middles of the sides and of the cells, in scikit-fem's order, (m, sides, d) and (m, 1, d)."""
     return [corners[:, mesh.elem.refdom.facets].mean(axis=2), corners.mean(axis=1, keepdims=True)]
-
-
-def _unreadable(where: str, mesh: Any, error: Exception) -> InputError:
-    return InputError(
-        f"{where}: the faces of the {type(mesh).__name__} cannot be read ({error}).", "Give vertices and triangles."
-    )
 
 
 def _no_surface(where: str, has: str, remedy: str) -> InputError:

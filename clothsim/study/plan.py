@@ -1,6 +1,5 @@
 """Sequence of a study's runs: what a statement on the error needs comes first."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from clothsim.base.errors import InputError
@@ -38,12 +37,16 @@ def gathered(gatherer: Gatherer) -> Observations:
     if not gatherer.good(BASE):
         return observations(gatherer)
     gatherer.gather(needed)
-    gatherer.gather(_second(bench))
+    gatherer.gather([*bench.tight(TIGHT), *one_parameter(list(bench.parameters), 1), *bench.other_formula((1,))])
     gatherer.gather([*one_parameter(list(bench.parameters), -1), *bench.other_formula((-1,))])
     gatherer.gather(needed)  # where coarser runs show that they fit after all
     seen = with_twins(observations(gatherer), needed)
     if seen.chaotic:
-        return _gather_seeds(gatherer, seen, needed)
+        # the runs of chaotic folds: seeds of the base and of every finer run
+        gatherer.gather(seeded([BASE, *needed]))
+        gatherer.gather(seeded(one_parameter(list(gatherer.bench.parameters), 1)), LATE)
+        _other_settings(gatherer)
+        return replace(seen, noise=seen.spread())
     gatherer.gather(seen.compared().points_together(TOGETHER[:1]))
     gatherer.gather(seen.compared().points_together(TOGETHER[1:2]))
     if all(gatherer.good(each) for each in needed):
@@ -85,19 +88,6 @@ def unanswered(seen: Observations) -> list[str]:
     if not all(each in gatherer.outcomes for each in bench.tight(TIGHT)):
         names.append("twins")
     return [*names, "seeds"] if seen.chaotic and not enough_seeds(seen, needed) else names
-
-
-def _second(bench: Bench) -> list[Point]:
-    """Twins, every parameter finer, and the other difference formula with a finer dt."""
-    return [*bench.tight(TIGHT), *one_parameter(list(bench.parameters), 1), *bench.other_formula((1,))]
-
-
-def _gather_seeds(gatherer: Gatherer, seen: Observations, needed: Sequence[Point]) -> Observations:
-    """The runs of chaotic folds: seeds of the base and of every finer run."""
-    gatherer.gather(seeded([BASE, *needed]))
-    gatherer.gather(seeded(one_parameter(list(gatherer.bench.parameters), 1)), LATE)
-    _other_settings(gatherer)
-    return replace(seen, noise=seen.spread())
 
 
 def _gather_detail(gatherer: Gatherer, seen: Observations) -> None:

@@ -186,17 +186,14 @@ def markdown(name: str, result: Mapping[str, Any]) -> str:
         "\n".join(f"* {line}" for line in _method(result)),
     ]
     if "goal" in result:
-        parts[-2:-2] = _goal(result["goal"])
+        goal = result["goal"]
+        picture = [] if goal["failed"] else [f"![Error of {goal['name']} on the cloth]({PICTURE_NAME})"]
+        parts[-2:-2] = [f"## Which triangles make the error of {goal['name']}", "\n".join(goal_lines(goal)), *picture]
     if result["left_out"] or result["failed"]:
         lines = [f"* {name}: {reason}." for name, reason in result["left_out"].items()]
         lines += [f"* {entry['label']} is no data point: {entry['failed']}" for entry in result["failed"]]
         parts += ["## Left out", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
-
-
-def _goal(goal: dict[str, Any]) -> list[str]:
-    picture = [] if goal["failed"] else [f"![Error of {goal['name']} on the cloth]({PICTURE_NAME})"]
-    return [f"## Which triangles make the error of {goal['name']}", "\n".join(goal_lines(goal)), *picture]
 
 
 def _remainder(length: float | None) -> str:

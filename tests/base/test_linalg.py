@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 from meshes import random_rotation
 
 from clothsim.base.errors import InputError
-from clothsim.base.linalg import dot, eigen_2x2, fit_gradient, kabsch, project_psd
+from clothsim.base.linalg import dot, eigen_2x2, kabsch
 from clothsim.mesh.body import rotation_matrix
 
 EPS = np.finfo(float).eps
@@ -156,84 +156,7 @@ def test_bad_points_are_refused_by_name():
     with pytest.raises(InputError, match=r"must both have shape"):
         kabsch(CORNERS, CORNERS[:3])
     with pytest.raises(InputError, match=r"k >= 1"):
-        fit_gradient(np.zeros((0, 3)), np.zeros((0, 3)))
-
-
-# --- least-squares F ---
-
-
-def test_affine_maps_are_found():
-    rng = np.random.default_rng(0)
-    P, F = rng.standard_normal((5, 6, 3)), rng.standard_normal((5, 3, 3))
-    found, rank = fit_gradient(P, P @ np.swapaxes(F, 1, 2) + [1.0, 2.0, 3.0])
-    assert (rank == 3).all()
-    np.testing.assert_allclose(found, F, rtol=0, atol=1e-13)
-
-
-def test_it_equals_the_normal_equations_for_a_solid_ring():
-    P, Q = np.random.default_rng(1).standard_normal((2, 8, 3))
-    Pc, Qc = P - P.mean(0), Q - Q.mean(0)
-    expected = Qc.T @ Pc @ np.linalg.inv(Pc.T @ Pc)
-    np.testing.assert_allclose(fit_gradient(P, Q)[0], expected, rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize("far", [0.0, 1e3, 1e7])
-def test_a_flat_ring_is_right_in_its_plane_and_zero_across(far):
-    rng = np.random.default_rng(2)
-    P, F = flat(rng.standard_normal((6, 3))), rng.standard_normal((3, 3))
-    found, rank = fit_gradient(P + far, (P + far) @ F.T)
-    t, n = random_rotation(7)[:, :2], random_rotation(7)[:, 2]
-    assert rank == 2
-    np.testing.assert_allclose(found @ t, F @ t, rtol=0, atol=1e-14 * max(1, 10 * far))
-    np.testing.assert_allclose(found @ n, 0, rtol=0, atol=1e-14 * max(1, 10 * far))
-
-
-def test_a_shallow_ring_is_not_taken_for_a_flat_one():
-    P = np.random.default_rng(3).standard_normal((6, 3)) * [1, 1, 1e-6]
-    F = random_rotation(3)
-    found, rank = fit_gradient(P, P @ F.T)
-    assert rank == 3
-    np.testing.assert_allclose(found, F, rtol=0, atol=1e-8)
-
-
-@pytest.mark.parametrize(("points", "expected"), [(LINE, 1), (np.zeros((4, 3)), 0), (CORNERS[:2], 1)])
-def test_lower_ranks(points, expected):
-    F, rank = fit_gradient(points, 2 * points)
-    assert rank == expected
-    np.testing.assert_allclose(points @ F.T, 2 * points - 2 * points.mean(0) + points.mean(0) @ F.T, atol=1e-14)
-
-
-# --- PSD projection ---
-
-
-def test_projection_is_semidefinite_and_nearest():
-    A = np.random.default_rng(0).standard_normal((20, 9, 9))
-    A = A + np.swapaxes(A, 1, 2)
-    projected = project_psd(A)
-    assert (np.linalg.eigvalsh(projected) > -1e-13).all()
-    negative = np.minimum(np.linalg.eigvalsh(A), 0)
-    distance = np.linalg.norm(projected - A, axis=(1, 2))
-    np.testing.assert_allclose(distance, np.linalg.norm(negative, axis=1), rtol=1e-12)
-    np.testing.assert_allclose(project_psd(projected), projected, rtol=0, atol=1e-13)
-
-
-def test_what_is_semidefinite_comes_back_bit_for_bit_and_the_input_is_left_alone():
-    B = np.random.default_rng(1).standard_normal((4, 6, 6))
-    blocks = B @ np.swapaxes(B, 1, 2) + np.eye(6)
-    blocks[2] = -blocks[2]
-    before = blocks.copy()
-    projected = project_psd(blocks)
-    np.testing.assert_array_equal(projected[[0, 1, 3]], blocks[[0, 1, 3]])
-    np.testing.assert_array_equal(projected[2], 0)
-    np.testing.assert_array_equal(blocks, before)
-    assert project_psd(np.zeros((0, 9, 9))).shape == (0, 9, 9)
-
-
-def test_blocks_that_are_not_finite_are_named():
-    blocks = np.zeros((3, 2, 2))
-    blocks[1, 0, 1] = np.nan
-    with pytest.raises(InputError, match=r"blocks\[1, 0, 1\] is nan"):
-        project_psd(blocks)
+        kabsch(np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 def test_dot_is_the_sum_of_products_of_any_shape():

@@ -12,8 +12,8 @@ def test_pictures_fit_the_drape_that_they_show(tmp_path):
     made = views.cameras(2, (160, 120))[1:]
     ball, faces = sphere(views.BALL["radius"], 3)
     obstacle = Obstacle(ball + views.BALL["position"], faces)
-    (view,) = read_views(views.write_views(tmp_path, made, scene), {}, obstacle)
     trace = traced(scene)
+    (view,) = read_views(views.write_views(tmp_path, made, trace), {}, obstacle)
     x, triangles = trace.cloth_positions(), trace.session.built.world.triangles
     for loss in view.losses.values():
         true, longer = (loss.residuals(y, triangles) for y in (x, x * [1.0, 1.0, 1.05]))

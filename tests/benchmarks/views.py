@@ -21,7 +21,7 @@ from clothsim import Cloth, Scene
 from clothsim.base.ray_casting import first_hits
 from clothsim.base.text import text_table
 from clothsim.gradients.camera import Camera
-from clothsim.gradients.run import traced
+from clothsim.gradients.run import Trace, traced
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.refinement import refined
 from clothsim.mesh.weld import mean_of_parts
@@ -105,15 +105,23 @@ def cameras(count: int, size: tuple[int, int] = (640, 480)) -> list[Camera]:
     return made
 
 
-def pictures(camera: Camera, x, triangles, rng, noise: tuple[float, float], grain=0.0) -> tuple[np.ndarray, np.ndarray]:
+def ball_corners() -> np.ndarray:
+    """Corners of the triangles of the ball, (m, 3, 3) [m]."""
+    ball, faces = sphere(BALL["radius"], 5)
+    return (ball + BALL["position"])[faces]
+
+
+def pictures(
+    camera: Camera, x, triangles, rng, noise: tuple[float, float], grain=0.0, body=None
+) -> tuple[np.ndarray, np.ndarray]:
     """Mask and normals in a camera, with noise of a mask's border [pixels] and of normals [degrees].
 
-    grain: distance at which the noise of normals is still alike [pixels].
+    grain: distance at which the noise of normals is still alike [pixels]; body: corners (m, 3, 3) of what is in front
+    and behind, the ball where none are given.
     """
     weights, fine = refined(triangles, len(x), 1)
     y = weights @ x
-    ball, faces = sphere(BALL["radius"], 5)
-    corners = np.concatenate([y[fine], (ball + BALL["position"])[faces]])
+    corners = np.concatenate([y[fine], ball_corners() if body is None else body])
     v, u = np.indices((camera.height, camera.width))
     rays = camera.rays(np.column_stack([u.ravel(), v.ravel()]))
     hits = first_hits(corners, camera.position, rays)
@@ -134,14 +142,23 @@ def pictures(camera: Camera, x, triangles, rng, noise: tuple[float, float], grai
     return mask, normals.reshape(*v.shape, 3)
 
 
-def write_views(folder: Path, made: list[Camera], scene: Scene, noise=(1.0, 5.0), seed: int = 0) -> Path:
-    """Write the pictures of a scene's end, and views.toml."""
-    trace, rng = traced(scene), np.random.default_rng(seed)
+def body_corners(trace: Trace) -> np.ndarray:
+    """Corners of the triangles of the bodies of a run, (m, 3, 3) [m]."""
+    world = trace.session.built.world
+    everything = world.start() + world.origin
+    parts = [everything[rows][body.triangles] for body, rows in zip(world.bodies, world.body_slices, strict=True)]
+    return np.concatenate(parts)
+
+
+def write_views(folder: Path, made: list[Camera], trace: Trace, noise=(1.0, 5.0), seed: int = 0) -> Path:
+    """Write the pictures of the end of a run, and views.toml."""
+    rng = np.random.default_rng(seed)
     x, triangles = trace.cloth_positions(), trace.session.built.world.triangles
+    body = body_corners(trace)
     folder.mkdir(parents=True, exist_ok=True)
     lines = [f"[noise]\nmask = {noise[0] or 1.0}\nnormals_degrees = {noise[1] or 5.0}\n"]
     for k, camera in enumerate(made):
-        mask, normals = pictures(camera, x, triangles, rng, noise)
+        mask, normals = pictures(camera, x, triangles, rng, noise, body=body)
         Image.fromarray(np.where(mask, 255, 0).astype(np.uint8)).save(folder / f"mask{k}.png")
         np.save(folder / f"normals{k}.npy", normals.astype(np.float32))
         keys = {"focal": camera.focal, "principal": camera.principal, "rotation": camera.rotation}
@@ -200,7 +217,7 @@ def fitted(folder: Path, seed: int, spacing: float, small: bool) -> int:
     fine, coarse, long, short = (0.04, 0.06, 0.6, 0.4) if small else (0.014, spacing, 1.6, 0.8)
     factors = truth_of(seed)
     truth = skirt(meshed(fine, **factors), BENDING, dt=0.04, ripple=0.004, duration=long, seed=seed)
-    views = write_views(folder, cameras(count, size), truth, seed=seed)
+    views = write_views(folder, cameras(count, size), traced(truth), seed=seed)
     before = time.process_time()
     mesh = meshed(coarse)
 

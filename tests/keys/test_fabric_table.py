@@ -8,7 +8,7 @@ from effect_builders import membrane
 from meshes import cloth, grid
 
 from clothsim.base.errors import InputError
-from clothsim.keys.fabric import BENDINGS, Fabric, admissible_bias
+from clothsim.keys.fabric import BENDINGS
 from clothsim.keys.fabric_table import (
     FABRICS,
     GRAM_FORCE_CM,
@@ -149,32 +149,6 @@ class TestInAScene:
         own = fabric_of(youngs_modulus=1e5)
         assert own.stiffness_along_warp == own.stiffness_along_weft == 1e5 * own.thickness
         assert own.poisson_ratio_of_threads == own.poisson_ratio
-
-
-class TestMeasuredBias:
-    @pytest.mark.parametrize("bias", [1e-6, 1.2e-5, 3e-5, 1e-3])
-    def test_a_sheet_has_the_nearest_bias(self, bias):
-        taken, note = admissible_bias(2e-5, 1e-5, bias, 0.3)
-        fabric = Fabric(0.2, 4e-4, 1e6, 0.3, 1e-5, bending_warp=2e-5, bending_weft=1e-5, bending_bias=taken)
-        assert 0 < fabric.twisting_stiffness < 1e-3
-        assert (taken == bias) == (note == "")
-        assert taken <= bias
-
-    @pytest.mark.skipif(not MEASURED.is_file(), reason="the bending of 618 fabrics is not here")
-    @pytest.mark.parametrize(("nu", "refused"), [(0.0, 62), (0.2, 45), (0.3, 32)])
-    def test_every_measured_fabric_is_taken(self, nu, refused):
-        rows = np.loadtxt(MEASURED, delimiter=",", skiprows=1)
-        inadmissible = 0
-        for density, warp, weft, bias in rows[:, :4].tolist():
-            values = {"bending_warp": warp, "bending_weft": weft}
-            try:
-                Fabric(density, density / 520, 1e6, nu, warp, **values, bending_bias=bias)
-            except InputError:
-                inadmissible += 1
-            taken, _ = admissible_bias(warp, weft, bias, nu)
-            fabric = Fabric(density, density / 520, 1e6, nu, warp, **values, bending_bias=taken)
-            assert fabric.twisting_stiffness > 0
-        assert inadmissible == refused
 
 
 @pytest.mark.skipif(not MEASURED.is_file(), reason="the bending of 618 fabrics is not here")

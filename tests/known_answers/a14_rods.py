@@ -10,8 +10,10 @@ from functools import partial
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.linalg import unit
+from clothsim.mesh.rod import make_rod
 from clothsim.mesh.world import World, make_world
-from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.base import Energy, Prescribed
 from clothsim.physics.energies.edge_curves import EdgeCurve
 from clothsim.physics.energies.gravity import GravityEnergy
 from clothsim.physics.energies.stiffeners import RodsEnergy, rods_along
@@ -23,6 +25,7 @@ from tests.known_answers.plates import elastica
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import cloth, grid
 from tests.known_answers.unit_solver import equilibrium, held, second_derivatives
+from tests.support.effect_builders import self_contact
 
 STRETCH = 1e6
 """EA, so that no rod is longer by more than its error of bending."""
@@ -142,6 +145,49 @@ def sagging(ratio: float, edges: int) -> float:
     return float(-rested(world, rows, start, np.array([0, edges]), *energies)[:, 2].min() / length)
 
 
+def overhand(edges: int, radius: float) -> tuple[World, Floats]:
+    """A rod of an open overhand knot with a loop of radius about 1 and straight ends, and the directions of these."""
+    u = np.linspace(0.0, 2 * np.pi, 1401)[60:-60]
+    x, y, z = np.sin(u) + 2 * np.sin(2 * u), np.cos(u) - 2 * np.cos(2 * u), -0.6 * np.sin(3 * u)
+    points = 0.5 * np.column_stack([x, y, z])
+    outward = np.stack([unit(points[0] - points[1]), unit(points[-1] - points[-2])])
+    far = np.linspace(2.0, 0.0, 200, endpoint=False)[:, None]
+    points = np.concatenate([points[0] + far * outward[0], points, points[-1] + far[::-1] * outward[1]])
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    even = np.linspace(0, s[-1], edges + 1)
+    rod_points = np.column_stack([np.interp(even, s, column) for column in points.T])
+    return make_world([make_rod("rod", rod_points, radius, 1.0, 1.0)]), outward
+
+
+def knotted(edges: int, radius: float) -> tuple[float, Floats]:
+    """F R^2/EI of a loose overhand knot that is pulled at both ends without friction, and its shape.
+
+    R is the radius of curvature in the middle of the loop, to which the knot is drawn in steps.
+    """
+    world, _ = overhand(edges, radius)
+    line, _ = world.rods[0]
+    rods = rods_along([(EdgeCurve(line.line, line.lengths), 1e4, 1.0)])
+    contact = self_contact(world, stiffness=50.0, d_hat=radius / 2)
+    assert isinstance(contact, Energy)
+    x = world.start()
+    ends = np.array([0, edges])
+    loose, side = x[ends], np.sign(x[0, 0] - x[edges, 0])
+    tight = 0.5 * (float(line.lengths.sum()) - 2 * np.pi) * side * np.array([[1.0, 0, 0], [-1.0, 0, 0]])
+    for part in np.linspace(0.0, 1.0, 9):
+        target = Prescribed(ends, loose + part * (tight - loose))
+        x = equilibrium(world, {"rods": rods, "contact": contact}, x, target, tolerance=1e-6, max_iterations=400)
+    force = float(np.abs(rods.gradient(x)[0, 0]))
+    directions = unit(np.diff(x, axis=0))
+    cosines = (directions[1:] * directions[:-1]).sum(axis=1)
+    bends = 2 * np.sqrt((1 - cosines) / (1 + cosines)) / line.lengths[1:]
+    middle = len(bends) // 2
+    return force / float(bends[middle - 3 : middle + 4].mean()) ** 2, x
+
+
+def _knot() -> Outcome:
+    return Outcome(knotted(160, 0.015)[0], 0.5, 0.03)
+
+
 FOUND: tuple[tuple[str, Callable[[int], float], Callable[[], float], float, int], ...] = (
     ("hinged ends: Euler load P L^2/EI", buckling_load, lambda: np.pi**2, 1e-3, 20),
     ("hinged ends .6 L apart: height/L", partial(risen, 0.6), partial(elastica_height, 0.6), 2e-3, 20),
@@ -155,3 +201,4 @@ FOUND: tuple[tuple[str, Callable[[int], float], Callable[[], float], float, int]
 ROWS = tuple(
     Row(f"A14{'abcdef'[k]}", f"rod, {asked}", partial(_against, *how)) for k, (asked, *how) in enumerate(FOUND)
 )
+ROWS += (Row("A14g", "rod, loose overhand knot, r/R = .03: F R^2/EI", _knot),)

@@ -15,7 +15,6 @@ the direction is flagged as invalid, its gradient and Hessian are zero. Nothing 
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
 from clothsim.base.jit import inlined, part
 from clothsim.base.vectors import cross, dot, minus
 
@@ -105,19 +104,6 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
         _outer(second, g_c, g_d),
         _bent(d2, y_d2, d2, y_d2, n2, _outer(second, g_d, g_d)),
     )
-
-
-@part
-def hinge_hessian(a: Point, b: Point, c: Point, d: Point, first: float, second: float, hessian: Floats) -> None:
-    """`hinge_blocks` as a matrix, written to `hessian (12, 12)`."""
-    blocks = hinge_blocks(a, b, c, d, first, second)
-    k = 0
-    for p in range(4):
-        for q in range(p, 4):
-            for i in range(3):
-                for j in range(3):
-                    hessian[3 * p + i, 3 * q + j] = hessian[3 * q + j, 3 * p + i] = blocks[k][i][j]
-            k += 1
 
 
 @part

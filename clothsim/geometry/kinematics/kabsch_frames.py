@@ -1,4 +1,4 @@
-"""Kabsch rotations and affine fits of vertex neighbourhoods.
+"""Kabsch rotations of vertex neighbourhoods.
 
 The neighbourhood of a vertex is its one-ring (`mesh.topology.vertex_rings`) AND the vertex itself: the corner vertex of
 a lone triangle has only two neighbours, always on a line; with the vertex they are the triangle, which fixes the
@@ -12,7 +12,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.base.linalg import fit_gradient, kabsch
+from clothsim.base.linalg import kabsch
 
 
 @dataclass(frozen=True)
@@ -78,44 +78,6 @@ def vertex_frames(reference: Floats, deformed: Floats, starts: Ints, neighbours:
     for vertices, rings in _rings_by_size(starts, neighbours):
         rotations[vertices], determined[vertices] = kabsch(p[rings], q[rings])
     return VertexFrames(rotations, np.flatnonzero(~determined))
-
-
-def vertex_gradients(reference: Floats, deformed: Floats, starts: Ints, neighbours: Ints) -> tuple[Floats, Ints]:
-    """Least-squares 3D deformation gradient of each vertex neighbourhood.
-
-    Parameters
-    ----------
-    reference, deformed, starts, neighbours
-        As for `vertex_frames`.
-
-    Returns
-    -------
-    gradients : (n, 3, 3) array
-        Rank 3: F. Rank 2 (flat at rest): F in the plane, whose normal maps to 0 (pseudo-inverse). Rank 1: F along the
-        line. Rank 0: zero.
-    ranks : (n,) int array
-        Rank of each neighbourhood at rest.
-
-    Raises
-    ------
-    InputError
-        As `vertex_frames`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from clothsim.mesh.topology import vertex_rings
-    >>> rest = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    >>> gradients, ranks = vertex_gradients(rest, rest * [2, 1, 1], *vertex_rings(np.array([[0, 1, 2]]), 3))
-    >>> np.allclose(gradients[0], np.diag([2.0, 1.0, 0.0])), int(ranks[0])
-    (True, 2)
-    """
-    p, q = _checked(reference, deformed, starts, neighbours)
-    gradients = np.empty((len(p), 3, 3))
-    ranks = np.empty(len(p), np.int64)
-    for vertices, rings in _rings_by_size(starts, neighbours):
-        gradients[vertices], ranks[vertices] = fit_gradient(p[rings], q[rings])
-    return gradients, ranks
 
 
 def _rings_by_size(starts: Ints, neighbours: Ints) -> Iterator[tuple[Ints, Ints]]:

@@ -112,24 +112,6 @@ def polar_decomposition(F: NDArray[np.floating]) -> PolarDecomposition:
     return PolarDecomposition(stretches, V, R, R3, U)
 
 
-def spatial_rotations(R3: NDArray[np.floating], frames: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Rotations R3 [t1 t2 n]' of the triangles in space, from rest to deformed shape.
-
-    Parameters
-    ----------
-    R3 : (m, 3, 3) array
-        `PolarDecomposition.R3`: material plane to space.
-    frames : (m, 3, 3) array
-        `deformation_gradient.reference_frames` of the rest positions.
-
-    Returns
-    -------
-    (m, 3, 3) array
-        Rotations; the identity for the rest shape.
-    """
-    return R3 @ np.swapaxes(frames, -1, -2)
-
-
 def _scaled(F: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """F divided by its largest entry, and that entry (1 where F = 0): squares neither overflow nor vanish."""
     values = np.asarray(F)

@@ -188,24 +188,17 @@ _HOOD = (
 
 
 def shirt(
-    height: float = 1.7,
-    chest: float = 1.0,
-    waist: float = 1.0,
-    hips: float = 1.0,
-    shoulder_width: float = 1.0,
-    limb_girth: float = 1.0,
     ease: float = 0.012,
     edge: float = 0.018,
     sleeve: float = 0.20,
     opening: float = 0.0,
     hood: bool = False,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
     """Shirt with sleeves, straight from chest to hip, open at the neck, the hem and the cuffs; or a jacket, a hoody.
 
     Parameters
     ----------
-    height, chest, waist, hips, shoulder_width, limb_girth : float
-        Proportions, see `mannequin`.
     ease : float
         Smallest distance from the body [m].
     edge : float
@@ -216,13 +209,15 @@ def shirt(
         Width of the gap down its front [m]; 0 is a closed front.
     hood : bool
         With a hood over the head.
+    **figure : float
+        The `Proportions` of the mannequin that wears it.
 
     Raises
     ------
     InputError
         Naming a bad key.
     """
-    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(**figure)
     length = _check_range("sleeve", sleeve, 0.13, 0.46)
     trunk = tube_limb((0.83, 0.010, 0.164, 0.114), (1.04, 0.010, 0.150, 0.105), (1.25, 0.010, 0.143, 0.103))
     wide = [(0.0, 0.050, 0.048), (0.5, 0.056, 0.052), (1.0, 0.050, 0.048)]
@@ -244,18 +239,13 @@ def shirt(
 
 
 def skirt(
-    height: float = 1.7,
-    chest: float = 1.0,
-    waist: float = 1.0,
-    hips: float = 1.0,
-    shoulder_width: float = 1.0,
-    limb_girth: float = 1.0,
     ease: float = 0.008,
     edge: float = 0.018,
     hem: float = 0.50,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
     """Flared skirt from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
-    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(**figure)
     low = _check_range("hem", hem, 0.15, 0.75)
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.055))))
@@ -264,18 +254,13 @@ def skirt(
 
 
 def trousers(
-    height: float = 1.7,
-    chest: float = 1.0,
-    waist: float = 1.0,
-    hips: float = 1.0,
-    shoulder_width: float = 1.0,
-    limb_girth: float = 1.0,
     ease: float = 0.008,
     edge: float = 0.018,
     hem: float = 0.12,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
     """Trousers from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
-    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(**figure)
     low = _check_range("hem", hem, 0.10, 0.60)
     profile = [(0.0, 0.060, 0.070), (0.5, 0.056, 0.064), (1.0, 0.054, 0.058)]
     leg = limb(

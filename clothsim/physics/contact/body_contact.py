@@ -2,6 +2,7 @@
 
 from clothsim.keys.typed_effects import BodyContact
 from clothsim.mesh.world import World
+from clothsim.physics.contact.rods import with_offset_of_rods
 from clothsim.physics.contact.surface import cloth_body_surface, excluded_pairs
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
@@ -37,7 +38,7 @@ def body_contact(world: World, keys: BodyContact) -> Energy | Off:
         contact_energy,  # after the last Off: no kernel is imported without a pair
     )
 
-    return contact_energy(world, keys, surface)
+    return contact_energy(world, with_offset_of_rods(world, keys, 1), surface)
 
 
 EXAMPLE = Example(

@@ -2,6 +2,7 @@
 
 from clothsim.keys.typed_effects import SelfContact
 from clothsim.mesh.world import World
+from clothsim.physics.contact.rods import with_offset_of_rods
 from clothsim.physics.contact.surface import cloth_surface, excluded_pairs
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle
@@ -12,7 +13,7 @@ def self_contact(world: World, keys: SelfContact) -> Energy | Off:
 
     d_hat = "auto": a tenth of the median cloth edge, but at most half of the smallest rest gap of parts of a cloth
     without a common vertex, down to a tenth of that: slivers would else repel one another. A pair of one and the same
-    name in `exclude` lets that cloth pass through itself.
+    name in `exclude` lets that cloth pass through itself. The surface of a rod is at its radius.
 
     Raises
     ------
@@ -31,6 +32,7 @@ def self_contact(world: World, keys: SelfContact) -> Energy | Off:
     surface = cloth_surface(world, excluded_pairs(world, keys))
     if not surface.allowed.any():
         return Off("every pair is excluded")
+    keys = with_offset_of_rods(world, keys, 2)
     from clothsim.physics.contact.setup import (  # after the last Off: no kernel is imported without a pair
         contact_energy,
         d_hat_below_rest_gaps,

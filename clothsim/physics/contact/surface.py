@@ -80,6 +80,18 @@ class Primitives:
 
 
 @dataclass(frozen=True)
+class BareEdges:
+    """Edges (k, 2) of no triangle, those of rods: rest lengths (k,) [m], and areas (k,) [m2], length times radius."""
+
+    edges: Ints
+    lengths: Floats
+    areas: Floats
+
+
+NO_BARE_EDGES = BareEdges(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True)
 class ContactSurface:
     """Two groups of primitives; for self-contact both are the same object (`second is first`).
 
@@ -100,6 +112,8 @@ class ContactSurface:
         Points and edges of the second group inside flat faces: their pairs stop a motion, but push nothing.
     n_shared : int
         Last triangles of the first group that are in the second too (those of rigid bodies).
+    bare : BareEdges
+        Edges of the first group that belong to no triangle.
     """
 
     first: Primitives
@@ -110,6 +124,7 @@ class ContactSurface:
     allowed: np.ndarray
     flat: FlatFeatures = NO_FLAT_FEATURES
     n_shared: int = 0
+    bare: BareEdges = NO_BARE_EDGES
 
     @property
     def is_self_contact(self) -> bool:
@@ -135,14 +150,16 @@ class ContactSurface:
 
     @cached_property
     def vertex_areas(self) -> Floats:
-        """A third of the incident rest triangles of each row of x, (N,) [m2]."""
-        return thirds_at_vertices(self._areas, self.triangles, len(self.rest_positions))
+        """A third of the incident rest triangles of each row of x, (N,) [m2]; half of the edges of rods."""
+        count = len(self.rest_positions)
+        halves = np.repeat(self.bare.areas / 2, 2)
+        of_rods = np.bincount(self.bare.edges.ravel(), weights=halves, minlength=count).astype(np.float64)
+        return thirds_at_vertices(self._areas, self.triangles, count) + of_rods
 
     def edge_areas(self, edges: Ints) -> Floats:
         """A third of the incident rest triangles of each of `edges (e, 2)`, (e,) [m2]."""
-        keys, of_side = self._sides
-        totals = np.bincount(of_side, weights=np.repeat(self._areas / 3, 3)).astype(np.float64)
-        return totals[np.searchsorted(keys, self._edge_keys(edges))]
+        keys, areas, _ = self._edges
+        return areas[np.searchsorted(keys, self._edge_keys(edges))]
 
     def are_flat(self, edges: Ints) -> np.ndarray:
         """Mask (e,) of `edges (e, 2)` that lie inside a flat face."""
@@ -150,17 +167,25 @@ class ContactSurface:
 
     def rest_lengths(self, edges: Ints) -> Floats:
         """Rest lengths of `edges (e, 2)`, (e,) [m]; beside a seam of two lengths their mean."""
-        keys, of_side = self._sides
-        sides = self.rest_corners[:, [1, 2, 0]] - self.rest_corners
-        totals = np.bincount(of_side, weights=np.linalg.norm(sides, axis=2).ravel()).astype(np.float64)
-        return (totals / np.bincount(of_side))[np.searchsorted(keys, self._edge_keys(edges))]
+        keys, _, lengths = self._edges
+        return lengths[np.searchsorted(keys, self._edge_keys(edges))]
 
     @cached_property
-    def _sides(self) -> tuple[Ints, Ints]:
-        """Keys of all edges, ascending, and the number there of each side of each triangle, (3 m,)."""
+    def _edges(self) -> tuple[Ints, Floats, Floats]:
+        """Keys of all edges, ascending, with the area [m2] and the rest length [m] of each."""
         sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         keys, of_side = np.unique(self._edge_keys(sides), return_inverse=True)
-        return keys, of_side.ravel()
+        of_side = of_side.ravel()
+        corners = self.rest_corners[:, [1, 2, 0]] - self.rest_corners
+        totals = np.bincount(of_side, weights=np.linalg.norm(corners, axis=2).ravel()).astype(np.float64)
+        areas = np.bincount(of_side, weights=np.repeat(self._areas / 3, 3)).astype(np.float64)
+        lengths = totals / np.bincount(of_side)
+        if len(self.bare.edges):
+            keys = np.concatenate([keys, self._edge_keys(self.bare.edges)])
+            order = np.argsort(keys)
+            keys, areas = keys[order], np.concatenate([areas, self.bare.areas])[order]
+            lengths = np.concatenate([lengths, self.bare.lengths])[order]
+        return keys, areas, lengths
 
     def _edge_keys(self, edges: Ints) -> Ints:
         return edges[:, 0] * len(self.rest_positions) + edges[:, 1]
@@ -186,7 +211,9 @@ def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> Cont
     allowed[fixed:, n:fixed] = True
     allowed[fixed:, fixed:] = np.triu(np.ones((len(world.rigid),) * 2, bool), 1)
     rest = _rest_positions(world)
-    areas = [world.rest_areas] if world.cloths else [triangle_areas(b.positions[b.triangles]) for b in world.rigid]
+    areas = [triangle_areas(b.positions[b.triangles]) for b in world.rigid]
+    if world.cloths:
+        areas = [world.rest_areas, _bare(world).areas]
     cloth_area = np.concatenate(areas).mean()
     for body, rows in zip(world.bodies, world.body_slices, strict=True):
         area = triangle_areas(body.positions[body.triangles])
@@ -199,7 +226,7 @@ def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> Cont
     )
     movers, n_shared = _movers(world), sum(len(body.triangles) for body in world.rigid)
     allowed = _excluding(allowed, excluded)
-    return ContactSurface(movers, bodies, rest, corners, world.labels, allowed, _flat(world), n_shared)
+    return ContactSurface(movers, bodies, rest, corners, world.labels, allowed, _flat(world), n_shared, _bare(world))
 
 
 def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
@@ -209,7 +236,17 @@ def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSu
     allowed[:n, :n] = True
     cloths = _cloths(world)
     rest, corners = _rest_positions(world), _cloth_corners(world)
-    return ContactSurface(cloths, cloths, rest, corners, world.labels, _excluding(allowed, excluded))
+    allowed = _excluding(allowed, excluded)
+    return ContactSurface(cloths, cloths, rest, corners, world.labels, allowed, bare=_bare(world))
+
+
+def _bare(world: World) -> BareEdges:
+    """The edges of rods."""
+    if not world.rods:
+        return NO_BARE_EDGES
+    lengths = np.concatenate([rod.lengths for rod, _ in world.rods])
+    areas = np.concatenate([rod.lengths * rod.radius for rod, _ in world.rods])
+    return BareEdges(world.rod_edges, lengths, areas)
 
 
 def _cloths(world: World) -> Primitives:

@@ -120,7 +120,9 @@ def _find_flypapered(integrator: Integrator, state: State, end: float, attempt: 
     if len(known):
         gaps = [gaps_of(known, faces, world, each, OPEN * limit, reach) for each in (x, after)]
         known = still_flypapered(known, Opening(world, barriers, x, faces, np.minimum(*gaps), limit))
-    fixed = _fixed(integrator, state)
+    # cloth rows that the scene prescribes
+    held = [constraint.at(state.time).vertices for constraint in integrator.constraints.values()]
+    fixed = np.concatenate([NONE, *held])
     near = nearest(faces, x, np.arange(world.n_cloth), reach)
     found = pinched(faces, near, x, after, limit, reach).without(np.concatenate([known.vertices, fixed]))
     ahead = after.copy()
@@ -134,12 +136,6 @@ def _find_flypapered(integrator: Integrator, state: State, end: float, attempt: 
     near = near.without(np.concatenate([flypapered.vertices, fixed]))
     closest = near.triangles, near.weights
     return flypapered.joined(attached(x, near.vertices, closest, closest))
-
-
-def _fixed(integrator: Integrator, state: State) -> Ints:
-    """Cloth rows that the scene prescribes."""
-    held = [constraint.at(state.time).vertices for constraint in integrator.constraints.values()]
-    return np.concatenate([NONE, *held])
 
 
 def _bind_flypapered(integrator: Integrator, state: State, flypapered: Flypapered, own: bool) -> Integrator:

@@ -297,7 +297,8 @@ def _remedy(
     if end.ending is Ending.NO_ROOM and pair is not None:
         one, other, third = _objects(world, pair)
         return f"Leave a larger gap for {one} between {other} and {third or one}, or let them approach more slowly."
-    inertia = _resisted(potential)
+    # inertia or damping resists every motion; friction, which begins last, only that of contacts
+    inertia = any(energy.incremental and not energy.depends_on_other_energies for energy in potential.energies.values())
     if end.ending is Ending.SINGULAR:
         return _resist(potential, constraints, inertia)
     held = "" if inertia else " Without effects.inertia every cloth must be held, by pins or by a body under it."
@@ -367,8 +368,3 @@ def _names(world: World, constraints: Collection[Constraint], pair: ContactPair)
     """Names of both simplices, the cloth's first."""
     sides = sorted((pair.first, pair.second), key=lambda rows: int(world.labels[rows[0]]))
     return simplex_name(world, constraints, sides[0]), simplex_name(world, constraints, sides[1])
-
-
-def _resisted(potential: Potential) -> bool:
-    """True where inertia or damping resists every motion (friction, which begins last, only that of contacts)."""
-    return any(energy.incremental and not energy.depends_on_other_energies for energy in potential.energies.values())

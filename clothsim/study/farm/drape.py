@@ -32,8 +32,6 @@ KEPT = (
     "warnings",
 )
 """What is kept of the summary of a run."""
-AT_REST = {"at_rest": True}
-"""The rule of a farm that states none."""
 
 
 @dataclass(frozen=True)

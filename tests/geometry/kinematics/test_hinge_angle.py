@@ -11,7 +11,7 @@ from clothsim.mesh.cloth import dihedral_angles
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.hinge_kernels import angles
 
-hinge_angle_gradient, hinge_hessian = map(kernel, (hinge_angle.hinge_angle_gradient, hinge_angle.hinge_hessian))
+hinge_angle_gradient, hinge_blocks = kernel(hinge_angle.hinge_angle_gradient), hinge_angle.hinge_blocks
 
 HINGE = np.array([[0, 1, 2, 3]])
 
@@ -26,9 +26,11 @@ class Angle:
         return np.array(hinge_angle_gradient(*map(tuple, x)))
 
     def hessian(self, x, project):
-        block = np.full((1, 12, 12), np.nan)
-        hinge_hessian(*map(tuple, x), 1.0, 0.0, block[0])
-        return ElementHessian(HINGE, block)
+        block = np.full((4, 3, 4, 3), np.nan)
+        pairs = zip(*np.triu_indices(4), strict=True)
+        for (p, q), own in zip(pairs, hinge_blocks(*map(tuple, x), 1.0, 0.0), strict=True):
+            block[p, :, q], block[q, :, p] = np.array(own), np.array(own).T
+        return ElementHessian(HINGE, block.reshape(1, 12, 12))
 
 
 def fold(angle, seed=0):

@@ -1,11 +1,11 @@
-"""Kabsch rotations and affine fits of vertex neighbourhoods."""
+"""Kabsch rotations of vertex neighbourhoods."""
 
 import numpy as np
 import pytest
 from meshes import cloth, grid, irregular_grid, random_rotation
 
 from clothsim.base.errors import InputError
-from clothsim.geometry.kinematics.kabsch_frames import vertex_frames, vertex_gradients
+from clothsim.geometry.kinematics.kabsch_frames import vertex_frames
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.topology import vertex_rings
 
@@ -99,32 +99,6 @@ def test_neighbourhood_includes_the_vertex_itself():
     np.testing.assert_allclose(frames.rotations, every(R, 3), rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("far", [0.0, 1e4])
-def test_gradients_of_an_affine_map(far):
-    positions, triangles = curved_sheet()
-    A = np.random.default_rng(0).standard_normal((3, 3))
-    F, ranks = vertex_gradients(positions + far, (positions + far) @ A.T, *vertex_rings(triangles, len(positions)))
-    solid = ranks == 3
-    assert solid.sum() > 20
-    np.testing.assert_allclose(F[solid], every(A, solid.sum()), rtol=0, atol=1e-11 * max(1, far))
-
-
-def test_gradients_of_flat_rings_are_right_in_the_plane():
-    positions, triangles = flat_sheet()
-    A = np.random.default_rng(0).standard_normal((3, 3))
-    F, ranks = vertex_gradients(positions, positions @ A.T, *vertex_rings(triangles, len(positions)))
-    assert (ranks == 2).all()
-    np.testing.assert_allclose(F, every(A * [1, 1, 0], len(F)), rtol=0, atol=1e-13)
-
-
-def test_gradients_of_a_rigid_motion_are_the_frames():
-    positions, triangles = curved_sheet()
-    rings = vertex_rings(triangles, len(positions))
-    moved = positions @ random_rotation(6).T
-    F, ranks = vertex_gradients(positions, moved, *rings)
-    np.testing.assert_allclose(F[ranks == 3], vertex_frames(positions, moved, *rings).rotations[ranks == 3], atol=1e-12)
-
-
 def test_undeformed_cloth_has_identity_frames():
     sheet = cloth(*curved_sheet())
     rings = vertex_rings(sheet.triangles, len(sheet.positions))
@@ -140,6 +114,6 @@ def test_bad_input_is_named():
     with pytest.raises(InputError, match="starts"):
         vertex_frames(positions, positions, starts[:-1], neighbours)
     with pytest.raises(InputError, match=r"neighbours\[2\] = 9 .* 0\.\.8"):
-        vertex_gradients(positions, positions, starts, np.where(np.arange(len(neighbours)) == 2, 9, neighbours))
+        vertex_frames(positions, positions, starts, np.where(np.arange(len(neighbours)) == 2, 9, neighbours))
     with pytest.raises(InputError, match=r"deformed\[3, 0\]"):
         vertex_frames(positions, np.where(np.arange(27).reshape(9, 3) == 9, np.nan, positions), starts, neighbours)

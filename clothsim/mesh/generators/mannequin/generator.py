@@ -12,6 +12,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from clothsim.base.arrays import Floats, Ints, as_positive, as_vector
 from clothsim.base.errors import InputError
@@ -94,14 +95,21 @@ ARMS_WITH_CHEST = 0.8
 """Fraction of the growth of the chest that the shoulders follow, so that the arms stay outside of it."""
 TRUNK_AXIS = 0.006
 """y of the axis from which depths grow [m]."""
+CROTCH = 0.7415
+"""Height of the crotch, above which longer legs shorten the trunk [m]."""
+LENGTHS_UP_TO = 1.40
+"""Height from which on the lengths of legs and trunk move nothing [m]."""
+THIGH, CALF = (0.70, 0.17), (0.36, 0.20)
+"""Height of the thigh and of the calf [m], and the distance from it at which their factors end."""
 
 
 @dataclass(frozen=True)
 class Proportions:
     """Height [m], and factors of the measures that the template has at that height.
 
-    chest, waist, hips: girths; shoulder_width: between the shoulder joints, which a wider chest moves out as well;
-    limb_girth: of arms and legs.
+    chest, waist, hips, neck: girths; shoulder_width: between the shoulder joints, which a wider chest moves out as
+    well; limb_girth: of arms and legs, arm_girth of the upper arms beside it, thigh and calf of the legs; arm_length:
+    from shoulder to wrist; leg_length: to the crotch, at the cost of the trunk; waist_height: of the waist then.
     """
 
     height: float = 1.7
@@ -110,6 +118,13 @@ class Proportions:
     hips: float = 1.0
     shoulder_width: float = 1.0
     limb_girth: float = 1.0
+    neck: float = 1.0
+    arm_girth: float = 1.0
+    arm_length: float = 1.0
+    leg_length: float = 1.0
+    waist_height: float = 1.0
+    thigh: float = 1.0
+    calf: float = 1.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -127,6 +142,13 @@ RANGES = {
     "hips": (0.8, 1.45),
     "shoulder_width": (0.95, 1.15),
     "limb_girth": (0.75, 1.2),
+    "neck": (0.85, 1.25),
+    "arm_girth": (0.8, 1.3),
+    "arm_length": (0.85, 1.15),
+    "leg_length": (0.9, 1.12),
+    "waist_height": (0.93, 1.05),
+    "thigh": (0.85, 1.2),
+    "calf": (0.8, 1.3),
 }
 """Bounds of each measure: beyond them the warped template would fold."""
 
@@ -158,7 +180,7 @@ def _choose_warp(name: str) -> Callable[[Floats, Proportions], Floats]:
     if part == "wrist":
         return partial(_follow_joint, joint(name), partial(_arm, side=side))
     if part in ("neck", "head"):
-        return partial(_follow_joint, joint("neck"), _column)
+        return _neck if part == "neck" else partial(_follow_joint, joint("neck"), _column)
     return partial(_follow_joint, joint(name), _column) if part == "ankle" else _column
 
 
@@ -169,8 +191,19 @@ def _follow_joint(
     return points + warp(JOINT_POSITIONS[row : row + 1], proportions) - JOINT_POSITIONS[row]
 
 
+def _neck(points: Floats, proportions: Proportions) -> Floats:
+    """Neck: it moves with its joint, its section times `neck` up to the chin."""
+    moved = _follow_joint(joint("neck"), _column, points, proportions)
+    if proportions.neck != 1:
+        axis = _follow_joint(joint("neck"), _column, JOINT_POSITIONS[joint("neck")][None], proportions)[0]
+        chin = np.clip((points[:, 2] - 1.47) / 0.07, 0.0, 1.0)
+        factor = proportions.neck + (1 - proportions.neck) * chin * chin * (3 - 2 * chin)
+        moved[:, :2] = axis[:2] + factor[:, None] * (moved[:, :2] - axis[:2])
+    return moved
+
+
 def _column(points: Floats, proportions: Proportions) -> Floats:
-    """Trunk and legs: x and y times factors of z."""
+    """Trunk and legs: x and y times factors of z, calves about their own axis; z by the length of the legs."""
     shoulders = proportions.shoulder_width + ARMS_WITH_CHEST * (proportions.chest - 1)
     wide = [
         proportions.limb_girth,
@@ -179,23 +212,54 @@ def _column(points: Floats, proportions: Proportions) -> Floats:
         proportions.waist,
         proportions.chest,
         shoulders,
-        1.0,
+        proportions.neck,
     ]
-    deep = [*wide[:5], 0.5 * (1 + proportions.chest), 1.0]
+    deep = [*wide[:5], 0.5 * (1 + proportions.chest), proportions.neck]
     z = points[:, 2]
+    thigh = 1 + (proportions.thigh - 1) * _bump(z, *THIGH)
     moved = points.copy()
-    moved[:, 0] *= _steps(z, wide)
-    moved[:, 1] = TRUNK_AXIS + (points[:, 1] - TRUNK_AXIS) * _steps(z, deep)
+    moved[:, 0] *= _steps(z, wide) * thigh
+    moved[:, 1] = TRUNK_AXIS + (points[:, 1] - TRUNK_AXIS) * _steps(z, deep) * thigh
+    if proportions.calf != 1:
+        down = (_HIP[2] - z) / (_HIP[2] - _ANKLE[2])
+        axis = np.sign(points[:, 0]) * (_HIP[0] + down * (_ANKLE[0] - _HIP[0]))
+        factor = 1 + (proportions.calf - 1) * _bump(z, *CALF)
+        moved[:, 0] += (factor - 1) * (points[:, 0] - axis) * _steps(z, wide)
+        moved[:, 1] += (factor - 1) * (points[:, 1] - _ANKLE[1]) * _steps(z, deep)
+    if (proportions.leg_length, proportions.waist_height) != (1, 1):
+        moved[:, 2] = _levels(z, proportions.leg_length, proportions.waist_height)
     return moved
 
 
+def _levels(z: Floats, leg_length: float, waist_height: float) -> Floats:
+    """Heights (n,) with the crotch at leg_length CROTCH, the waist at waist_height of what follows from that."""
+    ankle, waist, top = LEVELS["ankle"], LEVELS["waist"], LENGTHS_UP_TO
+    crotch = leg_length * CROTCH
+    mid = waist_height * (crotch + (waist - CROTCH) / (top - CROTCH) * (top - crotch))
+    knots, onto = (ankle, CROTCH, waist, top), (ankle, crotch, mid, top)
+    inside = (z > ankle) & (z < top)
+    return np.where(inside, PchipInterpolator(knots, onto)(np.clip(z, ankle, top)), z)
+
+
+def _bump(z: Floats, middle: float, reach: float) -> Floats:
+    """1 at a height, 0 from a distance of it on, smooth (n,)."""
+    t = np.clip(1 - np.abs(z - middle) / reach, 0.0, 1.0)
+    return t * t * (3 - 2 * t)
+
+
 def _arm(points: Floats, proportions: Proportions, side: str) -> Floats:
-    """Arm: moved with its shoulder, its section times limb_girth."""
+    """Arm: moved with its shoulder, its length times arm_length, its section times limb_girth and arm_girth.
+
+    The factor arm_girth ends at the wrist, as hands keep their shape.
+    """
     shoulder, wrist = JOINT_POSITIONS[joint(f"{side}shoulder")], JOINT_POSITIONS[joint(f"{side}wrist")]
     along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
     offset = points - shoulder
     axial = (offset @ along)[:, None] * along
-    return _column(shoulder[None], proportions) + axial + proportions.limb_girth * (offset - axial)
+    fraction = np.clip(2 * (offset @ along) / np.linalg.norm(wrist - shoulder) - 1, 0.0, 1.0)  # from the elbow on
+    upper = 1 + (proportions.arm_girth - 1) * (1 - fraction * fraction * (3 - 2 * fraction))[:, None]
+    section = proportions.limb_girth * upper * (offset - axial)
+    return _column(shoulder[None], proportions) + proportions.arm_length * axial + section
 
 
 def _steps(z: Floats, factors: list[float]) -> Floats:
@@ -311,14 +375,9 @@ def template() -> Template:
 
 
 def mannequin(
-    height: float = 1.7,
-    chest: float = 1.0,
-    waist: float = 1.0,
-    hips: float = 1.0,
-    shoulder_width: float = 1.0,
-    limb_girth: float = 1.0,
     pose: str = "a",
     joints_degrees: Mapping[str, Sequence[float]] | None = None,
+    **figure: float,
 ) -> tuple[Floats, Ints]:
     """Closed human figure: z is up, it stands on z = 0 and faces -y, its left hand is at +x.
 
@@ -326,14 +385,12 @@ def mannequin(
 
     Parameters
     ----------
-    height : float
-        [m].
-    chest, waist, hips, shoulder_width, limb_girth : float
-        Factors of the default measures at that height.
     pose : str
         "a" | "t" | "walk" | "reach" | "arms_down".
     joints_degrees : mapping, optional
         Rotation vectors by joint, in place of those of the pose [degrees].
+    **figure : float
+        `Proportions`.
 
     Returns
     -------
@@ -347,7 +404,7 @@ def mannequin(
     InputError
         Naming a bad key.
     """
-    proportions = Proportions(height, chest, waist, hips, shoulder_width, limb_girth)
+    proportions = Proportions(**figure)
     turns = turns_of(pose, joints_degrees)
     made = template()
     positions = posed(

@@ -1,0 +1,214 @@
+"""Body measures of the mannequin, and the figure that has given ones.
+
+Girths are those of a tape: the length of the convex hull of a plane section (ISO 8559-1, in its words below). Sections
+lie at fixed places of the template and move with it, so that a girth is a smooth function of the proportions. Each
+measure has its factor; those of the given measures m_k minimise, within their RANGES,
+
+    sum ((m_k(p) - wanted_k) / m_k(1))^2,
+
+the others are 1: a measure that is not given stays what it is at that height, but for what the others take along.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial import ConvexHull
+
+from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.errors import InputError
+from clothsim.base.inputs import nearest
+from clothsim.mesh.generators.mannequin.generator import (
+    CALF,
+    CROTCH,
+    JOINT_POSITIONS,
+    JOINTS,
+    LEVELS,
+    RANGES,
+    Proportions,
+    joint,
+    mannequin,
+    template,
+    warped,
+)
+
+_TRUNK = ("pelvis", "spine", "chest", "neck", "left_hip", "right_hip")
+_SECTIONS: Mapping[str, tuple[tuple[str, ...], float]] = {
+    "neck": (("neck", "chest", "head"), 1.47),
+    "chest": (_TRUNK, LEVELS["chest"]),
+    "waist": (_TRUNK, LEVELS["waist"]),
+    "hips": (_TRUNK, LEVELS["hips"]),
+    "thigh": (("left_hip",), 0.72),
+    "calf": (("left_knee",), CALF[0]),
+}
+"""Joints that move the part of the body whose level section is measured, and the height of that on the template [m]."""
+_UPPER_ARM = 0.25
+"""Fraction of the way from shoulder to wrist at which the upper arm is measured, across it."""
+
+MEASURES: Mapping[str, str] = {
+    "height": "from the soles to the crown",
+    "neck": "neck girth",
+    "shoulder_width": "between the shoulder joints",
+    "chest": "bust girth",
+    "waist": "waist girth",
+    "hips": "hip girth",
+    "upper_arm": "upper arm girth",
+    "arm_length": "from the shoulder joint to the wrist",
+    "thigh": "thigh girth, under the crotch",
+    "calf": "calf girth",
+    "inside_leg": "from the ground to the crotch",
+    "waist_height": "from the ground to the waist",
+}
+"""Measures [m] by name, and what each is."""
+_FACTORS = {name: name for name in MEASURES if name in RANGES} | {
+    "upper_arm": "arm_girth",
+    "inside_leg": "leg_length",
+}
+"""The factor of each measure."""
+
+
+@dataclass(frozen=True)
+class MeasuredBody:
+    """A body of given measures.
+
+    Attributes
+    ----------
+    proportions : Proportions
+        Keys of the mannequin in a scene.
+    wanted : dict of str to float
+        Measures as given [m].
+    measures : dict of str to float
+        All measures of the body [m].
+    at_bounds : tuple of str
+        Proportions at an end of their range: more of it would fold the surface.
+    """
+
+    proportions: Proportions
+    wanted: dict[str, float]
+    measures: dict[str, float]
+    at_bounds: tuple[str, ...]
+
+    @property
+    def residuals(self) -> dict[str, float]:
+        """Each given measure: that of the body less it [m]."""
+        return {name: self.measures[name] - value for name, value in self.wanted.items()}
+
+    @property
+    def keys(self) -> dict[str, float]:
+        """Proportions that are not the usual ones, for `[[body]] mesh = "mannequin"`."""
+        usual = asdict(Proportions())
+        return {name: value for name, value in asdict(self.proportions).items() if value != usual[name]}
+
+    def mesh(self, pose: str = "a") -> tuple[Floats, Ints]:
+        """Positions (n, 3) [m] and triangles (m, 3) in a named pose; z is up."""
+        return mannequin(pose, **asdict(self.proportions))
+
+
+def measured_body(**wanted: float) -> MeasuredBody:
+    """Body of given measures: the mannequin, its proportions fitted by least squares.
+
+    Parameters
+    ----------
+    **wanted : float
+        Of `MEASURES` [m]. `height`, 1.7 m where it is not given, is met exactly.
+
+    Raises
+    ------
+    InputError
+        Names a measure that is unknown or is no positive length, or a height out of range.
+
+    Examples
+    --------
+    >>> body = measured_body(height=1.68, chest=0.96, inside_leg=0.76)
+    >>> {name: round(1e3 * left, 1) + 0.0 for name, left in body.residuals.items()}
+    {'height': 0.0, 'chest': 0.0, 'inside_leg': 0.0}
+    """
+    for name, value in wanted.items():
+        if name not in MEASURES:
+            near = nearest(name, MEASURES)
+            meant = f"Did you mean {near}?" if near else f"Known: {', '.join(MEASURES)}."
+            raise InputError(f"There is no measure {name!r}.", meant)
+        wanted[name] = as_positive(name, value)
+    height = Proportions(height=wanted.get("height", Proportions.height)).height
+    aims = [name for name in wanted if name != "height"]
+    free = [name for name in RANGES if name in {_FACTORS[aim] for aim in aims}]
+    usual = measures_of(Proportions(height=height))
+
+    def residuals(factors: Floats) -> Floats:
+        found = measures_of(_proportions(height, free, factors), aims)
+        return np.array([(found[name] - wanted[name]) / usual[name] for name in aims])
+
+    low, high = np.array([RANGES[name] for name in free]).reshape(-1, 2).T
+    fitted = np.ones(len(free))
+    if aims:
+        fitted = least_squares(residuals, fitted, bounds=(low, high), xtol=1e-7, max_nfev=100).x
+        fitted = np.clip(np.round(fitted, 5), low, high)
+    proportions = _proportions(height, free, fitted)
+    ends = np.minimum(fitted - low, high - fitted) < 1e-3 * (high - low)
+    bounds = tuple(name for name, end in zip(free, ends, strict=True) if end)
+    return MeasuredBody(proportions, wanted, measures_of(proportions), bounds)
+
+
+def _proportions(height: float, names: list[str], factors: Floats) -> Proportions:
+    return Proportions(height=height, **dict(zip(names, map(float, factors), strict=True)))
+
+
+def measures_of(proportions: Proportions, names: Collection[str] = tuple(MEASURES)) -> dict[str, float]:
+    """Measures of the mannequin of some proportions [m]."""
+    joints = warped(JOINT_POSITIONS, np.eye(len(JOINTS)), proportions)
+    shoulder, other, wrist = (joints[joint(name)] for name in ("left_shoulder", "right_shoulder", "left_wrist"))
+    marks = np.array([[0.0, 0.0, CROTCH], [0.0, 0.0, LEVELS["waist"]]])
+    crotch, waist = warped(marks, np.eye(len(JOINTS))[[joint("pelvis")] * 2], proportions)[:, 2]
+    lengths = {
+        "height": proportions.height,
+        "shoulder_width": float(np.linalg.norm(shoulder - other)),
+        "arm_length": float(np.linalg.norm(wrist - shoulder)),
+        "inside_leg": float(crotch),
+        "waist_height": float(waist),
+    }
+    return {name: lengths[name] if name in lengths else _girth(name, proportions) for name in names}
+
+
+def _girth(name: str, proportions: Proportions) -> float:
+    """Girth of a section as a tape has it [m]."""
+    section = _sections()[name]
+    points = warped(section.points, section.weights, proportions)
+    flat = (section.axes @ points.T).T
+    return float(ConvexHull(flat[:, :2]).area)  # of a plane hull: its length
+
+
+@dataclass(frozen=True)
+class _Section:
+    """Points (k, 3) where a plane cuts edges of the template, their weights (k, j), axes (2, 3) in the plane."""
+
+    points: Floats
+    weights: Floats
+    axes: Floats
+
+
+@lru_cache(maxsize=1)
+def _sections() -> dict[str, _Section]:
+    """The sections of the template, made once."""
+    level = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    made = {name: _cut(parts, np.array([0.0, 0.0, z]), level) for name, (parts, z) in _SECTIONS.items()}
+    shoulder, wrist = JOINT_POSITIONS[joint("left_shoulder")], JOINT_POSITIONS[joint("left_wrist")]
+    along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
+    across = np.stack([[0.0, 1.0, 0.0], np.cross(along, (0.0, 1.0, 0.0))])
+    middle = shoulder + _UPPER_ARM * (wrist - shoulder)
+    arm = ("left_shoulder", "left_elbow")
+    return made | {"upper_arm": _cut(arm, middle, across)}
+
+
+def _cut(parts: tuple[str, ...], point: Floats, axes: Floats) -> _Section:
+    """The section through a point, along axes (2, 3), of what `parts` move for the most."""
+    made = template()
+    own = np.isin(made.weights.argmax(axis=1), [joint(name) for name in parts])
+    values = (made.positions - point) @ np.cross(*axes)
+    edges = np.sort(made.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges = np.unique(edges[own[edges].all(axis=1) & ((values[edges] > 0).sum(axis=1) == 1)], axis=0)
+    a, b = values[edges].T
+    t = (a / (a - b))[:, None]
+    points, weights = ((1 - t) * each[edges[:, 0]] + t * each[edges[:, 1]] for each in (made.positions, made.weights))
+    return _Section(points, weights, axes)

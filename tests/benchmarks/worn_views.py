@@ -1,0 +1,87 @@
+"""Rendered truth on a body: the tunic that comes with the package, worn, in four pictures with noise.
+
+`python -m tests.benchmarks.worn_views [-o FOLDER] [--size 4cm]`: a tunic with another hem, another length and twice the
+bending stiffness is sewn on the body of the scene `shirt` with a mesh of its own; `clothsim recover --views` sews the
+tunic as it is in its file, and looks for the three numbers.
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import clothsim
+from clothsim import engine
+from clothsim.cli import main as command
+from clothsim.gradients.camera import Camera
+from clothsim.gradients.pattern_numbers import PatternNumbers
+from clothsim.gradients.run import traced
+from clothsim.patterns import write_specification
+from clothsim.patterns.pattern_mesh import mesh_pattern
+from clothsim.patterns.specification import read_specification
+from tests.benchmarks import views
+
+PATTERN, BODY = "tunic", "shirt"
+TRUTH = {"pattern.front+back.flare": 1.08, "pattern.front+back.height": 0.94}
+"""Factors of the hem's width and of the length."""
+BENDING = "cloth.bending_stiffness"
+
+
+def cameras(middle, count: int = 4, size: tuple[int, int] = (320, 240)) -> list[Camera]:
+    """Cameras 2.2 m around a point, at its height and above."""
+    made = []
+    for k in range(count):
+        turn = np.radians(25 + 360 * k / count)
+        eye = middle + np.array([2.2 * np.sin(turn), -2.2 * np.cos(turn), (0.0, 0.4)[k % 2]])
+        forward = (middle - eye) / np.linalg.norm(middle - eye)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        axes = np.array([right, np.cross(forward, right), forward])
+        made.append(Camera(*size, (1.5 * size[0],) * 2, (np.array(size) - 1) / 2, axes, eye))
+    return made
+
+
+def write_truth(folder: Path, size: float) -> tuple[Path, dict[str, float]]:
+    """Dress the true tunic, write its pictures, and return their file and the true numbers."""
+    file = engine.example_file(Path(PATTERN), "_specification.json")
+    numbers = PatternNumbers(mesh_pattern(read_specification(file), 0.1))
+    true = {path: factor * numbers.value(path) for path, factor in TRUTH.items()}
+    folder.mkdir(parents=True, exist_ok=True)
+    write_specification(folder / "true_specification.json", numbers.pattern(true))
+    worn = clothsim.dress(
+        folder / "true_specification.json", engine.example_file(Path(BODY)), folder / "true", size=size, overwrite=True
+    )
+    if worn.run is None:
+        raise SystemExit(f"the true tunic cannot be worn: {worn.reason}")
+    scene = worn.run.scene
+    world = traced(scene).session.built.world
+    bending = float(world.cloths[0].fabric.bending_stiffness)
+    truth = traced(engine.override(scene, f"cloth.bending_stiffness={2 * bending}"))
+    x = truth.cloth_positions()
+    made = cameras(0.5 * (x.min(axis=0) + x.max(axis=0)))
+    return views.write_views(folder, made, truth), true | {BENDING: 2 * bending}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Make the pictures, recover, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path("worn_views_output"))
+    parser.add_argument("--size", default="4cm", help="of the mesh of the fit; that of the truth is 35 mm")
+    given = parser.parse_args(arguments)
+    file, true = write_truth(given.output, 0.035)
+    before, out = time.process_time(), given.output / "recovered"
+    words = ["recover", "--views", str(file), "--pattern", PATTERN, "--on", BODY, "--size", given.size]
+    code = command([*words, "--free", ",".join(true), "-o", str(out), "--overwrite"])
+    found = json.loads((out / "recovery.json").read_text())
+    for path, value in true.items():
+        off, error = found["values"][path] / value - 1, found["total_errors"][path]
+        print(f"{path}: {found['values'][path]:.4g} for {value:.4g}, {100 * off:+.2g} %, stated with the model {error}")
+    print(f"{time.process_time() - before:.0f} CPU s with the sewing")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
