@@ -33,7 +33,7 @@ class RegressorTraining:
     Attributes
     ----------
     code_size, code_steps : int
-        Of the auto-encoder.
+        Of the auto-encoder; a code of 24, as in the paper, loses .7 mm of 17 on clips for validation.
     components, state : int
         Principal components of the inputs, and numbers of the gated unit.
     penalty : float
