@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, Self
 
 from clothsim.base.errors import InputError, MachineError
 
@@ -121,3 +122,23 @@ def replacing(path: Path) -> Iterator[Path]:
             beside.unlink(missing_ok=True)
     except OSError as error:
         raise full_or_forbidden(path, error) from error
+
+
+class ClosingWriter:
+    """A writer of a file that is closed at the end of the `with` block; an exception is passed on."""
+
+    _path: Path
+    _file: Any
+
+    def __enter__(self) -> Self:
+        """The writer itself."""
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; what was appended is in it already."""
+        with writing(self._path):
+            self._file.close()

@@ -4,14 +4,13 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.file_writing import write_atomically, writing
+from clothsim.base.file_writing import ClosingWriter, write_atomically, writing
 from clothsim.base.inputs import shown
 from clothsim.base.process_memory import peak_memory
 
@@ -33,7 +32,7 @@ SUMMARY_TYPES: dict[str, tuple[type, ...]] = {
 """Types of entries of a summary that readers count on."""
 
 
-class RecordWriter:
+class RecordWriter(ClosingWriter):
     """A writer of one JSON object a line; each line is in the file before `append` returns."""
 
     def __init__(self, path: str | Path, resume_at: int | None = None) -> None:
@@ -45,21 +44,6 @@ class RecordWriter:
         write_atomically(Path(path), earlier)
         self._path = Path(path)
         self._file = self._path.open("ab", buffering=0)  # closed by `close`
-
-    def __enter__(self) -> "RecordWriter":
-        """The writer itself, closed at the end of the `with` block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file; an exception is passed on."""
-        self.close()
-
-    def close(self) -> None:
-        """Close the file."""
-        with writing(self._path):
-            self._file.close()
 
     def append(self, entry: Mapping[str, Any]) -> None:
         """Write `entry` as one line (numbers as in `to_json`). InputError where the disk is full."""

@@ -269,7 +269,10 @@ def settings(session: "Session", directory: Path, before: str) -> str:
     solver, run = scene.solver_settings, scene.run_settings
     world = built.world
     on = [name for name in scene.effects if name not in built.off]
-    sizes = f"{world.n_cloth:,} vertices and {len(world.triangles):,} triangles of cloth"
+    of_rods = sum(len(rod.positions) for rod, _ in world.rods)
+    sizes = f"{world.n_cloth - of_rods:,} vertices and {len(world.triangles):,} triangles of cloth"
+    if of_rods:
+        sizes = f"{sizes}; {of_rods:,} vertices of rods" if len(world.triangles) else f"{of_rods:,} vertices of rods"
     if world.bodies:
         body_vertices = sum(len(body.positions) for body in world.bodies)
         names = ", ".join(body.name for body in world.bodies)

@@ -1,4 +1,4 @@
-"""The sections [cloth], [body] and [rigid]: name and position, material, source of the mesh."""
+"""The sections [cloth], [body], [rigid] and [rod]: name and position, material, source of the mesh."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -386,3 +386,25 @@ def check_rigid(where: str, keys: Any) -> RigidTable:
 def rigid_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
     """The sections whose keys a rigid body has: its own, and those of its generator or part of a file."""
     return (RigidTable, *sources(where, keys))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RodTable(PlacedKeys):
+    """A round wire, cord or thread, straight at rest, that is no part of a cloth."""
+
+    section: ClassVar[str] = "rod"
+
+    points: Annotated[Sequence[Sequence[float]], Key("Points [[x, y, z], ...] of its centre line at the start", "m")]
+    edge: Annotated[
+        float | None, Key("Length of its edges, into which the line is cut", "m", above=0, shown="one for each point")
+    ] = None  # fmt: skip
+    loop: Annotated[bool, Key("Join its ends")] = False
+    radius: Annotated[float, Key("Radius of its section", "m", above=0)]
+    density: Annotated[float, Key("Density", "kg/m3", above=0)] = 1000.0
+    youngs_modulus: Annotated[float, Key("Young's modulus: EA = E pi r^2, EI = E pi r^4/4", "Pa", above=0)]
+    velocity: Annotated[Vector, Key("Velocity at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
+
+
+def check_rod(where: str, keys: Any) -> RodTable:
+    """The section of a table of a rod. InputError names a bad key."""
+    return RodTable.parsed(where, keys)

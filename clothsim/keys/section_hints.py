@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from clothsim.base.inputs import nearest
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, RigidTable
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, RigidTable, RodTable
 from clothsim.keys.schema import keys_of
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.keys.typed_effects import TYPED_EFFECTS
@@ -25,7 +25,7 @@ def home_of(name: str) -> str:
     if name in TYPED_EFFECTS:
         return effect_remedy(name)
     settings = [f"[{kind.section}]" for kind in (Solver, RunSettings, Seed, Contact) if name in keys_of(kind)]
-    meshes = [f"[{kind.section}]" for kind in (ClothTable, BodyTable, RigidTable) if name in keys_of(kind)]
+    meshes = [f"[{kind.section}]" for kind in (ClothTable, BodyTable, RigidTable, RodTable) if name in keys_of(kind)]
     files = ["a mesh file"] if name in keys_of(FilePart) else []
     generators = [f"mesh = {mesh!r}" for mesh, kind in GENERATOR_KEYS.items() if name in keys_of(kind)]
     effects = [f"[effects.{effect}]" for effect, kind in TYPED_EFFECTS.items() if name in keys_of(kind)]
@@ -38,7 +38,9 @@ def home_of(name: str) -> str:
 
 def paths_of(name: str) -> list[str]:
     """Paths, such as "cloth.fabric", of the keys of this name."""
-    kinds: tuple[type[KeyTable], ...] = (Solver, RunSettings, Seed, Contact, ClothTable, BodyTable, RigidTable)
+    kinds: tuple[type[KeyTable], ...] = (
+        Solver, RunSettings, Seed, Contact, ClothTable, BodyTable, RigidTable, RodTable
+    )  # fmt: skip
     found = [f"{kind.section}.{name}" for kind in kinds if name in keys_of(kind)]
     found += [
         f"{mesh}.{name}" for mesh in ("cloth", "body") for kind in GENERATOR_KEYS.values() if name in keys_of(kind)

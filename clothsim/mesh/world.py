@@ -7,9 +7,9 @@ local one: round-off is then that of its size, not of its position.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -268,12 +268,15 @@ def _slices(sizes: Sequence[int], start: int) -> tuple[slice, ...]:
     return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
 
 
+NO_EDGES: Ints = np.zeros((0, 2), np.int64)
+
+
 @dataclass(frozen=True)
 class SurfaceRows:
     """A cloth or body.
 
     rows: of x; triangles (m, 3): in rows of x; moving: False where its positions are the same in all frames; rigid:
-    True for a rigid body that forces move.
+    True for a rigid body that forces move; edges (k, 2), radius [m]: of a rod, in rows of x, in order along it.
     """
 
     name: str
@@ -282,6 +285,8 @@ class SurfaceRows:
     triangles: Ints
     moving: bool
     rigid: bool = False
+    edges: Ints = field(default_factory=lambda: NO_EDGES)
+    radius: float = 0.0
 
     @property
     def n_vertices(self) -> int:
@@ -297,7 +302,7 @@ class SurfaceRows:
 def world_surfaces(world: World) -> tuple[SurfaceRows, ...]:
     """The surfaces of a world in the order of its rows of x: cloths, then bodies."""
     cloths = [
-        SurfaceRows(cloth.name, "cloth", rows, cloth.triangles + rows.start, True)
+        SurfaceRows(cloth.name, "cloth", rows, cloth.triangles + rows.start, True, **_line(cloth, rows))
         for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
     ]
     prescribed = len(world.prescribed_bodies)
@@ -313,6 +318,11 @@ def world_surfaces(world: World) -> tuple[SurfaceRows, ...]:
         for number, (body, rows) in enumerate(zip(world.bodies, world.body_slices, strict=True))
     ]
     return (*cloths, *bodies)
+
+
+def _line(cloth: Cloth, rows: slice) -> dict[str, Any]:
+    """Edges and radius of a rod, none of another cloth."""
+    return {"edges": cloth.edges + rows.start, "radius": cloth.radius} if isinstance(cloth, Rod) else {}
 
 
 def check_surfaces(surfaces: Sequence[SurfaceRows]) -> None:

@@ -14,10 +14,12 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
+from clothsim.base.linalg import unit
 from clothsim.base.ray_casting import caster_over
+from clothsim.base.triangles import vertex_normals
 from clothsim.base.vectors import cross, dot, minus
 from clothsim.render.camera import Camera, seen_box
-from clothsim.render.surface_look import Look, Surface, vertex_normals
+from clothsim.render.surface_look import Look, Surface
 
 
 @dataclass(frozen=True)
@@ -147,8 +149,8 @@ def _stage(made: Sequence[Look], camera: Camera, up: Floats) -> _Stage:
     corners = (joined.corners - 0.5 * (low + high)) * scale
     vertical = up / np.linalg.norm(up)
     right, _, backward = camera.axes
-    to_key = _unit(0.85 * vertical + 0.40 * backward - 0.70 * right)
-    side = _unit(np.cross(to_key, vertical + 0.1 * right))
+    to_key = unit(0.85 * vertical + 0.40 * backward - 0.70 * right)
+    side = unit(np.cross(to_key, vertical + 0.1 * right))
     return _Stage(
         Look(corners, joined.normals, joined.front, joined.back),
         caster_over(corners),
@@ -156,7 +158,7 @@ def _stage(made: Sequence[Look], camera: Camera, up: Floats) -> _Stage:
         camera.axes,
         camera.tangents,
         np.array([to_key, side, np.cross(to_key, side)]),
-        (_numbers(vertical), _numbers(to_key), _numbers(_unit(0.15 * vertical + 0.6 * backward + 0.8 * right))),
+        (_numbers(vertical), _numbers(to_key), _numbers(unit(0.15 * vertical + 0.6 * backward + 0.8 * right))),
     )
 
 
@@ -202,10 +204,6 @@ def _free_light(stage: _Stage, origins: Floats, smooth: Floats, pattern: Ints) -
 
 def _numbers(vector: Floats) -> Ray:
     return float(vector[0]), float(vector[1]), float(vector[2])
-
-
-def _unit(vector: Floats) -> Floats:
-    return vector / np.linalg.norm(vector)
 
 
 SKY_RAYS = 2

@@ -49,8 +49,13 @@ class IntersectionCheck:
 
     @property
     def cloths(self) -> bool:
-        """True where the scene has a cloth."""
-        return any(surface.role == "cloth" for surface in self.surfaces)
+        """True where the scene has a cloth that is no rod."""
+        return any(surface.role == "cloth" and not len(surface.edges) for surface in self.surfaces)
+
+    @property
+    def rods(self) -> bool:
+        """True where the scene has a rod."""
+        return any(len(surface.edges) for surface in self.surfaces)
 
     @property
     def bodies(self) -> bool:
@@ -104,6 +109,7 @@ class IntersectionCheck:
         kinds = {"cloth_body": checked if self.bodies else "no body", "cloth_cloth": checked}
         if not self.cloths:
             kinds = dict.fromkeys(kinds, NO_CLOTH)
+        kinds |= {"rods": f"centre lines {checked}"} if self.rods else {}
         return kinds | ({"rigid": checked} if self.rigid else {})
 
 

@@ -22,9 +22,10 @@ from clothsim.base.record import (
 )
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
-from clothsim.mesh.world import World, world_surfaces
+from clothsim.mesh.world import SurfaceRows, World, world_surfaces
 from clothsim.render.colour_scale import Quantity, per_vertex
 from clothsim.render.surface_look import Surface, crosses, evenly_spaced, spacing_of
+from clothsim.render.tubes import tube
 from clothsim.run.fields import FIELDS, known_field, world_stretches
 from clothsim.scene.scene import scene_from_text
 
@@ -41,6 +42,8 @@ def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     first = trajectory.positions(0)
     made = [
         Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part, material=first[cloth.rows])
+        if not len(cloth.edges)
+        else _drawn_rod(cloth, positions)
         for cloth, part in zip(cloths, stretches, strict=True)
     ]
     none = np.zeros((0, 2))
@@ -56,8 +59,16 @@ def state_surfaces(world: World, x: Floats, stretches: Floats) -> list[Surface]:
     none = np.zeros((0, 2))
     return [
         Surface(part.name, x[part.rows], part.own_triangles, part.role, of_cloths[k] if part.role == "cloth" else none)
+        if not len(part.edges)
+        else _drawn_rod(part, x)
         for k, part in enumerate(parts)
     ]
+
+
+def _drawn_rod(rod: SurfaceRows, x: Floats) -> Surface:
+    """A rod as a tube of its radius."""
+    is_loop = len(rod.edges) == rod.n_vertices
+    return Surface(rod.name, *tube(x[rod.rows], is_loop, rod.radius), "cloth", np.zeros((0, 2)))
 
 
 class Frames(Sequence[list[Surface]]):

@@ -18,7 +18,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth, check_rigid
+from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth, check_rigid, check_rod
 from clothsim.keys.schema import keys_of
 from clothsim.keys.section_hints import paths_of
 from clothsim.keys.value_checks import refuse_unknown
@@ -27,9 +27,9 @@ from clothsim.scene.scene import SECTIONS, Scene
 
 SOURCES = ("mesh", "frames", "model")
 """Keys of which a cloth or body has one."""
-LISTS = {"cloth": "cloths", "body": "bodies", "rigid": "rigid_bodies"}
+LISTS = {"cloth": "cloths", "body": "bodies", "rigid": "rigid_bodies", "rod": "rods"}
 """Sections that may have several entries, and the attribute of a scene that has them all."""
-_CHECKS: dict[str, Any] = {"cloth": check_cloth, "body": check_body, "rigid": check_rigid}
+_CHECKS: dict[str, Any] = {"cloth": check_cloth, "body": check_body, "rigid": check_rigid, "rod": check_rod}
 _INSTEAD = {
     "error": "dt",
     "dt": "error",

@@ -36,6 +36,7 @@ from clothsim.keys.mesh_keys import (
     ModelTable,
     PatternFile,
     RigidTable,
+    RodTable,
     TieKeys,
 )
 from clothsim.keys.schema import Key, SceneKey, choices, keys_of, members, type_in_words
@@ -133,6 +134,7 @@ def _sections() -> Iterator[Section]:
     yield _section("rigid", RigidTable)
     yield _section("rigid.joint", JointKeys)
     yield _section("rigid.tie", TieKeys)
+    yield _section("rod", RodTable)
     yield _section("cloth or body of a file", FilePart)
     yield _section("cloth of a sewing pattern", PatternFile)
     for name, kind in GENERATOR_KEYS.items():
@@ -184,6 +186,7 @@ def json_schema() -> dict[str, Any]:
         "cloth": _one_or_several(_table_schema("A cloth", (ClothTable, PatternFile, *meshes), ("mesh",))),
         "body": _one_or_several(_table_schema("A body", (BodyTable, FramesTable, ModelTable, *meshes), ())),
         "rigid": _one_or_several(_table_schema("A rigid body", (RigidTable, *meshes), ("mesh",))),
+        "rod": _one_or_several(_table_schema("A rod", (RodTable,), ("points", "radius", "youngs_modulus"))),
         "effects": {"type": "object", "properties": effects, "additionalProperties": False},
     }
     for kind in (Solver, Contact, RunSettings, Seed):
@@ -193,7 +196,7 @@ def json_schema() -> dict[str, Any]:
         "title": "clothsim scene",
         "type": "object",
         "properties": properties,
-        "required": ["cloth"],
+        "anyOf": [{"required": [name]} for name in ("cloth", "rigid", "rod")],
         "additionalProperties": False,
     }
 

@@ -18,9 +18,11 @@ from clothsim.keys.mesh_keys import (
     FramesTable,
     ModelTable,
     RigidTable,
+    RodTable,
     check_body,
     check_cloth,
     check_rigid,
+    check_rod,
 )
 from clothsim.keys.schema import FUNCTION
 from clothsim.keys.section_hints import effect_remedy, section_remedy
@@ -48,6 +50,8 @@ class Scene:
         Keys of [[body]].
     rigid : dict, Rigid, mesh object, or a list of them
         Keys of [[rigid]].
+    rod : dict, or a list of them
+        Keys of [[rod]].
     effects : dict or list of effects
         {name: {key: value}}, or typed effects.
     solver, contact, run, seed : dict or Solver, Contact, RunSettings, Seed
@@ -57,10 +61,10 @@ class Scene:
 
     Attributes
     ----------
-    cloth, body, rigid, effects[...], solver, contact, run, seed
+    cloth, body, rigid, rod, effects[...], solver, contact, run, seed
         Sections: each key is an attribute, with its default where it was not given; as a mapping a section has the keys
         that were given.
-    cloths, bodies, rigid_bodies
+    cloths, bodies, rigid_bodies, rods
         The sections of all of them, also of the only one.
 
     Raises
@@ -92,6 +96,7 @@ class Scene:
     seed: Any
     directory: Path
     rigid: Any
+    rod: Any
 
     def __new__(cls, *_: Any, **sections: Any) -> Self:
         """InputError for a keyword that is no section, in place of Python's TypeError."""
@@ -109,8 +114,10 @@ class Scene:
         seed: Table | Seed | None = None,
         directory: Path = Path(),
         rigid: Table | Sequence[Table] = (),
+        rod: Table | Sequence[Table] = (),
     ) -> None:
-        for name, value in (("cloth", cloth), ("body", body), ("rigid", rigid), ("effects", effects)):
+        objects = {"cloth": cloth, "body": body, "rigid": rigid, "rod": rod}
+        for name, value in (*objects.items(), ("effects", effects)):
             refuse_deep(name, value)
         named = effects_by_name(effects)
         refuse_unknown("effects", table("effects", named, "Write [effects.gravity]."), EFFECTS)
@@ -124,7 +131,7 @@ class Scene:
         for name, (kind, value) in settings.items():
             refuse_deep(name, value)
             made[name] = kind.parsed(name, {} if value is None else value)
-        for name, value in (("cloth", cloth), ("body", body), ("rigid", rigid)):
+        for name, value in objects.items():
             made[name] = _sections(name, value)
         for name, value in {**made, "directory": directory}.items():
             object.__setattr__(self, name, value)
@@ -138,7 +145,7 @@ class Scene:
     @property
     def _content(self) -> tuple[Any, ...]:
         settings = (self.solver, self.contact, self.run, self.seed)
-        return (self.cloths, self.bodies, self.rigid_bodies, self.effects, *settings, self.directory)
+        return (self.cloths, self.bodies, self.rigid_bodies, self.rods, self.effects, *settings, self.directory)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, ({name: _tables(getattr(self, name)) for name in SECTIONS}, self.directory)
@@ -157,6 +164,11 @@ class Scene:
     def rigid_bodies(self) -> tuple[RigidTable, ...]:
         """The rigid bodies."""
         return _several(self.rigid)
+
+    @property
+    def rods(self) -> tuple[RodTable, ...]:
+        """The rods."""
+        return _several(self.rod)
 
     @property
     def solver_settings(self) -> Solver:
@@ -217,7 +229,9 @@ class Scene:
         InputError
             For a scene with a Python function otherwise.
         """
-        sections = {name: getattr(self, name) for name in SECTIONS if name != "rigid" or self.rigid}
+        sections = {
+            name: getattr(self, name) for name in SECTIONS if name not in ("rigid", "rod") or getattr(self, name)
+        }
         if not names_of_functions:
             for name, section in sections.items():
                 _refuse_functions(name, section)
@@ -239,7 +253,7 @@ class Scene:
         return scene_from_text(json.dumps({**data, "directory": "."}), directory)
 
 
-SECTIONS = ("cloth", "body", "rigid", "effects", "solver", "contact", "run", "seed")
+SECTIONS = ("cloth", "body", "rigid", "rod", "effects", "solver", "contact", "run", "seed")
 
 
 def make_scene(data: Table, directory: Path) -> Scene:
@@ -250,8 +264,8 @@ def make_scene(data: Table, directory: Path) -> Scene:
     for name in data:
         if name not in SECTIONS:
             raise InputError(f"The scene has no key {name!r}.", section_remedy(name, SECTIONS))
-    if "cloth" not in data and "rigid" not in data:
-        raise InputError("The scene has no cloth.", "Add a [cloth] table with a mesh, or a [[rigid]] body.")
+    if not {"cloth", "rigid", "rod"} & set(data):
+        raise InputError("The scene has no cloth.", "Add a [cloth] table with a mesh, a [[rigid]] body or a [[rod]].")
     return Scene(**{"cloth": (), **data}, directory=directory)
 
 
@@ -297,7 +311,7 @@ def _sections(name: str, value: Any) -> Any:
     return made if several else made[0]
 
 
-_CHECKS: dict[str, Any] = {"cloth": check_cloth, "body": check_body, "rigid": check_rigid}
+_CHECKS: dict[str, Any] = {"cloth": check_cloth, "body": check_body, "rigid": check_rigid, "rod": check_rod}
 
 
 def _tables(value: Any) -> Any:

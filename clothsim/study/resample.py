@@ -7,6 +7,7 @@ import igl
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import barycentric as weights_in
 from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.engine import World
 
@@ -41,13 +42,7 @@ def barycentric(points: Floats, rest: Floats, triangles: Ints) -> tuple[Ints, Fl
     coarser than the point's own: a linear function of the material is interpolated exactly.
     """
     _, nearest, _ = igl.point_mesh_squared_distance(points, rest, triangles)
-    corners = rest[triangles[nearest]]
-    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    offset = points - corners[:, 0]
-    gram = np.stack([np.stack([_dot(e1, e1), _dot(e1, e2)], -1), np.stack([_dot(e1, e2), _dot(e2, e2)], -1)], -1)
-    right = np.stack([_dot(e1, offset), _dot(e2, offset)], -1)
-    inner = np.linalg.solve(gram, right[..., None])[..., 0]
-    return nearest, np.column_stack([1.0 - inner.sum(axis=1), inner])
+    return nearest, weights_in(rest[triangles[nearest]], points)
 
 
 def at_points_of(base: Material, run: Material, positions: Floats) -> Floats:
@@ -70,7 +65,3 @@ def point_areas(material: Material) -> Floats:
             for rest, triangles in zip(material.rest, material.triangles, strict=True)
         ]
     )
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray(np.einsum("ij,ij->i", a, b), np.float64)

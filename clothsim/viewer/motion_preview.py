@@ -16,7 +16,7 @@ from clothsim.viewer.preview import CLEAR, DRAPED, add_surfaces, put_cloth
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
 
 if TYPE_CHECKING:
-    import viser
+    pass
 
 REPAIRED = (205, 170, 90)
 """Colour of a frame that was repaired."""
@@ -29,8 +29,6 @@ class MotionPreview(Served):
 
     Attributes
     ----------
-    server : viser.ViserServer
-    gate : Gate
     rate : float
         Frames a second of the motion [1/s].
     frames : list of JudgedFrame
@@ -39,15 +37,9 @@ class MotionPreview(Served):
         Why no more follow; empty where all are judged.
     """
 
-    server: "viser.ViserServer"
-    gate: Gate
     rate: float
     frames: list[Any] = field(default_factory=list)
     fault: str = ""
-    nodes: dict[str, Any] = field(default_factory=dict)
-    controls: dict[str, Any] = field(default_factory=dict)
-    _lock: threading.RLock = field(default_factory=threading.RLock)
-    _closed: threading.Event = field(default_factory=threading.Event)
 
     def __repr__(self) -> str:
         return f"<MotionPreview of {len(self.frames)} frames at {self.url}>"
@@ -110,7 +102,7 @@ def preview_motion(
     coming = judged_motion(garment, made)
     first = next(coming)
     gate = Gate(host, trusted)
-    page = MotionPreview(serve(viser, gate, port), gate, made.rate, [first])
+    page = MotionPreview(made.rate, [first], server=serve(viser, gate, port), gate=gate)
     page.nodes |= add_surfaces(page.server, garment.judge, first, scene.up)
     gui = page.server.gui
     gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)

@@ -15,14 +15,14 @@ import trimesh
 from clothsim import Run, open_run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import vertex_normals
 from clothsim.engine import Colouring
-from clothsim.render import vertex_normals
 from clothsim.viewer.gate import Gate
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
 from clothsim.viewer.side_texts import certificate_text, legend_html, solver_text, speeds, state_text, vertex_text
 
 if TYPE_CHECKING:
-    import viser
+    pass
 
 TICK = 1 / 30
 """Time between two looks at the clock while it plays [s]."""
@@ -40,10 +40,6 @@ class Page(Served):
     ----------
     run : Run
         The run; read again while it is still going.
-    server : viser.ViserServer
-        Server of the page.
-    gate : Gate
-        Who may read it.
     colouring : Colouring
         What colours the cloth.
     frame : int
@@ -53,16 +49,10 @@ class Page(Served):
     """
 
     run: Run
-    server: "viser.ViserServer"
-    gate: Gate
     colouring: Colouring
     frame: int = 0
     picked: int | None = None
     _ready: OrderedDict[tuple[str, int], bytes] = field(default_factory=OrderedDict)
-    nodes: dict[str, Any] = field(default_factory=dict)
-    controls: dict[str, Any] = field(default_factory=dict)
-    _lock: threading.RLock = field(default_factory=threading.RLock)
-    _closed: threading.Event = field(default_factory=threading.Event)
 
     def __repr__(self) -> str:
         return f"<Page of {str(self.run.directory)!r} at {self.url}>"
@@ -362,7 +352,7 @@ def view(
     if first not in names:
         raise InputError(f"This run has no {first!r} to show.", f"It has {', '.join(names)}.")
     gate = Gate(host, trusted)
-    page = Page(run, serve(viser, gate, port), gate, Colouring.of_run(run, first))
+    page = Page(run, Colouring.of_run(run, first), server=serve(viser, gate, port), gate=gate)
     add_scene(page)
     add_controls(page, names)
     page.show(len(run) - 1)

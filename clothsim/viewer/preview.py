@@ -1,9 +1,8 @@
 """Live preview of a model of drapes: sliders of its inputs, the predicted garment, the verdict of the exact test."""
 
 import tempfile
-import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -35,22 +34,14 @@ class Preview(Served):
     Attributes
     ----------
     predictor : Predictor
-    server : viser.ViserServer
-    gate : Gate
     inputs : (p,) ndarray
         Values that are shown.
     shown : Prediction or None
     """
 
     predictor: Predictor
-    server: "viser.ViserServer"
-    gate: Gate
     inputs: Floats
     shown: Any = None
-    nodes: dict[str, Any] = field(default_factory=dict)
-    controls: dict[str, Any] = field(default_factory=dict)
-    _lock: threading.RLock = field(default_factory=threading.RLock)
-    _closed: threading.Event = field(default_factory=threading.Event)
 
     def __repr__(self) -> str:
         return f"<Preview of {str(self.predictor.file)!r} at {self.url}>"
@@ -138,7 +129,7 @@ def preview(
     middle = 0.5 * (made.model.low + made.model.high)
     first = made.predicted(middle)
     gate = Gate(host, trusted)
-    page = Preview(made, serve(viser, gate, port), gate, middle)
+    page = Preview(made, middle, server=serve(viser, gate, port), gate=gate)
     page.nodes |= add_surfaces(page.server, made.judge, first, scene.up)
     _add_controls(page)
     page.show([each.value for each in page.controls["sliders"]])

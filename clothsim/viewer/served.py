@@ -4,6 +4,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
@@ -26,6 +27,7 @@ def silent() -> Iterator[None]:
         console.quiet = before
 
 
+@dataclass(repr=False, kw_only=True)
 class Served:
     """Address and end of a page.
 
@@ -35,11 +37,16 @@ class Served:
         Server of the page.
     gate : Gate
         Who may read it.
+    nodes, controls : dict of str to object of viser
+        What the page shows, and its sliders, buttons and texts.
     """
 
     server: "viser.ViserServer"
     gate: Gate
-    _closed: threading.Event
+    nodes: dict[str, Any] = field(default_factory=dict)
+    controls: dict[str, Any] = field(default_factory=dict)
+    _lock: threading.RLock = field(default_factory=threading.RLock)
+    _closed: threading.Event = field(default_factory=threading.Event)
 
     @property
     def url(self) -> str:

@@ -144,7 +144,10 @@ KINDS = {"object": dict, "array": list, "string": str, "boolean": bool, "integer
 def fits(value, schema):  # noqa: PLR0911
     """A check of those parts of JSON schema that ours uses."""
     if "anyOf" in schema:
-        return any(fits(value, one) for one in schema["anyOf"])
+        rest = {key: part for key, part in schema.items() if key != "anyOf"}
+        return any(fits(value, one) for one in schema["anyOf"]) and (not rest or fits(value, rest))
+    if set(schema) == {"required"}:
+        return set(schema["required"]) <= set(value)
     kind = schema.get("type")
     if kind is None:
         return value in schema.get("enum", [value])

@@ -6,7 +6,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 
 import h5py
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.base.file_writing import require_space, writing
+from clothsim.base.file_writing import ClosingWriter, require_space, writing
 from clothsim.files.runs.vtkhdf import (
     STRETCHES,
     FrameArray,
@@ -30,12 +29,12 @@ from clothsim.files.runs.vtkhdf import (
     set_frame_count,
     write_frame,
 )
-from clothsim.mesh.world import SurfaceRows, check_surfaces, same_surfaces
+from clothsim.mesh.world import NO_EDGES, SurfaceRows, check_surfaces, same_surfaces
 
 TRAJECTORY_NAME = "trajectory.vtkhdf"
 
 
-class TrajectoryWriter:
+class TrajectoryWriter(ClosingWriter):
     """A writer of frames; after each of them the file on disk is complete."""
 
     def __init__(
@@ -72,21 +71,6 @@ class TrajectoryWriter:
         start = _create if resume_at is None else _resume
         self._path = Path(path)
         self._file = start(self._path, self.surfaces, self.arrays, resume_at or 0)
-
-    def __enter__(self) -> "TrajectoryWriter":
-        """The writer itself, closed at the end of the `with` block."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file; an exception is passed on."""
-        self.close()
-
-    def close(self) -> None:
-        """Close the file, which holds all frames already."""
-        with writing(self._path):
-            self._file.close()
 
     @property
     def n_frames(self) -> int:
@@ -258,7 +242,10 @@ def _read_surfaces(file: h5py.File) -> tuple[SurfaceRows, ...]:
         triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
         name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
         rigid = bool(block.attrs.get("Rigid", 0))
-        surfaces.append(SurfaceRows(name, role, slice(start, stop), triangles, bool(moving), rigid))
+        edges, radius = NO_EDGES, float(block.attrs.get("Radius", 0.0))
+        if radius:
+            edges = block["Lines/Connectivity"][:].reshape(-1, 2) + start
+        surfaces.append(SurfaceRows(name, role, slice(start, stop), triangles, bool(moving), rigid, edges, radius))
         if triangles.size and not start <= triangles.min() <= triangles.max() < stop:
             raise ValueError(f"{name} has triangles of vertices that are not there")
         start = stop

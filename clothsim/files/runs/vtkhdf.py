@@ -168,11 +168,17 @@ def _create_block(block: h5py.Group, surface: SurfaceRows, shared: h5py.Group, a
     block.attrs.update({"Name": surface.name, "Role": surface.role, "Moving": int(surface.moving)})
     if surface.rigid:
         block.attrs["Rigid"] = 1
+    if len(surface.edges):
+        block.attrs["Radius"] = surface.radius
     block["NumberOfPoints"] = np.array([surface.n_vertices])
     _create_frames(block, "Points", surface.n_vertices, (3,), "f8")
     _create_cells(block.create_group("Polygons"), triangles)
     _create_cells(block.create_group("Vertices"), triangles[:0])
-    block["Lines"] = block["Strips"] = block["Vertices"]
+    block["Strips"] = block["Vertices"]
+    if len(surface.edges):
+        _create_cells(block.create_group("Lines"), surface.edges - surface.rows.start)
+    else:
+        block["Lines"] = block["Vertices"]
     steps = block.create_group("Steps")
     steps.attrs["NSteps"] = 0
     for name in ("Values", "PartOffsets", "NumberOfParts", "CellOffsets"):
@@ -201,11 +207,11 @@ def _create_table(steps: h5py.Group, name: str, columns: tuple[int, ...] = (), f
     steps.create_dataset(name, (0, *columns), "i8", maxshape=(None, *columns), chunks=chunks, fillvalue=fill)
 
 
-def _create_cells(group: h5py.Group, triangles: Ints) -> None:
-    group["NumberOfCells"] = np.array([len(triangles)])
-    group["NumberOfConnectivityIds"] = np.array([triangles.size])
-    group["Offsets"] = 3 * np.arange(len(triangles) + 1)
-    group["Connectivity"] = triangles.ravel()
+def _create_cells(group: h5py.Group, cells: Ints) -> None:
+    group["NumberOfCells"] = np.array([len(cells)])
+    group["NumberOfConnectivityIds"] = np.array([cells.size])
+    group["Offsets"] = cells.shape[1] * np.arange(len(cells) + 1)
+    group["Connectivity"] = cells.ravel()
 
 
 def _write_offsets(table: h5py.Dataset, rows: int, size: int) -> None:

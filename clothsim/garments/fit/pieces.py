@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.triangles import triangle_areas
+from clothsim.base.triangles import barycentric, triangle_areas
 from clothsim.engine import components
 
 
@@ -64,7 +64,7 @@ def embed(
     closest (k, 3): their closest points there [m].
     """
     triangles = whole[simulated][corners]
-    weights = _barycentric(triangles, closest)
+    weights = barycentric(triangles, closest)
     points = np.einsum("ij,ijk->ik", weights, triangles)
     offsets = np.einsum("ijk,ik->ij", _frames(triangles), whole[own] - points)
     return EmbeddedVertices(own, corners, weights, offsets, whole[own] if is_rigid else np.zeros((0, 3)))
@@ -86,16 +86,6 @@ def _frames(corners: Floats) -> Floats:
     normal = np.cross(along, corners[:, 2] - corners[:, 0])
     along, normal = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300) for v in (along, normal))
     return np.stack([along, np.cross(normal, along), normal], axis=1)
-
-
-def _barycentric(triangles: Floats, points: Floats) -> Floats:
-    """Barycentric coordinates (k, 3) of points in the planes of triangles."""
-    e1, e2, r = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], points - triangles[:, 0]
-    a, b, c = (np.einsum("ij,ij->i", *pair) for pair in ((e1, e1), (e1, e2), (e2, e2)))
-    p, q = np.einsum("ij,ij->i", r, e1), np.einsum("ij,ij->i", r, e2)
-    determinant = np.maximum(a * c - b * b, 1e-300)
-    v, w = (c * p - b * q) / determinant, (a * q - b * p) / determinant
-    return np.column_stack([1 - v - w, v, w])
 
 
 def _rigidly(shape: Floats, targets: Floats) -> Floats:

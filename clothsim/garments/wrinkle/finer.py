@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.linalg import unit
+from clothsim.base.triangles import vertex_area_vectors
 
 ROUNDNESS = 0.5
 """Weight of the projections on the tangent planes of the corners (Boubekeur and Alexa 2008, "Phong Tessellation").
@@ -103,10 +105,4 @@ def subdivision(triangles: Ints, n: int, parts: int) -> Subdivision:
 
 def vertex_normals(positions: Floats, triangles: Ints) -> Floats:
     """Unit normals of the vertices, the means of their triangles by area, (n, 3)."""
-    a, b, c = positions[triangles].transpose(1, 0, 2)
-    doubled = np.cross(b - a, c - a)
-    normals = np.zeros_like(positions)
-    for corner in range(3):
-        np.add.at(normals, triangles[:, corner], doubled)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.where(lengths > 0, lengths, 1.0)
+    return unit(vertex_area_vectors(positions, triangles))

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.geometry.centre_lines import found_by_rods
 from clothsim.geometry.intersection.intersecting_pairs import LIMIT, intersecting_pairs, intersection_points
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 
@@ -41,6 +42,8 @@ class Crossing:
         The triangles of each surface, counted in it from 0.
     position : (3,) array
         A point near the first pair [m].
+    parts : tuple of str
+        What is counted of each surface: triangles, or the edges of a rod.
     """
 
     first: str
@@ -48,6 +51,7 @@ class Crossing:
     role: str
     pairs: Ints
     position: Floats
+    parts: tuple[str, str] = ("triangle", "triangle")
 
     @property
     def summary(self) -> str:
@@ -60,8 +64,8 @@ class Crossing:
         i, j = self.pairs[0]
         at = ", ".join(f"{value:.4g}" for value in self.position)
         if self.first == self.second:
-            return f"triangles {i} and {j} of {self.first} intersect near ({at}) m"
-        return f"triangle {i} of {self.first} intersects triangle {j} of {self.second} near ({at}) m"
+            return f"{self.parts[0]}s {i} and {j} of {self.first} intersect near ({at}) m"
+        return f"{self.parts[0]} {i} of {self.first} intersects {self.parts[1]} {j} of {self.second} near ({at}) m"
 
 
 def crossings(
@@ -104,6 +108,11 @@ def crossings(
     for number, one in enumerate(rigid):
         others = [part for part in bodies if part not in rigid[: number + 1]]
         found += [replace(each, role="rigid") for each in _between(x, [one], others, limit, proofs)]
+    lines: Sequence[Any] = parts
+    for a, b, pairs in found_by_rods(x, lines):
+        at = x[lines[a].edges[pairs[0, 0]]].mean(axis=0)
+        what = ("edge", "edge" if len(getattr(lines[b], "edges", ())) else "triangle")
+        found.append(Crossing(lines[a].name, lines[b].name, lines[b].role, pairs, at, what))
     if proofs is not None:
         proofs.end_state()
     order = {part.name: k for k, part in enumerate(parts)}
@@ -118,6 +127,7 @@ def _between(
     proofs: ProvedSeparations | None,
 ) -> list[Crossing]:
     """Crossings of the cloths with bodies; None: with themselves and each other."""
+    cloths = [part for part in cloths if len(part.triangles)]  # no rods
     others = cloths if bodies is None else bodies
     if not cloths or not others:
         return []

@@ -187,17 +187,8 @@ def separated(x, s, t):
 
 @part
 def separated_beyond_vertex(x, v, s, t):
-    """True where triangles (v, s0, s1) and (v, t0, t1) certainly have only v in common.
-
-    Direction: between the two closest of the unit vectors from v, one of each.
-    """
-    nearest, n = -np.inf, (0.0, 0.0, 0.0)
-    for i in s:
-        for j in t:
-            a, b = _unit(_edge(x, v, i)), _unit(_edge(x, v, j))
-            cosine = _dot(a, b)
-            if cosine > nearest:
-                nearest, n = cosine, _minus(a, b)
+    """True where triangles (v, s0, s1) and (v, t0, t1) certainly have only v in common."""
+    n = _between_closest(x, v, s, t)
     for i in s:
         distance, error = _projected(x, n, i, v)
         if not distance > error:
@@ -207,6 +198,19 @@ def separated_beyond_vertex(x, v, s, t):
         if not distance < -error:
             return False
     return True
+
+
+@part
+def _between_closest(x, v, s, t):
+    """Difference of the two closest of the unit vectors from v, one to s and one to t: the direction tried."""
+    nearest, n = -np.inf, (0.0, 0.0, 0.0)
+    for i in s:
+        for j in t:
+            a, b = _unit(_edge(x, v, i)), _unit(_edge(x, v, j))
+            cosine = _dot(a, b)
+            if cosine > nearest:
+                nearest, n = cosine, _minus(a, b)
+    return n
 
 
 @part
@@ -250,15 +254,9 @@ def clearance(x, s, t, wanted):
 def clearance_beyond_vertex(x, v, s, t):
     """Lower bound of the change of any edge at v before triangles (v, s0, s1) and (v, t0, t1) share more than v, or 0.
 
-    Direction: as of `separated_beyond_vertex`. Their plane through v separates them until a corner has crossed it.
+    Their plane through v separates them until a corner has crossed it.
     """
-    nearest, n = -np.inf, (0.0, 0.0, 0.0)
-    for i in s:
-        for j in t:
-            a, b = _unit(_edge(x, v, i)), _unit(_edge(x, v, j))
-            cosine = _dot(a, b)
-            if cosine > nearest:
-                nearest, n = cosine, _minus(a, b)
+    n = _between_closest(x, v, s, t)
     least = np.inf
     for i in s:
         distance, error = _projected(x, n, i, v)

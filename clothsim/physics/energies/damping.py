@@ -1,17 +1,19 @@
 """Damping of velocity, of the strain rate and of the bending rate: the effect `damping`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 from clothsim.base.jit import kernel
 from clothsim.base.linalg import eigen_2x2
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.keys.typed_effects import Damping
 from clothsim.mesh.cloth import dihedral_angles
+from clothsim.mesh.rod import Rod
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example
@@ -118,12 +120,13 @@ class Dampings(Energy, Restrictable):
 def damping(world: World, keys: Damping) -> Energy | Off:
     """Dampings of all cloths; those on strain and bending leave rigid motions undamped. Off where all three are 0."""
     rates = over_cloth("effects.damping.rate", keys.rate, world, least=0.0)
+    of_rods = [_rate_of_rod(rod, keys.rate) for rod, _ in world.rods]
     beta = keys.stiffness
     eta = over_cloth("effects.damping.strain_rate", keys.strain_rate, world, least=0.0)
     shear, trace = eta + 2 * beta * world.per_triangle("shear_modulus"), beta * world.per_triangle("lame_modulus")
     parts: list[Energy] = []
-    if rates.any():
-        parts.append(_mass_damping(world, rates))
+    if rates.any() or any(of_rods):
+        parts.append(_mass_damping(world, rates, of_rods))
     if shear.any():
         parts.append(_strain_damping(world, shear, trace))
     if beta and world.hinges.stiffness.any():
@@ -134,12 +137,25 @@ def damping(world: World, keys: Damping) -> Energy | Off:
     return parts[0] if len(parts) == 1 else Dampings(tuple(parts))
 
 
-def _mass_damping(world: World, rates: Floats) -> MassDamping:
+def _rate_of_rod(rod: Rod, rate: object) -> float:
+    """The rate of a rod: the number of all, or that of its name. InputError for an array."""
+    value = rate.get(rod.name, rate.get("other")) if isinstance(rate, Mapping) else rate
+    if not isinstance(value, int | float):
+        raise InputError(
+            f"effects.damping.rate has no number for the rod {rod.name}.", f"Write {{ {rod.name} = 4.0 }}."
+        )
+    return float(value)
+
+
+def _mass_damping(world: World, rates: Floats, of_rods: Sequence[float]) -> MassDamping:
     rows, start = every_vertex(world.n_cloth), world.start()[: world.n_cloth]
-    if (rates == rates[0]).all():
-        return MassDamping(rows, world.masses, float(rates[0]), start, 1.0)
+    every = np.append(rates, of_rods)
+    if (every == every[0]).all():
+        return MassDamping(rows, world.masses, float(every[0]), start, 1.0)
     thirds = np.repeat(rates * world.per_triangle("density") * world.rest_areas / 3, 3)
     weights = np.bincount(world.triangles.ravel(), thirds, world.n_cloth).astype(np.float64)
+    for (_, place), rate in zip(world.rods, of_rods, strict=True):
+        weights[place] = rate * world.masses[place]
     return MassDamping(rows, weights, 1.0, start, 1.0)
 
 

@@ -50,6 +50,9 @@ def selected_vertices(where: str, world: World, select: object) -> Ints:
             raise InputError(f"{where} is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}.")
         start, parts = world.start(), []
         for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
+            if not len(cloth.triangles):  # a rod, whose border are its ends
+                parts.append(_ends(select, start[rows]) + rows.start)
+                continue
             curves = border_curves(cloth.triangles)
             if len(curves) < 2 or is_flat(cloth.rest_positions) or select in ("boundary", "corners"):
                 found = _side(select, cloth.rest_positions, cloth.triangles)
@@ -147,6 +150,14 @@ def _opening(where: str, name: str, cloth: str, start: Floats, curves: list[Ints
             f"Name vertices: [indices]. {TABLES}",
         )
     return np.unique(np.concatenate([curves[k] for k in chosen]))
+
+
+def _ends(name: str, start: Floats) -> Ints:
+    """Ends of a rod: both, or the one that is farthest to a side, left and right along x, bottom and top along z."""
+    if name in ("boundary", "corners"):
+        return np.array([0, len(start) - 1])
+    axis, sign = {"left": (0, -1), "right": (0, 1), "bottom": (2, -1), "top": (2, 1)}[name]
+    return np.array([0 if sign * start[0, axis] >= sign * start[-1, axis] else len(start) - 1])
 
 
 def _side(name: str, rest: Floats, triangles: Ints) -> Ints:

@@ -188,14 +188,17 @@ def rods_along(curves: list[tuple[EdgeCurve, float, float]]) -> RodsEnergy:
 
 
 def stiffeners(world: World, keys: Stiffeners) -> Energy | Off:
-    """Rods of the tables of a scene; off where every stiffness is 0.
+    """Rods of the tables of a scene, and those of [[rod]]; off where every stiffness is 0.
 
     Raises
     ------
     InputError
         Names the table and key.
     """
-    curves = []
+    curves = [
+        (EdgeCurve(rod.line + rows.start, rod.lengths), rod.stretch_stiffness, rod.bending_stiffness)
+        for rod, rows in world.rods
+    ]
     for k, each in enumerate(keys.stiffener):
         name = f"effects.stiffeners.stiffener[{k}]"
         if each.stretch_stiffness == 0 and each.bending_stiffness == 0:

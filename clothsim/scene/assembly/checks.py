@@ -56,7 +56,7 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     world: cloths and bodies at the start; scene: their tables. Of generated bodies a slab is taken for a floor, and
     none has a vertical axis of its own; energies: the effects that are on.
     """
-    tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
+    tables = [*scene.cloths, *scene.rods, *scene.bodies, *scene.rigid_bodies]
     meshes = [(cloth.name, cloth.positions) for cloth in world.cloths]
     meshes += [(body.name, body.positions) for body in world.bodies]
     sentences = _implausible(world, scene)
@@ -73,7 +73,7 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
 
 def _implausible(world: World, scene: Scene) -> list[str]:
     """A question on each number that looks like one in another unit."""
-    tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
+    tables = [*scene.cloths, *scene.rods, *scene.bodies, *scene.rigid_bodies]
     sections: list[tuple[str, KeyTable]] = list(zip(world.names, tables, strict=True))
     sections += [(f"effects.{name}", keys) for name, keys in scene.effects.items()]
     sections += [("solver", scene.solver), ("run", scene.run), ("seed", scene.seed)]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
 from clothsim.files.meshes.polygons import MeshPart
@@ -24,6 +24,7 @@ from clothsim.keys.mesh_keys import (
     PatternFile,
     PlacedKeys,
     RigidTable,
+    RodTable,
     check_body,
     check_cloth,
 )
@@ -32,6 +33,7 @@ from clothsim.mesh.body import Body, frame_motion, make_body, rigid_motion
 from clothsim.mesh.cloth import Cloth, make_cloth
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.rigid_body import Joint, RigidBody, rigid_body
+from clothsim.mesh.rod import Rod, make_rod
 from clothsim.mesh.topology import flat_triangles
 from clothsim.physics.energies.key_values import Schedule, schedule
 from clothsim.scene import cloth_arrays
@@ -79,6 +81,8 @@ def _animated(
     return make_body(label, frames[0], shape.triangles, motion), notes
 
 
+MOST_EDGES = 100_000
+"""Edges of a rod."""
 THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness", "thread_poisson_ratio")
 EXTENSIONS = ("warp_extension", "weft_extension")
 ISOTROPIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness")
@@ -283,6 +287,30 @@ def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody
         _joint(keys.joint, where),
     )
     return body, (*notes, f"{label}: rigid, {body.mass:.4g} kg.")
+
+
+def rod_of(keys: RodTable, where: str) -> tuple[Rod, tuple[str, ...]]:
+    """The rod of a [[rod]] table, and notes for the user. InputError for points that are no line."""
+    label = name_of(keys, where)
+    points = placed(keys, keys.scale * as_points(f"{where}.points", keys.points))
+    if keys.edge is not None and len(points) > 1:
+        points = _cut(where, points, keys.edge, keys.loop)
+    section = keys.radius, keys.density, keys.youngs_modulus
+    rod = make_rod(label, points, *section, is_loop=keys.loop, velocity=np.array(keys.velocity, np.float64))
+    stiffness = f"EA = {rod.stretch_stiffness:.3g} N, EI = {rod.bending_stiffness:.3g} N m2"
+    return rod, (f"{label}: a rod of {rod.lengths.sum():.4g} m, {len(rod.lengths)} edges, {stiffness}.",)
+
+
+def _cut(where: str, points: Floats, edge: float, is_loop: bool) -> Floats:
+    """Points along a polyline at equal arc lengths of about `edge` [m]."""
+    line = np.concatenate([points, points[:1]]) if is_loop else points
+    run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    count = max(round(run[-1] / edge), 1)
+    if count > MOST_EDGES:
+        raise InputError(f"{where}.edge = {edge:g} cuts it into {count:,} edges.", f"Give at most {MOST_EDGES:,}.")
+    even = np.linspace(0.0, run[-1], count + 1)
+    cut = np.column_stack([np.interp(even, run, column) for column in line.T])
+    return cut[:-1] if is_loop else cut
 
 
 def _joint(keys: Any, where: str) -> Joint | None:

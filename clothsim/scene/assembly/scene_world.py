@@ -28,6 +28,7 @@ from clothsim.scene.assembly.meshes import (
     fabric_of,
     material_schedules,
     rigid_body_of,
+    rod_of,
 )
 from clothsim.scene.cost import refuse_costly
 from clothsim.scene.effects import CONTACTS, EFFECTS, Effect
@@ -138,8 +139,9 @@ def build_effects(
         else:
             world, constraints[name] = _constrained(name, made)
             notes.extend(_held(world, constraints[name]))
-    for name, energy in _rigid_energies(scene, world, energies).items():
-        energies[name] = energy
+    energies |= _rigid_energies(scene, world, energies)
+    if world.rods and "stiffeners" not in energies:  # which has them too
+        energies["rods"] = EFFECTS["stiffeners"].build(world, EFFECTS["stiffeners"].keys_class(), {})
     if not energies:
         raise InputError(
             "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
@@ -212,7 +214,8 @@ def _changing(
 
     def of(numbers: Sequence[Sequence[float]], at_start: bool = False) -> Energy:
         by_name = [dict(zip(each, values, strict=True)) for each, values in zip(changes, numbers, strict=True)]
-        now = with_material(world, tuple(map(changed, cloths, by_name, world.cloths, axes)))
+        sheets = map(changed, cloths, by_name, world.cloths, axes)
+        now = with_material(world, (*sheets, *world.cloths[len(cloths) :]))
         made = effect.build(now, keys, {"at_start": at_start})
         if not isinstance(made, Energy):  # no key frame is 0, but a function of time may be
             raise InputError(f"{where} has no stiffness at a time.", "Keep what changes over time above 0.")
@@ -321,6 +324,10 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
         body, body_notes = body_of(given, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
         bodies.append(body)
         notes.extend(body_notes)
+    for k, rod_keys in enumerate(scene.rods):
+        rod, rod_notes = rod_of(rod_keys, "rod" if len(scene.rods) == 1 else f"rod[{k}]")
+        cloths.append(rod)
+        notes.extend(rod_notes)
     rigid = []
     for k, solid_keys in enumerate(scene.rigid_bodies):
         solid, body_notes = rigid_body_of(solid_keys, "rigid" if len(scene.rigid_bodies) == 1 else f"rigid[{k}]", scene)

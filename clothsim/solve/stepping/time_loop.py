@@ -360,7 +360,7 @@ def _normal(points: Floats) -> Floats | None:
 def _compressed(world: World, x: Floats, rows: slice) -> bool:
     own = np.flatnonzero((world.triangles[:, 0] >= rows.start) & (world.triangles[:, 0] < rows.stop))
     F = deformation_gradients(x[: world.n_cloth], world.triangles[own], world.rest_shape_inverses[own])
-    return bool(principal_stretches(F)[:, 1].min() < COMPRESSED)
+    return bool(principal_stretches(F)[:, 1].min(initial=np.inf) < COMPRESSED)
 
 
 def _extent(points: Floats) -> float:
