@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from clothsim.gradients.layer import Layer, layer
     from clothsim.gradients.losses import Loss
     from clothsim.gradients.recover import Recovery, recover
+    from clothsim.gradients.recover_clip import ClipRecovery, recover_clip
     from clothsim.gradients.recover_views import recover_views
     from clothsim.gradients.view_recovery import ViewRecovery
     from clothsim.keys.effect_tables import (

@@ -15,13 +15,13 @@ from clothsim.cli.arguments import add_output_options, add_overwrite, as_positiv
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
-    from clothsim import Authored
+    from clothsim import Authored, ClipRecovery
 
 _DESCRIPTION = """\
-Make a clip of a run some of whose frames a person edited: the edits in all frames, each free of intersections.
+Make a clip of a run some of whose frames a person edited: what explains the edits is found, and all frames simulated.
 
   clothsim export walk --frame 10 -o frame10.obj         # move its vertices, and save it as edited10.obj
-  clothsim author walk --keys 10=edited10.obj,40=edited40.obj --quick -o clip
+  clothsim author walk --keys 10=edited10.obj,40=edited40.obj -o clip
 """
 
 
@@ -34,10 +34,12 @@ def add_to(commands: Any) -> None:
     )
     author.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="the clip, a run")
     author.add_argument(
-        "--quick", action="store_true", required=True, help="interpolate the edits, and follow them under contact"
+        "--quick", action="store_true", help="interpolate the edits, and follow them under contact: one run"
     )
-    author.add_argument("--rate", default="300", metavar="R", help="of the pull to the edits [1/s] (default 300)")
-    author.add_argument("--space", choices=("canonical", "world"), help="of the interpolation (default: by the body)")
+    author.add_argument("--free", default="", metavar="NAMES", help="what may explain them: stretch,bending,hem,...")
+    author.add_argument("--no-rest", action="store_true", help="numbers only, no residual rest shape")
+    author.add_argument("--rate", default="300", metavar="R", help="of the quick pull to the edits [1/s] (default 300)")
+    author.add_argument("--space", choices=("canonical", "world"), help="of the quick form (default: by the body)")
     author.add_argument("--no-floor", action="store_true", help="leave out the twins, two more runs the first time")
     add_overwrite(author, "replace an earlier run in the output directory")
     add_output_options(author, json="print author.json", quiet="print the end only", handler=_author)
@@ -53,6 +55,9 @@ def _author(arguments: argparse.Namespace) -> Report:
             run,
             keys,
             arguments.output,
+            quick=arguments.quick,
+            free=[name.strip() for name in arguments.free.split(",") if name.strip()],
+            rest=not arguments.no_rest,
             rate=rate,
             space=arguments.space,
             progress=listener,
@@ -88,7 +93,9 @@ def as_keys(text: str) -> dict[int, Path]:
 def lines(found: "Authored") -> list[str]:
     """The result in lines for the user: each key, the verdict, the files."""
     run = found.run
-    out = [f"{run.status}: {run.reason}", f"  keys     {found.space} offsets, distances in mm (RMS, largest):"]
+    out = [f"{run.status}: {run.reason}"]
+    out += [] if found.recovery is None else _explained(found.recovery)
+    out.append(f"  keys     {found.space + ' offsets, ' if found.space else ''}distances in mm (RMS, largest):")
     for key in found.keys:
         before, most, after, left = (1e3 * each for each in (key.before, key.before_most, key.after, key.after_most))
         crossing = f"; as edited {many(key.intersecting, 'pair')} of triangles intersect" if key.intersecting else ""
@@ -102,3 +109,33 @@ def lines(found: "Authored") -> list[str]:
     verdict = "not all tested" if crossed is None else "none intersects" if not crossed else f"INTERSECT: {crossed}"
     out.append(f"  checked  {frames}, each by the exact test: {verdict}")
     return [*out, f"  files    {run.directory}: a run, targets.npy and author.json"]
+
+
+def _explained(found: "ClipRecovery") -> list[str]:
+    """What explains the edits, in lines: numbers, what the keys do not determine, the price of the rest shape."""
+    before, numbers, left = (f"{1e3 * each:.3g}" for each in found.misfits)
+    out = [f"  explained in {many(found.runs, 'run')}, the keys taken to be known to {1e3 * found.noise:.2g} mm:"]
+    for name, factor in found.values.items():
+        error = found.errors[name]
+        known = f"+- {100 * error:.2g} %" if np.isfinite(error) else "not determined by the keys"
+        limit = ", at its limit" if name in found.at_limit else ""
+        out.append(f"    {name:<16} x {factor:<7.4g} {known}{limit}")
+    for each in found.undetermined:
+        if len(each) > 1:
+            out.append(
+                f"    not determined together: {', '.join(f'{name} {weight:+.2f}' for name, weight in each.items())}"
+            )
+    out.append(f"  at keys  mm RMS: {before} before, {numbers} with the numbers, {left} with the rest shape")
+    if found.rest is not None:
+        price = found.rest
+        out.append(
+            f"  rest     residual shape: {1e3 * price.displacement:.3g} mm RMS, {1e3 * price.most:.3g} at most; "
+            f"lengths by {100 * price.length:.2g} %, angles by {np.degrees(price.angle):.2g} degrees at most"
+        )
+    elif found.no_rest:
+        out.append(f"  rest     no residual shape: {found.no_rest}")
+    if found.no_gradient:
+        out.append(f"  adjoint  none: {found.no_gradient}")
+    else:
+        out.append(f"  adjoint  {found.from_minimum:.2g} standard errors from a minimum of the numbers")
+    return out

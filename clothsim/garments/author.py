@@ -1,6 +1,6 @@
-"""Clips authored from edited frames: their offsets over all frames, followed softly under contact."""
+"""Clips authored from edited frames: what explains them simulated, or their offsets followed softly under contact."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -14,11 +14,12 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.record import to_json
+from clothsim.garments.authoring.arrays import scene_of_arrays
 from clothsim.garments.authoring.floor import floor_of
 from clothsim.garments.unpose import unposed
 
 if TYPE_CHECKING:
-    from clothsim import Progress, Run, Scene
+    from clothsim import ClipRecovery, Progress, Run, Scene
 
 TARGETS_NAME, AUTHORED_NAME = "targets.npy", "author.json"
 """What an authored clip has besides the files of a run: what it is drawn to, and its distances to the keys."""
@@ -74,12 +75,14 @@ class Authored:
         All frames, simulated under contact.
     keys : tuple of KeyDistance
     space : str
-        "canonical" or "world": where the offsets were interpolated.
+        "canonical" or "world": where the offsets were interpolated; "" where they were explained.
     intersecting_frames : tuple of int or None
         Frames in which the exact test found an intersection; None where not all of them were tested.
     floor : tuple of float
         Root mean square distances of the run that was edited from its twins over frames that are no keys [m]: from a
         start 1e-6 m aside, and with a tenth of Newton's stop. nan where it is not known, or was not asked for.
+    recovery : ClipRecovery or None
+        What explains the edits; None of offsets that were interpolated.
     """
 
     run: "Run"
@@ -87,6 +90,7 @@ class Authored:
     space: str
     intersecting_frames: tuple[int, ...] | None
     floor: tuple[float, float] = UNKNOWN
+    recovery: "ClipRecovery | None" = None
 
     def as_json(self) -> dict[str, Any]:
         """The content of author.json."""
@@ -97,6 +101,7 @@ class Authored:
             "space": self.space,
             "floor": dict(zip(("start", "stop"), (_finite(each) for each in self.floor), strict=True)),
             "keys": [asdict(key) for key in self.keys],
+            **({} if self.recovery is None else {"explained": explained(self.recovery)}),
         }
 
 
@@ -105,6 +110,9 @@ def author(
     keys: Mapping[int, Any],
     output: str | Path,
     *,
+    quick: bool = False,
+    free: Sequence[str] = (),
+    rest: bool = True,
     rate: float = RATE,
     space: Space | None = None,
     progress: "Callable[[Progress], None] | None" = None,
@@ -122,11 +130,17 @@ def author(
         `Run.export` writes it and a person has edited it.
     output : str or Path
         The directory of the new run.
+    quick : bool
+        Interpolate the offsets of the edits and follow them, in place of finding what explains them.
+    free : sequence of str
+        Numbers that may explain them, as of `recover_clip`; empty: all that the scene has.
+    rest : bool
+        Find a residual rest shape where the numbers leave more than the noise.
     rate : float
-        Rate at which the clip is drawn to its targets, the root of the stiffness for each mass [1/s].
+        Of the quick form: rate at which the clip is drawn to its targets, root of the stiffness for each mass [1/s].
     space : "canonical" or "world", optional
-        Where the offsets are interpolated: in the rest pose of the body model, by default where there is one; or as
-        they are.
+        Of the quick form: where the offsets are interpolated: in the rest pose of the body model, by default where
+        there is one; or as they are.
     progress : callable, optional
         As of `simulate`.
     overwrite : bool
@@ -141,9 +155,13 @@ def author(
 
     Notes
     -----
-    The offsets are linear in time between the keys and held beyond them; they come in over the first `EASE` seconds,
-    as frame 0 is the start of the scene. The clip is the scene of the run with the effect `targets` of its frames and
-    these offsets: without an offset the pull vanishes and it is the run again.
+    Fabric, forces and rest lengths are found for which the run passes by the edited frames, then a rest shape for what
+    is left (`recover_clip`), and all frames are simulated with them. What the keys do not determine stays near the
+    scene as it was, and is named.
+
+    Of the quick form, the offsets are linear in time between the keys and held beyond them; they come in over the first
+    `EASE` seconds, as frame 0 is the start of the scene. The clip is then the scene with the effect `targets`
+    of its frames and these offsets: without an offset the pull vanishes and it is the run again.
     """
     scene = run.scene
     inputs = [run.directory, scene, *(each for each in keys.values() if isinstance(each, str | Path))]
@@ -151,13 +169,62 @@ def author(
     engine.refuse_earlier_run(directory, overwrite, (TARGETS_NAME, AUTHORED_NAME), inputs)
     edited = edited_frames(run, keys)
     noise = floor_of(run).rms(set(keys)) if floor else UNKNOWN
+    if not quick:
+        found = _recovered(run, edited, free, noise, rest)
+        new = clothsim.simulate(found.scene, directory, progress=progress, overwrite=overwrite)
+        return _written(new, run, edited, "", noise, found)
     chosen = space or ("canonical" if any("model" in each.as_table() for each in scene.bodies) else "world")
     made = guided(scene, targets(run, edited, chosen), directory, rate)
     new = clothsim.simulate(made, directory, progress=progress, overwrite=overwrite)
+    return _written(new, run, edited, chosen, noise, None)
+
+
+def _written(
+    new: "Run",
+    run: "Run",
+    edited: tuple[EditedFrame, ...],
+    space: str,
+    noise: tuple[float, float],
+    recovery: "ClipRecovery | None",
+) -> Authored:
+    """The authored clip, with its file."""
     free, frames = new.intersection_free, new.summary["certificate"]["intersecting_frames"]
-    found = Authored(new, distances(run, new, edited), chosen, None if free is None else tuple(frames), noise)
-    write_atomically(directory / AUTHORED_NAME, to_json(found.as_json()).encode())
+    tested = None if free is None else tuple(frames)
+    found = Authored(new, distances(run, new, edited), space, tested, noise, recovery)
+    write_atomically(new.directory / AUTHORED_NAME, to_json(found.as_json()).encode())
     return found
+
+
+def _recovered(
+    run: "Run", edited: tuple[EditedFrame, ...], free: Sequence[str], noise: tuple[float, float], rest: bool
+) -> "ClipRecovery":
+    """What explains edited frames; without lengths where the scene cannot be of arrays, as with labels of a pattern."""
+    try:
+        scene = scene_of_arrays(run.scene)
+        engine.build(scene)
+    except InputError:
+        scene = run.scene
+    keys = {key.frame: key.positions for key in edited}
+    known = [each for each in noise if np.isfinite(each)]
+    return clothsim.recover_clip(scene, keys, free, floor=max(known, default=0.0), rest=rest)
+
+
+def explained(recovery: "ClipRecovery") -> dict[str, Any]:
+    """What explains the edits, for author.json: distances in metres, factors of numbers."""
+    before, numbers, rest = recovery.misfits
+    return {
+        "factors": dict(recovery.values),
+        "errors": {name: _finite(error) for name, error in recovery.errors.items()},
+        "undetermined": [dict(each) for each in recovery.undetermined],
+        "at_limit": list(recovery.at_limit),
+        "noise": recovery.noise,
+        "misfit": {"before": before, "numbers": numbers, "rest": rest},
+        "rest": None if recovery.rest is None else asdict(recovery.rest),
+        "no_rest": recovery.no_rest,
+        "from_minimum": _finite(recovery.from_minimum),
+        "no_gradient": recovery.no_gradient,
+        "runs": recovery.runs,
+    }
 
 
 def _finite(value: float) -> float | None:

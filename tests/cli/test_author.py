@@ -34,3 +34,15 @@ def test_author_writes_a_run_and_prints_its_distances(tmp_path, capsys):
     assert answer["keys"][0]["frame"] == 3
     assert answer["keys"][0]["after"] < 2e-3
     assert main(words) == 2  # the output is there
+
+
+def test_author_prints_what_explains_the_edit(tmp_path, capsys):
+    run = simulate(small_scene(effects=EFFECTS | {"self_contact": {}}), tmp_path / "run")
+    run.export(tmp_path / "edited.obj", frame=3)
+    words = ["author", str(run.directory), "--keys", f"3={tmp_path / 'edited.obj'}", "--free", "stretch", "--no-floor"]
+    assert main([*words, "-o", str(tmp_path / "clip"), "--quiet"]) == 0
+    printed = capsys.readouterr().out
+    assert "stretch" in printed
+    assert "x 1 " in printed  # nothing was edited
+    assert json.loads((tmp_path / "clip" / "author.json").read_text())["explained"]["misfit"]["before"] < 1e-6
+    assert main([*words[:4], "--free", "colour", "-o", str(tmp_path / "other")]) == 2

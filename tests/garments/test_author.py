@@ -9,6 +9,7 @@ from small_scenes import EFFECTS, small_scene
 import clothsim
 from clothsim import InputError, author, files, open_run, simulate
 from clothsim.garments.author import AUTHORED_NAME, TARGETS_NAME, edited_frames, targets
+from clothsim.gradients.clips.numbers import clip_numbers
 
 ON = EFFECTS | {"self_contact": {}}
 
@@ -36,7 +37,7 @@ def test_offsets_are_linear_between_keys_held_beyond_and_none_at_the_start(sheet
 
 
 def test_a_clip_passes_by_its_key_and_is_free_of_intersections(sheet, tmp_path):
-    found = author(sheet, {5: lifted(sheet, 5)}, tmp_path / "clip")
+    found = author(sheet, {5: lifted(sheet, 5)}, tmp_path / "clip", quick=True)
     (key,) = found.keys
     assert found.run.status == "completed"
     assert len(found.run) == len(sheet)
@@ -55,15 +56,28 @@ def test_without_an_offset_the_clip_is_the_run(tmp_path):
     settings = {"duration": 0.32, "frames_per_second": 50}
     effects = ON | {"body_contact": {"d_hat": 0.01}}
     run = simulate(small_scene(effects=effects, run=settings), tmp_path / "run")
-    found = author(run, {5: run.positions(5)}, tmp_path / "clip")
+    found = author(run, {5: run.positions(5)}, tmp_path / "clip", quick=True)
     off = [np.linalg.norm(found.run.positions(k) - run.positions(k), axis=1).max() for k in range(len(run))]
     assert max(off[:3]) < 1e-5  # it falls
     assert max(off) < 0.01
 
 
+def test_an_edit_is_explained_by_the_fabric(sheet, tmp_path):
+    truth = simulate(clip_numbers(sheet.scene, ["stretch"]).scene_at(np.log([0.2])))
+    found = author(sheet, {8: truth.positions(8)}, tmp_path / "clip", free=["stretch"], rest=False)
+    (key,) = found.keys
+    assert found.recovery.values["stretch"] == pytest.approx(0.2, rel=0.1)
+    assert key.after < 0.5 * key.before
+    assert found.intersecting_frames == ()
+    assert found.floor[0] < key.before
+    written = json.loads((tmp_path / "clip" / AUTHORED_NAME).read_text())
+    assert written["explained"]["factors"] == pytest.approx(dict(found.recovery.values))
+    assert open_run(tmp_path / "clip").field("stress").shape == (32, 3, 2)
+
+
 def test_an_edit_through_the_body_is_counted_and_kept_out(sheet, tmp_path):
     through = sheet.positions(8) - [0, 0, 0.1]
-    found = author(sheet, {8: through}, tmp_path / "clip")
+    found = author(sheet, {8: through}, tmp_path / "clip", quick=True)
     assert found.keys[0].intersecting > 0
     assert found.intersecting_frames == ()
 

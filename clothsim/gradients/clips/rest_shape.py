@@ -1,0 +1,192 @@
+"""Rest shapes that bring cloth nearer to edited frames: smooth, bounded, priced.
+
+What is left at an edited frame, turned back to the rest shape by the rotation of each vertex's neighbourhood, is a
+displacement of the rest shape that would move the cloth there if nothing but it acted. Its mean over the frames,
+smoothed by a Laplacian, is added; a run shows what is left then, and Anderson's mixing of the last displacements
+(Walker & Ni 2011, "Anderson acceleration for fixed-point iterations") finds the next.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csc_array, diags_array, eye_array
+from scipy.sparse.linalg import splu
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.geometry.kinematics.kabsch_frames import vertex_frames
+from clothsim.mesh.topology import interior_edges, unique_edges, vertex_rings
+
+SMOOTHING = 0.7
+"""Length over which displacements are smoothed, in edges of the mesh."""
+LONGEST = 0.25
+"""Largest relative change of the length of an edge of the rest shape."""
+MOST_RUNS = 12
+"""Bound on the runs for a rest shape."""
+MEMORY = 3
+"""Displacements that are mixed."""
+LEAST_GAIN = 0.03
+"""Relative drop of what is left below which two runs in a row end the search."""
+
+
+@dataclass(frozen=True)
+class RestPrice:
+    """What a rest shape costs beside the one of the scene.
+
+    Attributes
+    ----------
+    displacement, most : float
+        Root mean square and largest displacement of a vertex, less the mean [m].
+    length : float
+        Largest relative change of an edge's length.
+    angle : float
+        Largest change of the angle at an edge [rad].
+    before, after : float
+        Root mean square distance at the edited frames without it and with it [m].
+    runs : int
+        Runs that it took.
+    """
+
+    displacement: float
+    most: float
+    length: float
+    angle: float
+    before: float
+    after: float
+    runs: int
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """Triangles (m, 3) and rest positions (n, 3) [m] of all cloths, and how displacements of them are smoothed."""
+
+    rest: Floats
+    triangles: Ints
+
+    def smooth(self, displacements: Floats) -> Floats:
+        """(I + l^2 L)^-1 of displacements (n, 3), L the graph Laplacian over its mean degree, l in edges."""
+        a, b = unique_edges(self.triangles).T
+        n = len(self.rest)
+        ones = np.ones(2 * len(a))
+        links = csc_array((ones, (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(n, n))
+        degree = np.asarray(links.sum(axis=1)).ravel()
+        laplacian = (diags_array(degree) - links) / max(float(degree.mean()), 1.0)
+        factor = splu(csc_array(eye_array(n) + SMOOTHING**2 * 4 * laplacian))
+        return np.asarray(factor.solve(displacements))
+
+    def bounded(self, displacements: Floats) -> Floats:
+        """Displacements scaled down at the vertices of edges whose length would change by more than LONGEST."""
+        edges = unique_edges(self.triangles)
+        out = displacements.copy()
+        for _ in range(20):
+            worst = np.abs(_lengths(self.rest + out, edges) / _lengths(self.rest, edges) - 1)
+            far = edges[worst > LONGEST]
+            if not len(far):
+                return out
+            scale = np.ones(len(out))
+            scale[far.ravel()] = 0.8
+            out = self.smooth(out * scale[:, None]) if len(far) > len(edges) // 10 else out * scale[:, None]
+        left = float(np.max(np.abs(_lengths(self.rest + out, edges) / _lengths(self.rest, edges) - 1)))
+        return out * min(1.0, LONGEST / left)
+
+    def turned_back(self, positions: Floats, offsets: Floats) -> Floats:
+        """Offsets (n, 3) of positions (n, 3) [m] by the inverse rotation of each vertex's neighbourhood."""
+        starts, neighbours = vertex_rings(self.triangles, len(self.rest))
+        turns = vertex_frames(self.rest, positions, starts, neighbours).rotations
+        return np.einsum("nji,nj->ni", turns, offsets)
+
+    def price(self, displacements: Floats, before: float, after: float, runs: int) -> RestPrice:
+        """Price of displacements (n, 3) [m] of the rest shape."""
+        edges = unique_edges(self.triangles)
+        length = np.abs(_lengths(self.rest + displacements, edges) / _lengths(self.rest, edges) - 1)
+        moved = np.linalg.norm(displacements - displacements.mean(axis=0), axis=1)
+        turn = np.abs(_angles(self.rest + displacements, self.triangles) - _angles(self.rest, self.triangles))
+        turn = np.minimum(turn, 2 * np.pi - turn)
+        return RestPrice(
+            float(np.sqrt((moved**2).mean())),
+            float(moved.max()),
+            float(length.max()),
+            float(turn.max(initial=0.0)),
+            before,
+            after,
+            runs,
+        )
+
+
+def fitted_rest(
+    sheet: Sheet,
+    keys: Sequence[Floats],
+    start: Floats,
+    run: Callable[[Floats], Sequence[Floats]],
+    enough: float,
+) -> tuple[Floats, RestPrice]:
+    """Displacements of a rest shape that bring runs nearer to edited frames.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    keys : sequence of (n, 3) ndarray [m]
+        The edited frames.
+    start : (k n, 3) ndarray [m]
+        Positions of the run at them, one after the other.
+    run : callable
+        Displacements (n, 3) [m] to the positions of the run with them, one for each key; none where it fails.
+    enough : float
+        Root mean square distance [m] at which the search ends.
+
+    Returns
+    -------
+    displacements : (n, 3) ndarray [m]
+        Zero where nothing brings the cloth nearer.
+    price : RestPrice
+    """
+    at, found = np.zeros_like(sheet.rest), list(np.split(start, len(keys)))
+    before = best = _left(found, keys)
+    tried: list[tuple[Floats, Floats]] = []
+    runs, poor, scale = 0, 0, 1.0
+    while runs < MOST_RUNS and best > enough and poor < 2:
+        offsets = [sheet.turned_back(x, key - x) for x, key in zip(found, keys, strict=True)]
+        step = sheet.smooth(np.mean(offsets, axis=0))
+        tried = [*tried, (at, step)][-MEMORY:]
+        trial = sheet.bounded(_mixed(tried) if scale == 1.0 else at + scale * step)
+        places = run(trial)
+        runs += 1
+        left = _left(places, keys) if len(places) else float("inf")
+        if left < best:
+            poor = poor + (1 if scale == 1.0 else 2) if left > (1 - LEAST_GAIN) * best else 0
+            at, found, best, scale = trial, list(places), left, 1.0
+        elif scale > 0.2:
+            scale, tried = 0.5 * scale, tried[:-1]
+        else:
+            break
+    return at, sheet.price(at, before, best, runs)
+
+
+def _mixed(tried: Sequence[tuple[Floats, Floats]]) -> Floats:
+    """Anderson's mixing of displacements and of the steps found at them."""
+    at, step = tried[-1]
+    if len(tried) == 1:
+        return at + step
+    changes = np.array([(step - other).ravel() for _, other in tried[:-1]]).T
+    weights = np.linalg.lstsq(changes, step.ravel(), rcond=1e-3)[0]
+    weights *= min(1.0, 2.0 / max(float(np.abs(weights).max()), 1e-300))
+    out = at + step
+    for weight, (place, other) in zip(weights, tried[:-1], strict=True):
+        out = out - weight * ((at - place) + (step - other))
+    return np.asarray(out)
+
+
+def _left(places: Sequence[Floats], keys: Sequence[Floats]) -> float:
+    return float(np.sqrt(np.mean([((x - key) ** 2).sum(axis=1).mean() for x, key in zip(places, keys, strict=True)])))
+
+
+def _lengths(positions: Floats, edges: Ints) -> Floats:
+    return np.asarray(np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1))
+
+
+def _angles(positions: Floats, triangles: Ints) -> Floats:
+    """Angles at the inner edges of a surface (h,) [rad]."""
+    a, b, c, d = positions[interior_edges(triangles)[0]].transpose(1, 0, 2)
+    along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+    first, second = np.cross(b - a, c - a), np.cross(d - a, b - a)
+    return np.arctan2((np.cross(first, second) * along).sum(axis=1), (first * second).sum(axis=1))

@@ -1,0 +1,345 @@
+"""Recovery of what explains edited frames of a clip: numbers of its scene, then a residual rest shape.
+
+The sum over the edited frames of the squared distances, over what noise leaves of them, is minimised over logarithms of
+factors (`clips.numbers`) with a normal prior about the scene as it was (`clips.gauss_newton`):
+a run with the scene's own contact and stop for each evaluation, for an adjoint holds the stiffness of contact and
+polishes each solve, and so is another clip by more than the noise. At the end the adjoint gives the gradient of the
+same sum, where the scene has one: how far the end is from a minimum does not rest on the differences.
+
+What the keys determine: the singular values of the Jacobian over the noise, its columns in standard deviations of the
+prior (Seber & Wild 1989, Nonlinear Regression, section 3.2). A combination of numbers whose singular value is below 1
+is not determined: the whole of what is likely along it moves the keys by less than the noise.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients.clips.gauss_newton import Search
+from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
+from clothsim.gradients.clips.rest_shape import RestPrice, Sheet, fitted_rest
+from clothsim.gradients.differentiable_session import forward
+from clothsim.gradients.loss_of_numbers import Evaluation
+from clothsim.gradients.losses import Distance
+from clothsim.gradients.recover import Recovery
+from clothsim.gradients.run import Trace, begun, traced
+from clothsim.run.session import prepare
+from clothsim.scene.assembly.scene_world import build, world_of
+from clothsim.scene.scene import Scene
+
+FINEST = 1e-4
+"""Least noise of an edited frame: what a hand and a file of it leave [m]."""
+INDEPENDENT = 10
+"""Independent errors of an edited frame: neighbouring vertices err alike."""
+SHOWN = 0.3
+"""Weight of a number in a combination from which it is named."""
+LEAST = 0.05
+"""Relative drop of the sum in a step at which the search ends."""
+ALONE = 2
+"""Directions that are searched alone, those that promise most."""
+UNEXPLAINED = 0.5
+"""Fraction of what a run leaves at the keys that counts as noise in the next search."""
+TIGHTENINGS = 3
+"""Searches from the last one, each with the noise that it left."""
+LARGEST_MODEL = 1.5
+"""Multiple of the noise up to which numbers alone explain the keys, and no rest shape is sought."""
+
+
+@dataclass(frozen=True)
+class ClipRecovery(Recovery):
+    """What explains edited frames.
+
+    `values` are factors by name of the number, `errors` standard errors of their logarithms, inf where the keys say
+    less than is known without them; `undetermined` combinations of numbers that the keys do not determine.
+
+    Parameters
+    ----------
+    scene_of_numbers : Scene
+        The scene with the numbers alone; `scene` has the rest shape too.
+    noise : float
+        Root mean square distance that the keys are known to [m]: the floor, or FINEST.
+    misfits : tuple of float
+        Root mean square distance at the keys of the scene as it was, with the numbers, and with the rest shape [m].
+    from_minimum : float
+        Largest change of a logarithm in the step that is left, by the gradient of the adjoint, over its standard error;
+        nan where the scene has no gradient.
+    no_gradient : str
+        Why it has none; empty where it has.
+    rest : RestPrice, optional
+        Of the residual rest shape; None where there is none.
+    no_rest : str
+        Why there is none; empty where there is one.
+    """
+
+    scene_of_numbers: Scene | None = None
+    noise: float = float("nan")
+    misfits: tuple[float, float, float] = (float("nan"),) * 3
+    from_minimum: float = float("nan")
+    no_gradient: str = ""
+    rest: RestPrice | None = None
+    no_rest: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A run: numbers (k,), the sum, and positions at all keys (p, 3), empty where it failed."""
+
+    at: Floats
+    total: float
+    positions: Floats
+    failure: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Edited frames (f, n, 3) by number, and the numbers that may explain them.
+
+    frames: numbers of the frames; noise: what they are known to [m]; sigma: noise in the sum, which counts what is left
+    unexplained [m].
+    """
+
+    numbers: ClipNumbers
+    frames: tuple[int, ...]
+    keys: Floats
+    noise: float
+    sigma: float
+
+    @property
+    def weight(self) -> float:
+        """Of a squared distance, summed over all vertices and keys, in half the sum."""
+        return INDEPENDENT / (self.keys.shape[1] * self.sigma**2)
+
+    def run(self, at: Floats) -> _Seen:
+        """A run; one that fails is an outcome too."""
+        try:
+            x = _positions(self.numbers.scene_at(at), self.frames)
+        except ClothsimError as error:
+            return _Seen(at, float("inf"), np.zeros((0, 3)), error.sentence)
+        return self.at(_Seen(at, 0.0, x))
+
+    def tightened(self, positions: Floats) -> "_Fit":
+        """The fit that counts half of what a run leaves as noise: numbers that explain less stay where they were."""
+        return replace(self, sigma=max(self.noise, UNEXPLAINED * self.misfit(positions)))
+
+    def at(self, seen: _Seen) -> _Seen:
+        """A run with the sum of this fit."""
+        away = seen.at / self.numbers.of_kind("prior")
+        square = float(((seen.positions - self.keys.reshape(-1, 3)) ** 2).sum())
+        return replace(seen, total=0.5 * (self.weight * square + float(away @ away)))
+
+    def misfit(self, positions: Floats) -> float:
+        """Root mean square distance of positions (p, 3) from the keys [m]."""
+        return float(np.sqrt(((positions - self.keys.reshape(-1, 3)) ** 2).sum(axis=1).mean()))
+
+    def linearised(self, seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
+        """Gradient (k,) and Gauss-Newton Hessian (k, k) of the sum."""
+        inverse = self.numbers.of_kind("prior") ** -2.0
+        off = (seen.positions - self.keys.reshape(-1, 3)).ravel()
+        return self.weight * moves.T @ off + inverse * seen.at, self.weight * moves.T @ moves + np.diag(inverse)
+
+    def search(self, tell: Callable[[_Seen], None]) -> Search[_Seen]:
+        """The search from run to run, each from the start of the scene."""
+        of, limit = self.numbers.of_kind, self.numbers.of_kind("limit")
+
+        def run(at: Floats, _: _Seen) -> _Seen:
+            return self.run(at)
+
+        return Search(run, run, self.linearised, of("step"), of("reach"), -limit, limit, tell, LEAST)
+
+    def along(self, direction: Floats, tell: Callable[[_Seen], None]) -> Search[_Seen]:
+        """The search along one direction (k,), whose outcomes have one number."""
+        of = self.numbers.of_kind
+        moved = direction > 0
+
+        def run(at: Floats, _: _Seen) -> _Seen:
+            return replace(self.run(at[0] * direction), at=at)
+
+        def linearised(seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
+            off = (seen.positions - self.keys.reshape(-1, 3)).ravel()
+            inverse = float(((direction / of("prior")) ** 2).sum())
+            return self.weight * moves.T @ off + inverse * seen.at, self.weight * moves.T @ moves + inverse
+
+        ends = [np.array([float(of(what)[moved].min())]) for what in ("step", "reach", "limit")]
+
+        def report(seen: _Seen) -> None:
+            tell(replace(seen, at=seen.at[0] * direction))
+
+        return Search(run, run, linearised, ends[0], ends[1], -ends[2], ends[2], report, LEAST)
+
+
+def recover_clip(
+    scene: Scene,
+    keys: Mapping[int, Floats],
+    free: Sequence[str] = (),
+    floor: float = 0.0,
+    rest: bool = True,
+    progress: Callable[[int, Evaluation], None] | None = None,
+) -> ClipRecovery:
+    """Find the numbers of a scene, and a rest shape, for which its run passes by edited frames.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lengths and a rest shape are found where its cloths are given by arrays.
+    keys : mapping of int to (n, 3) ndarray [m]
+        Positions of all cloth vertices by the number of the frame, from 1.
+    free : sequence of str
+        Numbers: "stretch", "bending", "friction", "pressure", "damping", "width", "height", "hem". Empty: all that the
+        scene has.
+    floor : float
+        Noise of a run [m], root mean square.
+    rest : bool
+        Find a residual rest shape where the numbers leave more than the noise.
+    progress : callable, optional
+        Called after each run with 1 for numbers and 2 for the rest shape.
+
+    Raises
+    ------
+    InputError
+        For a frame or a number that the scene has not.
+    ClothsimError
+        Where the scene itself cannot be run.
+    """
+    numbers = clip_numbers(scene, free)
+    frames = tuple(sorted(keys))
+    if not frames or frames[0] < 1:
+        raise InputError("There is no edited frame from 1 on.", "Give positions by the number of a frame.")
+    n = world_of(numbers.scene).n_cloth
+    for frame in frames:
+        if np.shape(keys[frame]) != (n, 3):
+            shape = np.shape(keys[frame])
+            raise InputError(f"The key of frame {frame} is {shape}, the cloths have {n} vertices.")
+    fit = _Fit(numbers, frames, np.array([keys[frame] for frame in frames]), *[max(floor, FINEST)] * 2)
+    count = [0]
+
+    def tell(seen: _Seen, stage: int = 1) -> None:
+        count[0] += 1
+        if progress is not None:
+            values = dict(zip(numbers.names, np.exp(seen.at).tolist(), strict=True))
+            progress(stage, Evaluation(values, seen.total, np.zeros(len(values)), failure=seen.failure))
+
+    first = fit.run(np.zeros(len(numbers.names)))
+    if not len(first.positions):
+        raise ClothsimError(f"The scene itself cannot be run: {first.failure}")
+    tell(first)
+    last, moves = _explained(fit, first, tell)
+    found = _identified(fit, first, last, moves)
+    known = replace(fit, sigma=float(np.hypot(fit.noise, found.misfits[1])))
+    found = replace(found, **_checked(known, last, moves))
+    if found.misfits[1] > LARGEST_MODEL * fit.noise and rest:
+        found = _with_rest(fit, last, found, tell)
+    return replace(found, runs=count[0])
+
+
+def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[_Seen, Floats]:
+    """The run with the numbers, and the derivatives at it.
+
+    What alone lowers the sum most is varied alone first: an edit is mostly of one kind, and a step of all numbers at
+    once goes astray where they are far from those of the edit.
+    """
+    loose = fit.tightened(first.positions)
+    moves = loose.search(tell).moves(first)
+    gradient, hessian = loose.linearised(first, moves)
+    drops = [float(d @ gradient) ** 2 / float(d @ hessian @ d) for d in fit.numbers.directions]
+    best = first
+    for direction in (fit.numbers.directions[k] for k in np.argsort(drops)[::-1][:ALONE]):
+        last, rows = first, moves @ direction[:, None]
+        for _ in range(TIGHTENINGS):
+            own, left = fit.tightened(last.positions), fit.misfit(last.positions)
+            begin = replace(own.at(last), at=np.array([float(last.at @ direction) / float(direction @ direction)]))
+            end, _, rows, _ = own.along(direction, tell).descended(begin, rows)
+            last = replace(end, at=end.at[0] * direction)
+            if not fit.noise < fit.misfit(last.positions) < UNEXPLAINED * left:
+                break
+        best = min(best, last, key=lambda each: fit.misfit(each.positions))
+        if fit.misfit(best.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
+            break
+    if best is not first:
+        moves = fit.search(tell).moves(best)
+    for _ in range(TIGHTENINGS):
+        own, left = fit.tightened(best.positions), fit.misfit(best.positions)
+        best, _, moves, _ = own.search(tell).descended(own.at(best), moves)
+        if not fit.noise < fit.misfit(best.positions) < UNEXPLAINED * left:
+            break
+    return best, moves
+
+
+def _positions(scene: Scene, frames: Sequence[int]) -> Floats:
+    """Positions of the cloth in frames of a run, one after the other, (f n, 3) [m]."""
+    session = prepare(scene, build(scene, affordable=True))
+    trace = Trace(session, tuple(forward(session, begun(session, {}))))
+    return np.concatenate([trace.cloth_positions(frame) for frame in frames])
+
+
+def _identified(fit: _Fit, first: _Seen, last: _Seen, moves: Floats) -> ClipRecovery:
+    """The recovery with what the keys determine; what the numbers leave counts as noise too."""
+    prior, names = fit.numbers.of_kind("prior"), fit.numbers.names
+    left = fit.misfit(last.positions)
+    weight = replace(fit, sigma=float(np.hypot(fit.noise, left))).weight
+    _, sizes, modes = np.linalg.svd(np.sqrt(weight) * moves * prior, full_matrices=False)
+    covariance = np.outer(prior, prior) * ((modes.T / (1 + sizes**2)) @ modes)
+    errors = np.sqrt(np.diag(covariance))
+    weak = [mode * np.sign(mode[np.abs(mode).argmax()]) for mode in modes[sizes < 1.0]]
+    combined = [{name: float(w) for name, w in zip(names, mode, strict=True) if abs(w) > SHOWN} for mode in weak]
+    values = dict(zip(names, np.exp(last.at).tolist(), strict=True))
+    return ClipRecovery(
+        fit.numbers.scene_at(last.at),
+        values,
+        {name: float(e) if e < p / np.sqrt(2) else np.inf for name, e, p in zip(names, errors, prior, strict=True)},
+        (),
+        tuple(combined),
+        tuple(
+            n for n, q, most in zip(names, last.at, fit.numbers.of_kind("limit"), strict=True) if abs(q) > most - 1e-3
+        ),
+        Evaluation(values, last.total, np.zeros(len(values))),
+        (last.total,),
+        0,
+        scene_of_numbers=fit.numbers.scene_at(last.at),
+        noise=fit.noise,
+        misfits=(fit.misfit(first.positions), left, left),
+    )
+
+
+def _checked(fit: _Fit, last: _Seen, moves: Floats) -> dict[str, Any]:
+    """How far the last run is from a minimum by the adjoint, or why it has no gradient."""
+    try:
+        trace = traced(fit.numbers.scene_at(last.at))
+        scale = 0.5 * fit.weight * fit.keys.shape[1]
+        losses = [Distance(key, frame) for frame, key in zip(fit.frames, fit.keys, strict=True)]
+        slope = scale * fit.numbers.derivatives(trace.gradient(losses), last.at)
+    except ClothsimError as error:
+        return {"no_gradient": error.sentence}
+    _, hessian = fit.linearised(last, moves)
+    slope = slope + last.at / fit.numbers.of_kind("prior") ** 2
+    errors = np.sqrt(np.diag(np.linalg.inv(hessian)))
+    return {"from_minimum": float(np.max(np.abs(np.linalg.solve(hessian, slope)) / errors))}
+
+
+def _with_rest(fit: _Fit, last: _Seen, found: ClipRecovery, tell: Callable[[_Seen, int], None]) -> ClipRecovery:
+    """The recovery with a residual rest shape."""
+    if not fit.numbers.shapes or any(len(shape.shape) == 3 for shape in fit.numbers.shapes):
+        why = "the rest shape is a flat pattern" if fit.numbers.shapes else "the cloth is not given by arrays"
+        return replace(found, no_rest=why)
+    rests = fit.numbers.rests(last.at)
+    ends = np.cumsum([len(rest) for rest in rests])[:-1]
+    world = build(fit.numbers.scene, affordable=True).world
+    sheet = Sheet(np.concatenate(rests), world.triangles)
+
+    def with_added(displacements: Floats) -> _Fit:
+        added = tuple(np.split(displacements, ends))
+        return replace(fit, numbers=replace(fit.numbers, added=added))
+
+    def run(displacements: Floats) -> list[Floats]:
+        seen = with_added(displacements).run(last.at)
+        tell(seen, 2)
+        return list(np.split(seen.positions, len(fit.frames))) if len(seen.positions) else []
+
+    moved, price = fitted_rest(sheet, list(fit.keys), last.positions, run, fit.noise)
+    if not moved.any():
+        return replace(found, no_rest="none was found that is nearer to the keys")
+    scene = with_added(moved).numbers.scene_at(last.at)
+    return replace(found, scene=scene, rest=price, misfits=(*found.misfits[:2], price.after))

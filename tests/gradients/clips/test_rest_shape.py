@@ -1,0 +1,66 @@
+"""Residual rest shapes: recovered where cloth follows its rest shape, smooth, bounded and priced."""
+
+import numpy as np
+import pytest
+
+from clothsim.gradients.clips.rest_shape import LONGEST, Sheet, fitted_rest
+from clothsim.mesh.body import rotation_matrix
+from clothsim.mesh.generators.shapes import rectangle
+
+TURN = rotation_matrix(np.array([0.4, -0.9, 0.3]))
+
+
+def sheet():
+    points, triangles = rectangle(size=(1.0, 1.0), cells=(8, 8))
+    return Sheet(points, triangles)
+
+
+def bump(points, height=0.05):
+    return np.array([0.0, 0.0, height]) * np.exp(-((points[:, :2] / 0.3) ** 2).sum(axis=1))[:, None]
+
+
+def test_offsets_are_turned_back_by_the_rotation_of_the_cloth():
+    own = sheet()
+    offsets = np.random.default_rng(0).normal(size=own.rest.shape)
+    np.testing.assert_allclose(own.turned_back(own.rest @ TURN.T, offsets @ TURN.T), offsets, atol=1e-12)
+
+
+def test_cloth_that_follows_its_rest_shape_by_half_comes_to_the_key():
+    own = sheet()
+    wanted = own.smooth(bump(own.rest))
+
+    def run(displacements):
+        return [(own.rest + 0.5 * displacements) @ TURN.T + 0.2]
+
+    key = (own.rest + 0.5 * wanted) @ TURN.T + 0.2
+    moved, price = fitted_rest(own, [key], run(np.zeros_like(own.rest))[0], run, 1e-6)
+    assert price.before == pytest.approx(0.5 * np.sqrt((wanted**2).sum(axis=1).mean()))
+    assert price.after < 0.05 * price.before
+    np.testing.assert_allclose(moved, wanted, atol=0.1 * wanted.max())
+    assert price.displacement == pytest.approx(np.sqrt(((moved - moved.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    assert 0 < price.angle < np.pi / 4
+    assert 0 < price.length <= LONGEST
+
+
+def test_nothing_is_added_where_runs_get_no_nearer():
+    own = sheet()
+    moved, price = fitted_rest(own, [own.rest + bump(own.rest)], own.rest, lambda d: [own.rest - d], 1e-6)
+    assert not moved.any()
+    assert price.after == price.before
+    failing = fitted_rest(own, [own.rest + bump(own.rest)], own.rest, lambda d: [], 1e-6)[0]
+    assert not failing.any()
+
+
+def test_smoothing_leaves_translations_and_lowers_what_is_rough():
+    own = sheet()
+    np.testing.assert_allclose(own.smooth(np.ones_like(own.rest)), 1.0)
+    spike = np.zeros_like(own.rest)
+    spike[40] = 1.0
+    assert own.smooth(spike).max() < 0.6
+
+
+def test_edges_are_bounded():
+    own = sheet()
+    rough = 0.2 * np.random.default_rng(0).normal(size=own.rest.shape)
+    assert own.price(rough, 1.0, 1.0, 0).length > LONGEST
+    assert own.price(own.bounded(rough), 1.0, 1.0, 0).length <= LONGEST + 1e-9

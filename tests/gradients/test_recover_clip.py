@@ -1,0 +1,63 @@
+"""What explains edited frames: a stiffness from two keys, and a number that they do not determine."""
+
+import numpy as np
+import pytest
+
+import clothsim
+from clothsim import InputError
+from clothsim.mesh.generators.shapes import rectangle
+
+
+def strip(youngs_modulus=1e4):
+    points, triangles = rectangle(size=(0.1, 0.3), cells=(1, 3))
+    start = points[:, [0, 2, 1]]
+    cloth = clothsim.Cloth(start, triangles, rest=points, youngs_modulus=youngs_modulus, bending_stiffness=1e-5)
+    pins = {"select": np.flatnonzero(points[:, 1] > 0.149).tolist()}
+    effects = {"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}, "damping": {"rate": 2.0}, "pins": pins}
+    run = {"duration": 0.16, "frames_per_second": 25}
+    return clothsim.Scene(cloth, effects=effects, solver={"dt": 0.02, "tolerance": 1e-5, "threads": 1}, run=run)
+
+
+@pytest.fixture(scope="module")
+def keys():
+    truth = clothsim.simulate(strip(4e4))
+    return {frame: truth.positions(frame) for frame in (2, 4)}
+
+
+@pytest.fixture(scope="module")
+def found(keys):
+    return clothsim.recover_clip(strip(), keys, ["stretch", "bending"])
+
+
+def test_the_stiffness_is_found_and_the_bending_is_not(found):
+    assert found.values["stretch"] == pytest.approx(4.0, rel=0.05)
+    assert found.errors["stretch"] < 0.1
+    assert found.values["bending"] == pytest.approx(1.0, rel=0.1)  # in its plane the strip does not bend
+    assert found.errors["bending"] == np.inf
+    assert [list(each) for each in found.undetermined] == [["bending"]]
+    assert found.misfits[1] < 0.1 * found.misfits[0]
+    assert found.rest is None
+    assert found.from_minimum < 5
+    assert found.runs < 25
+
+
+def test_the_scene_that_is_returned_has_the_numbers(found):
+    assert found.scene.cloths[0].youngs_modulus == pytest.approx(1e4 * found.values["stretch"])
+
+
+def test_a_rest_shape_takes_what_numbers_leave(keys):
+    away = {frame: x + 0.004 * np.sin(40 * x[:, [2]]) for frame, x in keys.items()}
+    recovered = clothsim.recover_clip(strip(4e4), away, ["bending"])
+    assert recovered.misfits[2] < recovered.misfits[1]
+    assert recovered.rest.after == recovered.misfits[2]
+    rest = recovered.scene.cloths[0].mesh.rest
+    moved = rest - recovered.scene_of_numbers.cloths[0].mesh.rest
+    assert recovered.rest.most == pytest.approx(np.linalg.norm(moved - moved.mean(axis=0), axis=1).max())
+
+
+@pytest.mark.parametrize(("change", "word"), [({0: 1.0}, "edited frame"), ({}, "edited frame")])
+def test_frames_that_are_none_are_refused(change, word):
+    with pytest.raises(InputError, match=word):
+        clothsim.recover_clip(strip(), change)
+    with pytest.raises(InputError, match="vertices"):
+        clothsim.recover_clip(strip(), {2: np.zeros((3, 3))}, ["stretch"])
