@@ -78,6 +78,7 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     assert content["from_minimum"] < 2.0
     assert err.count("start 1 of 1") > 4
     assert err.count("folds: pattern") == 1
+    assert err.count("One view") == 1
     assert len(content["folds"]) == 2
     assert [twin["name"] for twin in content["twins"]] == ["mesh", "step", "time", "start"]
     for path, total in content["total_errors"].items():
@@ -96,6 +97,9 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     refused(capsys, *words[:-2], "--on", "towel.toml")
     refused(capsys, "recover", "towel.toml", "--target", "mask.png", "--free", "density", "--folds", "2")
     refused(capsys, *words[:-2], "--folds", "0")
+    dressing = ["recover", "--views", "views.toml", "--pattern", "towel_specification.json", "--free", "density"]
+    refused(capsys, *dressing, "--on", "nobody", "-o", "worn")
+    assert not (folder / "worn_dressed").exists()
     refused(capsys, *words[:-2], "--prior")  # no stiffness of bending
     (folder / "views.toml").write_text(
         (folder / "views.toml").read_text().replace("position = [0.1", "position = [9.1")
