@@ -2,8 +2,9 @@
 
 The vertical axis is the one of y and z along which the body begins with two loops of similar length, the legs, and
 ends with one, the head. The lateral axis is the normal of the vertical plane in which the body is most nearly its own
-mirror image, and the front is where the feet point. No coordinate axis enters but in the choice of y or z: a body that
-is turned about its vertical axis gets the frame turned alike.
+mirror image, and the front is where the feet point. In a stride the line from leg to leg and the arms mislead: there
+the plane is looked for about the direction of the feet, by head and shoulders alone. No coordinate axis enters but in
+the choice of y or z: a body that is turned about its vertical axis gets the frame turned alike.
 """
 
 from dataclasses import dataclass
@@ -113,6 +114,10 @@ of the line from leg to leg."""
 WIDEST = np.radians(40.0)
 FOOT, ANKLE = 0.03, (0.06, 0.10)
 """Height below which a foot lies, and heights of the ankle above it, as fractions of the height."""
+STRIDE = np.radians(30.0)
+"""Angle of the feet to the front of the mirror plane from which on the body is in a stride."""
+SHOULDERS = 0.78
+"""Height above which a body in a stride is its own mirror image, as a fraction of the height."""
 SHORTEST_FOOT = 0.01
 """Least offset of the feet from the ankles, as a fraction of the height: below, the body has no front."""
 
@@ -196,11 +201,15 @@ def body_frame(positions: ArrayLike, triangles: ArrayLike, up: ArrayLike | None 
     floor, height = float(heights.min()), float(np.ptp(heights))
     across, middle = from_leg_to_leg(points, faces, axis, floor, height)
     lateral = mirror_normal(points, axis, across, middle)
+    toes = toe_direction(points, faces, axis, floor, height)
+    if toes.any() and abs(toes @ lateral) > np.sin(STRIDE):
+        upper = points[heights > floor + SHOULDERS * height]
+        lateral = mirror_normal(upper, axis, np.cross(axis, toes), upper.mean(axis=0))
     forward = np.cross(axis, lateral)
-    toes = foot_direction(points, faces, axis, lateral, middle, floor, height) @ forward
-    if abs(toes) < SHORTEST_FOOT * height:
+    ahead = foot_direction(points, faces, axis, lateral, middle, floor, height) @ forward
+    if abs(ahead) < SHORTEST_FOOT * height:
         raise TransferError("the feet of the body point nowhere.", "Give markers.")
-    front = np.sign(toes) * forward
+    front = np.sign(ahead) * forward
     left = np.cross(axis, front)
     origin = middle + (floor - middle @ axis) * axis
     return BodyFrame(origin, np.stack([left, axis, front]), height)
@@ -264,6 +273,28 @@ def mirror_normal(points: Floats, axis: Floats, across: Floats, middle: Floats) 
         angles = np.linspace(best - step, best + step, 9)
         step /= 4.0
     return np.cos(best) * across + np.sin(best) * other
+
+
+def toe_direction(points: Floats, triangles: Ints, axis: Floats, floor: float, height: float) -> Floats:
+    """Horizontal unit vector (3,) in which both feet point, each from its own ankle; zeros where they differ."""
+    heights, found = points @ axis, []
+    low = points[heights < floor + FOOT * height]
+    pieces = loops(level_set(points, triangles, heights, floor + float(np.mean(ANKLE)) * height), triangles)[:2]
+    if len(pieces) < 2 or not len(low):
+        return np.zeros(3)
+    ankles = np.stack([piece.centre for piece in pieces])
+    nearest = np.linalg.norm(low[:, None] - ankles, axis=2).argmin(axis=1)
+    for number, ankle in enumerate(ankles):
+        own = low[nearest == number]
+        if not len(own):
+            return np.zeros(3)
+        offset = (own.max(axis=0) + own.min(axis=0)) / 2.0 - ankle
+        offset = offset - offset @ axis * axis
+        if np.linalg.norm(offset) < SHORTEST_FOOT * height:
+            return np.zeros(3)
+        found.append(unit(offset[None])[0])
+    mean = (found[0] + found[1]) / 2.0
+    return unit(mean[None])[0] if np.linalg.norm(mean) > np.cos(STRIDE) else np.zeros(3)
 
 
 def foot_direction(

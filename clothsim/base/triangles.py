@@ -1,4 +1,4 @@
-"""Triangle meshes as arrays: area vectors, areas, normals, cotangents, barycentric coordinates, connected components.
+"""Triangle meshes as arrays: area vectors, areas, normals, barycentric coordinates, edges, connected components.
 
 A row sum over three numbers has one order of additions, so each function gives the same bits wherever it is called.
 """
@@ -44,6 +44,11 @@ def vertex_area_vectors(positions: Floats, triangles: Ints) -> Floats:
     return np.stack([np.bincount(at, np.repeat(axis, 3), minlength=len(positions)) for axis in vectors.T], axis=1)
 
 
+def vertex_normals(positions: Floats, triangles: Ints) -> Floats:
+    """Return unit normals at the vertices, (n, 3): the triangles' weighted by area; z where there is none."""
+    return unit_or(vertex_area_vectors(positions, triangles), (0.0, 0.0, 1.0))
+
+
 def unit_or(vectors: NDArray[np.floating], otherwise: ArrayLike) -> Floats:
     """Return vectors (..., 3) of length 1, and `otherwise (3,)` where the length is 0."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
@@ -62,6 +67,24 @@ def barycentric(corners: Floats, points: Floats) -> Floats:
     safe = np.where(determinant > 0, determinant, 1.0)
     s, t = (vv * wu - uv * wv) / safe, (uu * wv - uv * wu) / safe
     return np.column_stack([1 - s - t, s, t])
+
+
+def half_edges(triangles: Ints) -> Ints:
+    """Return the directed edges, (3 m, 2): edge k of triangle t (from corner k to corner k+1) is row 3 t + k."""
+    return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+
+
+def unique_edges(triangles: Ints) -> Ints:
+    """Return the edges of `triangles (m, 3)` as sorted pairs, (e, 2), in lexicographic order."""
+    return np.unique(np.sort(half_edges(triangles), axis=1), axis=0)
+
+
+def border_edges(triangles: Ints) -> tuple[Ints, Ints]:
+    """Return the directed edges of exactly one triangle, (b, 2), and the half-edge `3 t + corner` of each, (b,)."""
+    directed = half_edges(triangles)
+    _, group, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    half = np.flatnonzero(count[group.ravel()] == 1)
+    return directed[half], half
 
 
 def connected(left: Ints, right: Ints, n: int) -> Ints:

@@ -11,12 +11,13 @@ from PIL import Image
 
 from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import vertex_normals
 from clothsim.engine import Fabric
 from clothsim.garments.dress.corrections import touching_seams
 from clothsim.garments.dress.placement import front_of
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh, Garment
-from clothsim.render import WIDTHS, Surface, picture_setup, rendered, vertex_normals, write_movie
+from clothsim.render import WIDTHS, Surface, picture_setup, rendered, write_movie
 
 if TYPE_CHECKING:
     from clothsim.garments.dressed import Dress

@@ -5,17 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.triangles import connected
-
-
-def unique_edges(triangles: Ints) -> Ints:
-    """Return the edges of `triangles (m, 3)` as sorted pairs, (e, 2), in lexicographic order."""
-    return np.unique(np.sort(half_edges(triangles), axis=1), axis=0)
-
-
-def half_edges(triangles: Ints) -> Ints:
-    """Return the directed edges, (3 m, 2): edge k of triangle t (from corner k to corner k+1) is row 3 t + k."""
-    return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+from clothsim.base.triangles import border_edges, connected, half_edges, unique_edges
 
 
 def interior_edges(triangles: Ints) -> tuple[Ints, Ints]:
@@ -39,14 +29,6 @@ def interior_edges(triangles: Ints) -> tuple[Ints, Ints]:
     first, second = order[starts], order[starts + 1]
     vertices = np.column_stack([directed[first], opposite[first], opposite[second]])
     return vertices, np.column_stack([first // 3, second // 3])
-
-
-def border_edges(triangles: Ints) -> tuple[Ints, Ints]:
-    """Return the directed edges of exactly one triangle, (b, 2), and the half-edge `3 t + corner` of each, (b,)."""
-    directed = half_edges(triangles)
-    _, group, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    half = np.flatnonzero(count[group.ravel()] == 1)
-    return directed[half], half
 
 
 def border_vertices(triangles: Ints) -> Ints:

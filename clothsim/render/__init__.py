@@ -15,6 +15,6 @@ if TYPE_CHECKING:
     from clothsim.render.movie import movie_file
     from clothsim.render.pattern_drawing import draw_pattern, laid_out
     from clothsim.render.picture import draw, picture_setup, rendered
-    from clothsim.render.surface_look import WIDTHS, Surface, vertex_normals
+    from clothsim.render.surface_look import WIDTHS, Surface
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

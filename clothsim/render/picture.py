@@ -38,6 +38,8 @@ _RENDERERS = {
 """Modules of the renderers, as text: VTK and Mitsuba are imported only where they draw."""
 FIGURE = 4.0
 """Largest size of a body that is shown whole, relative to the cloths'."""
+STANDS = 0.8
+"""Height of a body that stands, relative to its largest size: a person with arms out does."""
 _LONGEST_SIDE, _MOST_SAMPLES = 16_384, 80_000_000
 """Bounds on the samples of a picture, along a side (of a frame buffer) and in all (7 GB of memory)."""
 
@@ -225,6 +227,8 @@ def picture_setup(
         cloth = everything = focus
     elif traced:
         cloth = everything = _figure(frames, cloth)
+    else:
+        cloth = np.concatenate([cloth, *_standing(frames, upright)])
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
     look = {"smooth": smooth, "style": STYLES[style], "follow": follow, "dyes": dyes}
     return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note, **look)  # type: ignore[arg-type]
@@ -235,6 +239,21 @@ def _figure(frames: Sequence[Sequence[Surface]], cloth: Floats) -> Floats:
     bodies = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "body"]
     largest = _largest_figure(frames)
     return np.concatenate([cloth, *(points for points in bodies if np.ptp(points, axis=0).max() <= largest)])
+
+
+def _standing(frames: Sequence[Sequence[Surface]], upright: Floats) -> list[Floats]:
+    """Extreme points (k, 3) [m] of each body that stands, up to FIGURE times as large as the cloths.
+
+    A person who wears a garment is seen from head to feet, a table or a wall that is wider than high is not.
+    """
+    bodies = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "body"]
+    largest = _largest_figure(frames)
+    sizes = [(np.ptp(points @ upright), np.ptp(points, axis=0).max()) for points in bodies]
+    return [
+        points
+        for points, (height, size) in zip(bodies, sizes, strict=True)
+        if size <= largest and height > STANDS * size
+    ]
 
 
 def _check_size(pixels: tuple[int, int], samples: int) -> None:

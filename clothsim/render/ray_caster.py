@@ -16,9 +16,10 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
 from clothsim.base.linalg import unit
 from clothsim.base.ray_casting import caster_over
+from clothsim.base.triangles import vertex_normals
 from clothsim.base.vectors import cross, dot, minus
 from clothsim.render.camera import Camera, seen_box
-from clothsim.render.surface_look import Look, Surface, vertex_normals
+from clothsim.render.surface_look import Look, Surface
 
 
 @dataclass(frozen=True)

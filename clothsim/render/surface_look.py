@@ -18,7 +18,15 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
-from clothsim.base.triangles import area_vectors, connected, triangle_areas, unit_or, vertex_area_vectors
+from clothsim.base.triangles import (
+    area_vectors,
+    border_edges,
+    connected,
+    half_edges,
+    triangle_areas,
+    unit_or,
+    vertex_normals,
+)
 from clothsim.render.colour_scale import Scale, log_stretch, per_vertex
 
 INK = np.array([0.13, 0.13, 0.16])
@@ -146,11 +154,6 @@ def vertex_values(surface: Surface) -> Floats:
     return per_vertex(log_stretch(surface.principal_stretches), surface.positions, surface.triangles)
 
 
-def vertex_normals(positions: Floats, triangles: Ints) -> Floats:
-    """Unit normals at the vertices, (n, 3): the triangles' weighted by area; z where there is none."""
-    return unit_or(vertex_area_vectors(positions, triangles), (0.0, 0.0, 1.0))
-
-
 def creased_normals(positions: Floats, triangles: Ints) -> Floats:
     """Unit normals at the corners, (m, 3, 3): the mean over the triangles at the vertex within 50 degrees of its own.
 
@@ -203,7 +206,7 @@ def _append_means(values: Floats, edges: Ints) -> Floats:
 
 def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
     """Vertices and triangles with each triangle in four, and the edges (k, 2) whose middles are the new vertices."""
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    sides = np.sort(half_edges(triangles), axis=1)
     edges, number = np.unique(sides, axis=0, return_inverse=True)
     a, b, c = triangles.T
     ab, bc, ca = (number.reshape(-1, 3) + len(x)).T
@@ -254,7 +257,7 @@ def cloth_shell(surface: Surface) -> tuple[Shell, Floats]:
     offset = 0.5 * min(THICKNESS, THICKEST * size) * layers[:, None] * normals
     front, back = x + offset, x - offset
     uv = material_coordinates(surface)
-    edges = _border(triangles)
+    edges = border_edges(triangles)[0]
     rim, rim_normals = _rims(front, back, edges)
     flipped = triangles[:, ::-1]
     shell = Shell(
@@ -278,20 +281,13 @@ def material_coordinates(surface: Surface) -> Floats:
     return np.take_along_axis(corners, np.repeat(axes[:, None], 3, axis=1), axis=2)
 
 
-def _border(triangles: Ints) -> Ints:
-    """Directed edges of exactly one triangle, (b, 2)."""
-    directed = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    _, group, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    return directed[count[group.ravel()] == 1]
-
-
 def _border_distance(surface: Surface) -> tuple[Floats, Floats]:
     """Distance of each vertex from the border of the undeformed cloth, and the position along it of the nearest point.
 
     Both (n,) [m]; infinite and 0 without a border.
     """
     material = surface.material if len(surface.material) else surface.positions
-    edges = _border(surface.triangles)
+    edges = border_edges(surface.triangles)[0]
     if not len(edges):
         return np.full(len(material), np.inf), np.zeros(len(material))
     start, end = material[edges[:, 0]], material[edges[:, 1]]

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.files.characters.motion_check import MOST_DEGREES, fastest_turn, meetings
+from clothsim.files.characters.motion_check import MOST_DEGREES, closing_folds, fastest_turn, meetings
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
@@ -183,6 +184,10 @@ def _add_motion(found: Examination, path: Path) -> Examination:
     return replace(found, notes=(*found.notes, *notes), findings=_sort_findings([*found.findings, *more]))
 
 
+COVERED = 0.03
+"""Vertices of a body with cloth nearer than that are under it, as a fraction of its largest extent."""
+
+
 def motion_findings(scene: Scene) -> Iterator[Finding | str]:
     """Findings and notes on the motion of the body model of a scene. InputError without one."""
     made, name = character_of_scene(scene)
@@ -190,7 +195,8 @@ def motion_findings(scene: Scene) -> Iterator[Finding | str]:
         yield f"{name} has no motion"
         return
     dt = scene.solver_settings.dt
-    contact: Any = build(scene).energies.get("body_contact")
+    built = build(scene)
+    contact: Any = built.energies.get("body_contact")
     end = min(scene.run_settings.duration, made.timeline.duration)
     steps = np.arange(0.0, end + dt / 2, dt)
     times = steps[:: -(-len(steps) // MOST_TIMES)]
@@ -209,6 +215,21 @@ def motion_findings(scene: Scene) -> Iterator[Finding | str]:
             "motion",
             f"{name}: {' and '.join(met.parts)} {what} {when}; {size} at {met.at:.3g} s, ({place}) m",
             'contact.pinch = "carry" carries cloth through; motion.keep_apart = true turns the limbs outwards',
+            NO_INDICES,
+        )
+    skin = made.character.vertices(made.pose(0.0)) @ made.linear.T + made.shift
+    cloth = built.world.start()[: built.world.n_cloth] + built.world.origin
+    covered = cKDTree(cloth).query(skin, workers=1)[0] < COVERED * np.ptp(skin, axis=0).max()
+    folds = closing_folds(made.character, made.pose, times.tolist(), gap / unit, covered)
+    for fold in folds:
+        place = ", ".join(f"{c:.3g}" for c in made.linear @ fold.place + made.shift)
+        yield Finding(
+            "warning",
+            "motion",
+            f"{name}: the fold between {' and '.join(fold.parts)} closes on the cloth at {fold.vertices} of its "
+            f"vertices, from {fold.start:.3g} to {fold.end:.3g} s; gap {1e3 * unit * fold.nearest:.3g} mm at "
+            f"{fold.at:.3g} s, ({place}) m",
+            'contact.pinch = "carry" carries cloth through; without it the run may stop there',
             NO_INDICES,
         )
     if not found:

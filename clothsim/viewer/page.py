@@ -15,8 +15,8 @@ import trimesh
 from clothsim import Run, open_run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import vertex_normals
 from clothsim.engine import Colouring
-from clothsim.render import vertex_normals
 from clothsim.viewer.gate import Gate
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
 from clothsim.viewer.side_texts import certificate_text, legend_html, solver_text, speeds, state_text, vertex_text

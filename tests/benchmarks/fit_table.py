@@ -20,7 +20,6 @@ from clothsim.garments.fit.wear_check import WearCheck, check_wear
 from clothsim.garments.inputs import BodyMesh, Garment, read_body_mesh, read_garment
 from clothsim.mesh.generators.table import GENERATORS
 from tests.benchmarks.stored_tables import Record, markdown_table, read_record, when, write_between, write_record
-from transfer.body_frame import body_frame
 from transfer.signed_distance import body_surface
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -79,7 +78,7 @@ def draw(file: Path, garment: Garment, positions: np.ndarray, target: BodyMesh) 
     from clothsim.render.picture import picture_setup, rendered
     from clothsim.render.surface_look import Surface
 
-    frame, plain = body_frame(target.positions, target.triangles), np.zeros((0, 2))
+    frame, plain = target.frame, np.zeros((0, 2))
     surfaces = [
         Surface(garment.name, positions, garment.triangles, "cloth", plain),
         Surface(target.name, target.positions, target.triangles, "body", plain),

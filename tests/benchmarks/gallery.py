@@ -1,9 +1,10 @@
 """Gallery of the shipped scenes: a picture of the last frame of each, the README's examples, the page of both.
 
 `python -m tests.benchmarks.gallery [NAME ...] [--examples] [--page docs/start/gallery.md]`.
-Runs the named scenes (all by default) to their end, writes docs/pictures/gallery/NAME.png, and lists every scene that
-has a picture between the marks of the page. `--examples` runs those of EXAMPLES on their fine meshes instead, draws
-them in the style "studio" as docs/pictures/examples/NAME.webp and writes the table of the README.
+Runs the named scenes (all by default) to their end, draws them in the style "studio" with the options of LOOKS, as
+docs/pictures/gallery/NAME.webp, and lists every scene between the marks of the page, with the picture of the example
+of its name where there is one. `--examples` runs those of EXAMPLES on their fine meshes instead, draws them as
+docs/pictures/examples/NAME.webp and writes the table of the README.
 """
 
 import argparse
@@ -22,10 +23,26 @@ from tests.benchmarks.stored_tables import markdown_table, write_between
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"
 PICTURES = Path("docs/pictures/gallery")
-SIZE = "800x600"
+SIZE = "480x480"
 EXAMPLE_PICTURES, EXAMPLE_SIZE, COLUMNS = Path("docs/pictures/examples"), "600x600", 4
 QUALITY = 90
 """Of WebP: a tenth of the bytes of a PNG in true colour."""
+
+
+LOOKS = {
+    "cape": "--colour #6b1f2a",
+    "crease": "--size 480x360 --colour linen",
+    "hanging": "--colour #3f5f8f",
+    "hoody": "--colour #5b6b57",
+    "needles": "--size 480x360 --view=-0.5,-1,0.25 --colour #3f5f8f",
+    "shirt": "--colour firebrick",
+    "shirt_large": "--colour #3f5f8f/#eef0f4",
+    "skirt": "--colour #2f4a6d",
+    "sphere": "--colour #9c4a36",
+    "study_cantilever": "--size 480x360 --view=-0.3,-1,0.15 --colour teal",
+    "tablecloth": "--size 480x360 --colour firebrick/linen",
+}
+"""Options of `clothsim render` beside style and size, by scene; the last --size counts."""
 
 
 @dataclass(frozen=True)
@@ -97,25 +114,15 @@ def description(scene: Path) -> str:
     return " ".join(lines)
 
 
-def draw_scene(scene: Path, target: Path) -> None:
-    """Run a scene and write its last frame to `target`."""
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "clothsim"]
-        subprocess.run([*command, "run", str(scene), "-o", folder, "--quiet"], check=True)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        subprocess.run(
-            [*command, "render", folder, "-o", str(target), "--size", SIZE, "--overwrite", "--quiet"], check=True
-        )
-
-
-def draw_example(example: Example, runs: Path, target: Path) -> None:
-    """Make the run of an example in a folder of `runs`, unless it is there, and write its picture to `target`."""
+def draw(example: Example, size: str, runs: Path, target: Path) -> None:
+    """Make the run of a picture in a folder of `runs`, unless it is there, and write its last frame to `target`."""
     command, folder = [sys.executable, "-m", "clothsim"], runs / example.name
     if not folder.is_dir():
-        subprocess.run([*command, *shlex.split(example.command), "-o", str(folder), "--quiet"], check=True)
+        made = ["--quiet", "--no-picture"] if example.command.startswith("run ") else ["--quiet"]
+        subprocess.run([*command, *shlex.split(example.command), "-o", str(folder), *made], check=True)
     drawn = next(part for part in (folder / "drape", folder) if (part / "trajectory.vtkhdf").is_file())
     target.parent.mkdir(parents=True, exist_ok=True)
-    look = ["--style", "studio", "--size", EXAMPLE_SIZE, *shlex.split(example.look)]
+    look = ["--style", "studio", "--size", size, *shlex.split(example.look)]
     with tempfile.TemporaryDirectory() as scratch:
         png = Path(scratch) / "example.png"
         subprocess.run([*command, "render", str(drawn), "-o", str(png), *look, "--quiet"], check=True)
@@ -142,14 +149,21 @@ def example_commands(examples: Sequence[Example]) -> str:
     return "\n".join(["```sh", *lines, "```"])
 
 
-def gallery_text(scenes: Sequence[Path], pictures: Path) -> str:
+def picture_of(name: str) -> str:
+    """The picture of a scene from the root of the repository, "" where there is none."""
+    films = [PICTURES.parent / f"{name}{ending}" for ending in ("_studio.webp", ".webp")]
+    made = PICTURES / f"{name}.webp", EXAMPLE_PICTURES / f"{name}.webp", *films, PICTURES / f"{name}.png"
+    return next((str(file) for file in made if (ROOT / file).is_file()), "")
+
+
+def gallery_text(scenes: Sequence[Path]) -> str:
     """A section per scene: its description, its command and, where there is one, its picture."""
     parts = []
     for scene in scenes:
         name = scene.stem
         parts += [f"### {name}", "", description(scene), "", "```sh", f"clothsim run {name} -o {name}", "```", ""]
-        if (ROOT / pictures / f"{name}.png").is_file():
-            parts += [f"![{description(scene).split('.')[0]}](../pictures/gallery/{name}.png)", ""]
+        if drawn := picture_of(name):
+            parts += [f"![{description(scene).split('. ')[0].rstrip('.')}](../{drawn.removeprefix('docs/')})", ""]
     return "\n".join(parts)
 
 
@@ -160,22 +174,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--page", type=Path, default=ROOT / "docs/start/gallery.md", metavar="FILE")
     parser.add_argument("--no-run", action="store_true", help="write the page from the pictures that are there")
     parser.add_argument("--examples", action="store_true", help="the README's pictures, by path tracing: an hour")
-    parser.add_argument("--runs", type=Path, metavar="DIR", help="keep the runs of the examples here, and use them")
+    parser.add_argument("--runs", type=Path, metavar="DIR", help="keep the runs here, and use them")
     arguments = parser.parse_args(argv)
     if arguments.examples:
         named = [each for each in EXAMPLES if not arguments.names or each.name in arguments.names]
         chosen = [] if arguments.no_run else named
         with tempfile.TemporaryDirectory() as scratch:
             for each in chosen:
-                draw_example(each, arguments.runs or Path(scratch), ROOT / EXAMPLE_PICTURES / f"{each.name}.webp")
+                draw(each, EXAMPLE_SIZE, arguments.runs or Path(scratch), ROOT / EXAMPLE_PICTURES / f"{each.name}.webp")
         write_between(ROOT / "README.md", "examples", examples_text(EXAMPLES))
         write_between(arguments.page, "examples", example_commands(EXAMPLES))
         return 0
     scenes = sorted(SCENES.glob("*.toml"))
-    for scene in scenes:
-        if not arguments.no_run and (not arguments.names or scene.stem in arguments.names):
-            draw_scene(scene, ROOT / PICTURES / f"{scene.stem}.png")
-    write_between(arguments.page, "gallery", gallery_text(scenes, PICTURES))
+    with tempfile.TemporaryDirectory() as scratch:
+        for name in (scene.stem for scene in scenes if not arguments.no_run):
+            if not arguments.names or name in arguments.names:
+                one = Example(name, "", f"run {name}", LOOKS.get(name, ""))
+                draw(one, SIZE, arguments.runs or Path(scratch), ROOT / PICTURES / f"{name}.webp")
+    write_between(arguments.page, "gallery", gallery_text(scenes))
     return 0
 
 

@@ -5,11 +5,24 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from time import perf_counter
+from typing import Any
 
 from tests.notebooks import FOLDER
 
 LONGEST = 600
 """Bound on the time of a cell [s]."""
+
+
+def without_progress(outputs: Sequence[Any]) -> list[Any]:
+    """The outputs of a cell without the bars and dots of a command that is at work; its lines as one output."""
+    lines = [line for each in outputs if each.output_type == "stream" for line in each.text.splitlines()]
+    said = [line for line in lines if line.strip() and "\x1b[" not in line and not line.startswith("still at work")]
+    shown = [each for each in outputs if each.output_type != "stream"]
+    if not said:
+        return shown
+    from nbformat.v4 import new_output
+
+    return [new_output("stream", name="stdout", text="\n".join(said) + "\n"), *shown]
 
 
 def main(names: Sequence[str]) -> int:
@@ -29,6 +42,8 @@ def main(names: Sequence[str]) -> int:
             NotebookClient(book, timeout=LONGEST, kernel_name="python3", resources=where).execute()
         for cell in book.cells:
             cell.metadata.pop("execution", None)
+            if "outputs" in cell:
+                cell.outputs = without_progress(cell.outputs)
         nbformat.write(book, file)
         print(f"{file.name}: {perf_counter() - started:.0f} s, {file.stat().st_size // 1000} kB")
     return 0

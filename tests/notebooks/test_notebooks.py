@@ -2,14 +2,17 @@
 
 import ast
 import json
+import re
+import shlex
 from typing import Any
 
 import matplotlib
 import pytest
 
+from clothsim.cli import main
 from tests.notebooks import FOLDER
 
-NAMES = ["accuracy", "any_mesh", "first_drape", "fit_and_dress", "gradients"]
+NAMES = ["accuracy", "any_mesh", "characters", "export", "farm", "first_drape", "fit_and_dress", "gradients"]
 
 
 def code_cells(name: str) -> list[dict[str, Any]]:
@@ -19,9 +22,15 @@ def code_cells(name: str) -> list[dict[str, Any]]:
 
 
 def source_of(cell: dict[str, Any]) -> str:
-    """Text of a cell."""
+    """Code of a cell; its commands, `!clothsim ...`, as calls of `command` with their words."""
     source = cell["source"]
-    return source if isinstance(source, str) else "".join(source)
+    lines = source if isinstance(source, str) else "".join(source)
+    return re.sub("^!clothsim (.*)$", lambda found: f"command({shlex.split(found[1])})", lines, flags=re.MULTILINE)
+
+
+def command(words: list[str]) -> None:
+    """Run `clothsim` with these words in this process; AssertionError where it does not end well."""
+    assert main(words) == 0
 
 
 def test_these_are_all():
@@ -34,7 +43,7 @@ def test_the_code_runs(name, tmp_path, monkeypatch):
         pytest.importorskip("viser")
     matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {"command": command}
     for cell in code_cells(name):
         exec(compile(source_of(cell), f"{name}.ipynb", "exec"), names)
     if "run" in names:

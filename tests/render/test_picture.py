@@ -165,3 +165,12 @@ def test_bad_arguments_are_named(tmp_path, changes, keywords, message):
     with pytest.raises(InputError, match=message):
         draw(tmp_path / "picture.png", [replace(sheet(), **changes)], **keywords)
     assert not (tmp_path / "picture.png").exists()
+
+
+@pytest.mark.parametrize(("stretched", "whole"), [([0.6, 0.3, 4.0], True), ([4.0, 4.0, 0.3], False)])
+def test_a_figure_that_wears_the_cloth_is_whole_and_a_table_is_not(stretched, whole):
+    figure = replace(ball(), positions=ball().positions * stretched)
+    worn = replace(ball(), name="worn", role="cloth", positions=ball().positions * [0.7, 0.4, 1.0])
+    camera = aim([worn, figure]).camera
+    assert (np.abs(camera.project(figure.positions)).max() <= 1) == whole
+    assert np.abs(camera.project(worn.positions)).max() <= 1

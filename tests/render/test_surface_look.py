@@ -6,6 +6,7 @@ import trimesh
 from meshes import grid
 from render_scenes import NO_STRETCHES, ball, sheet
 
+from clothsim.base.triangles import vertex_normals
 from clothsim.mesh.topology import border_edges
 from clothsim.render.colour_scale import stretch_scale
 from clothsim.render.surface_look import (
@@ -24,7 +25,6 @@ from clothsim.render.surface_look import (
     ribbons,
     smoothed,
     spacing_of,
-    vertex_normals,
 )
 
 TENT = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0]], float)

@@ -35,6 +35,14 @@ def test_a_turned_body_has_its_frame_turned(degrees):
     np.testing.assert_allclose(frame.axes, body_frame(*MANNEQUIN).axes @ turn.T, atol=1e-9)
 
 
+@pytest.mark.parametrize("degrees", [0, 130])
+def test_a_body_in_a_stride_looks_where_its_feet_point(degrees):
+    turn = turned_about([0, 0, 1], degrees)
+    positions, triangles = GENERATORS["mannequin"](pose="walk")
+    frame = body_frame(positions @ turn.T, triangles)
+    np.testing.assert_allclose(frame.front, turn @ [0, -1, 0], atol=0.05)
+
+
 def test_y_up_is_found_with_level_arms_along_z():
     level = GENERATORS["mannequin"](pose="t")
     upright = body_frame(*level).local(level[0])

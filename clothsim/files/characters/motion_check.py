@@ -1,11 +1,12 @@
 """Pre-flight check of a motion: times at which parts of a body meet, or a joint turns too far in a step.
 
 The parts are the trunk with the head, the arms and the legs, each with the triangles of the vertices that follow its
-joints most. Of two parts only what is apart in the first pose is looked at, for an upper arm always meets the trunk.
+joints most. Of two parts only what is apart in the first pose is looked at, for an upper arm always meets the trunk;
+under cloth, as in an armpit, also the vertices there whose gap along their normal closes, which pinches the cloth.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import igl
@@ -14,6 +15,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.files.characters.character import Character
 from clothsim.files.characters.skeleton import Pose, joint_roles, orthonormal
+from transfer.triangle_surface import vertex_normals
 
 APART = 0.035
 """Vertices of a part nearer than this to another part in the first pose are adjacent to it [of the body's height]."""
@@ -45,6 +47,8 @@ class Meeting:
         Time of it [s].
     place : (3,) ndarray [m]
         Vertex of the first part there.
+    vertices : int
+        Of a fold that closes: vertices under cloth whose gap along their normal does; else 0.
     """
 
     parts: tuple[str, str]
@@ -54,6 +58,7 @@ class Meeting:
     nearest: float
     at: float
     place: Floats
+    vertices: int = 0
 
 
 @dataclass(frozen=True)
@@ -169,6 +174,62 @@ def meetings(
                 at, place = time, points[vertex]
             open_ones[pair.names] = Meeting(pair.names, start, time, count, distance, at, place)
     return tuple(sorted([*found, *open_ones.values()], key=lambda meeting: meeting.start))
+
+
+def closing_folds(
+    character: Character, pose: Callable[[float], Pose], times: Sequence[float], gap: float, covered: np.ndarray
+) -> tuple[Meeting, ...]:
+    """Adjacent vertices of two parts, as in an armpit, whose gap closes below `gap` [m] at one of `times` [s].
+
+    covered (n,): True for vertices under cloth, which alone are looked at. The gap of a vertex is the distance of the
+    other part along its normal; it is above `gap` at the first time.
+    """
+    first = character.vertices(pose(times[0]))
+    found: list[Meeting] = []
+    for names, near, triangles in _adjacent(character, first, covered):
+        rows = near[_gaps(character, first, near, triangles) > gap]
+        closed, last = np.zeros(len(rows), bool), None
+        for time in times[1:] if len(rows) else ():
+            points = character.vertices(pose(time))
+            gaps = _gaps(character, points, rows, triangles)
+            closed |= gaps < gap
+            k = int(gaps.argmin())
+            if gaps[k] >= gap:
+                continue
+            if last is None:
+                last = Meeting(names, time, time, 0, np.inf, time, points[rows[k]])
+            if gaps[k] < last.nearest:
+                last = replace(last, nearest=float(gaps[k]), at=time, place=points[rows[k]])
+            last = replace(last, end=time, times=last.times + 1)
+        if last is not None:
+            found.append(replace(last, vertices=int(closed.sum())))
+    return tuple(found)
+
+
+def _adjacent(character: Character, first: Floats, covered: np.ndarray) -> Iterator[tuple[tuple[str, str], Ints, Ints]]:
+    """Names of two parts, the covered vertices of one that are near the other, and the triangles of the other."""
+    parts = parts_of(character)
+    limit = APART * float(np.ptp(first, axis=0).max())
+    for one, other in combinations(reversed(parts), 2):
+        inside = np.zeros(len(first), bool)
+        inside[parts[other]] = True
+        triangles = np.ascontiguousarray(character.triangles[inside[character.triangles].all(axis=1)])
+        own = parts[one][covered[parts[one]]]
+        if len(triangles) and len(own):
+            near, _ = PartPair((one, other), own, triangles).closest(first)
+            yield (one, other), own[near <= limit], triangles
+
+
+def _gaps(character: Character, points: Floats, rows: Ints, triangles: Ints) -> Floats:
+    """Distances (k,) [m] of the triangles from `rows` of the posed points along their normals; inf where none is."""
+    if not len(rows):
+        return np.zeros(0)
+    normals, tree = vertex_normals(points, character.triangles)[rows], igl.AABB()
+    tree.init(points, triangles)
+    hits, distances, _ = tree.intersect_ray_first(
+        points, triangles, np.ascontiguousarray(points[rows]), np.ascontiguousarray(normals)
+    )
+    return np.where(np.asarray(hits).ravel() >= 0, np.asarray(distances, np.float64).ravel(), np.inf)
 
 
 def fastest_turn(character: Character, pose: Callable[[float], Pose], times: Sequence[float]) -> FastTurn:

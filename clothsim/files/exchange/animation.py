@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.triangles import unit_or, vertex_area_vectors
+from clothsim.base.triangles import vertex_normals
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class PartFrame:
     @cached_property
     def normals(self) -> Floats:
         """Unit normals of the vertices, (n, 3): means of their triangles' by area; z where they cancel."""
-        return unit_or(vertex_area_vectors(self.points, self.triangles), [0.0, 0.0, 1.0])
+        return vertex_normals(self.points, self.triangles)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
-from clothsim.base.triangles import thirds_at_vertices, triangle_areas
+from clothsim.base.triangles import half_edges, thirds_at_vertices, triangle_areas
 from clothsim.keys.typed_effects import ContactKeys
 from clothsim.mesh.body import FrameMotion, PosedMotion
 from clothsim.mesh.topology import interior_edges, unique_edges
@@ -173,7 +173,7 @@ class ContactSurface:
     @cached_property
     def _edges(self) -> tuple[Ints, Floats, Floats]:
         """Keys of all edges, ascending, with the area [m2] and the rest length [m] of each."""
-        sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        sides = np.sort(half_edges(self.triangles), axis=1)
         keys, of_side = np.unique(self._edge_keys(sides), return_inverse=True)
         of_side = of_side.ravel()
         corners = self.rest_corners[:, [1, 2, 0]] - self.rest_corners

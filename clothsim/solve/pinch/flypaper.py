@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import half_edges
 from clothsim.mesh.world import SurfaceRows, World
 from clothsim.physics.energies.base import Constraint, Prescribed
 from clothsim.solve.pinch.pinch_gaps import PinchedVertices, frames, normals
@@ -250,7 +251,7 @@ def _faces(triangles: Ints, wanted: Ints, size: int) -> Ints:
 
 def _adjacent(triangles: Ints, size: int) -> Ints:
     """Triangle across each edge, (m, 3); -1 at a border, and where more than two meet."""
-    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges = np.sort(half_edges(triangles), axis=1)
     keys = edges[:, 0] * size + edges[:, 1]
     order = np.argsort(keys, kind="stable")
     _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)

@@ -19,6 +19,7 @@ from clothsim.mesh.world import World
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.candidate_subsets import ExclusionMask, MaskedCandidates
 from clothsim.physics.energies.base import Energy
+from clothsim.solve.newton.outcome import Ending
 from clothsim.solve.pinch.flypaper import (
     MEMORY,
     NONE_FLYPAPERED,
@@ -75,28 +76,41 @@ def advance_flypapering(integrator: Integrator, state: State, until: float) -> t
     end = state.time + left / max(1, int(np.ceil(left / state.dt - 1e-9)))
     widening = float(state.memory.get(WIDENING, 1.0))
     attempt = _Attempt(widening, NONE, own=widening == 1.0)
-    before = None
-    for _ in range(ATTEMPTS):
+    before: Flypapered | None = None
+    failures: tuple[str, ...] = ()
+    for number in range(ATTEMPTS):
         flypapered = _find_flypapered(integrator, state, end, attempt)
         if before is not None and np.array_equal(flypapered.vertices, before.vertices) and not len(flypapered):
             break
         bound = _bind_flypapered(integrator, state, flypapered, attempt.own)
-        report = advance(bound, state, until)
+        report = advance(bound, state, until, retries=number > 0)
+        rows = _pinched_rows(integrator, report, flypapered)
+        if number == 0 and not report.converged and not (_is_blocked(report) and len(rows)):
+            report = advance(bound, state, until)  # no pinch: shorter steps
+            rows = _pinched_rows(integrator, report, flypapered)
+        report = replace(report, failures=(*failures, *report.failures))
         _count(integrator, bound)
-        held = flypapered.mask(len(state.positions))
-        if report.converged:
-            rows = _crossing(integrator, report.state.positions, held)
-            if not len(rows):
-                break
-        else:
-            rows = squeezed(integrator.world, report.potential.energies, report.result.x, held)
-        if not len(rows) and not len(flypapered):
+        if not len(rows) and (report.converged or not len(flypapered)):
             break
-        before, attempt = flypapered, _Attempt(2.0 * attempt.widening, np.union1d(attempt.rows, rows), own=False)
+        before, failures = flypapered, report.failures
+        attempt = _Attempt(2.0 * attempt.widening, np.union1d(attempt.rows, rows), own=False)
     if report.converged and len(flypapered):
         memory = {**report.state.memory, MEMORY: flypapered.as_array(), WIDENING: attempt.widening}
         report = replace(report, state=replace(report.state, memory=memory))
     return report, bound
+
+
+def _pinched_rows(integrator: Integrator, report: StepReport, flypapered: Flypapered) -> Ints:
+    """Rows that keep a try from being taken: those that cross at its end, or are squeezed where it failed."""
+    held = flypapered.mask(len(report.result.x))
+    if report.converged:
+        return _crossing(integrator, report.state.positions, held)
+    return squeezed(integrator.world, report.potential.energies, report.result.x, held)
+
+
+def _is_blocked(report: StepReport) -> bool:
+    """True where the prescribed motion was blocked."""
+    return report.result.outcome.ending is Ending.BLOCKED
 
 
 def _barriers(integrator: Integrator) -> dict[str, Barrier]:

@@ -259,7 +259,15 @@ def crossing_failure(crossing: "Crossing", state: State, dt: float) -> Failure:
     return Failure(Cause.INTERSECTION, sentence, element, crossing.position, remedy, state.step, state.time, dt)
 
 
-def end_sentence(world: World, constraints: Collection[Constraint], end: Outcome) -> str:
+def try_sentence(world: World, constraints: Collection[Constraint], potential: Potential, result: NewtonResult) -> str:
+    """Return the message of a failed solve; of a blocked motion the closest contact pair, not what is held farthest."""
+    pair = None
+    if result.outcome.ending is Ending.BLOCKED:
+        pair = closest_contact_pair(world, potential.energies.values(), result.x)
+    return _sentence(world, constraints, result.outcome, pair)
+
+
+def _end_sentence(world: World, constraints: Collection[Constraint], end: Outcome) -> str:
     """Return the message of an outcome, its vertex by name and its position in the coordinates of the scene."""
     if end.row is None or end.position is None:
         return end.sentence
@@ -269,7 +277,7 @@ def end_sentence(world: World, constraints: Collection[Constraint], end: Outcome
 def _sentence(world: World, constraints: Collection[Constraint], end: Outcome, pair: ContactPair | None) -> str:
     """Message of the outcome, and the contact pair or the pinch there."""
     if pair is None:
-        return end_sentence(world, constraints, end)
+        return _end_sentence(world, constraints, end)
     one, other, third = _objects(world, pair)
     if third:
         clause = f"{one} is pinched between {other} and {third}"
@@ -282,7 +290,7 @@ def _sentence(world: World, constraints: Collection[Constraint], end: Outcome, p
             _driver(world, constraints, row), pair.position + world.origin
         )  # all vertices of a body are equally blocked
     else:
-        start = end_sentence(world, constraints, end)
+        start = _end_sentence(world, constraints, end)
     return f"{start.removesuffix('.')}; {clause}."
 
 

@@ -18,7 +18,7 @@ from clothsim.solve.newton.newton import TOLERANCE_ALONE, Newton, NewtonResult, 
 from clothsim.solve.newton.observer import Observer, unobserved
 from clothsim.solve.newton.outcome import Ending
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.failure import Failure, end_sentence, failure_of
+from clothsim.solve.stepping.failure import Failure, failure_of, try_sentence
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2, Formula, formula_of, predicted_start, prescribed
 from clothsim.solve.stepping.local_error import ErrorControl, StepError, error_balance, motion_stop, step_error
 from clothsim.solve.stepping.mechanical_energy import gains_energy
@@ -236,7 +236,7 @@ def _advance(integrator: Integrator, state: State, until: float, retries: bool) 
             return replace(report, error=error, rejected=rejected, at_floor=shorter < np.inf, restarted=restarted)
         if result.outcome.ending is Ending.UNBALANCED:
             unbalanced.append((bound, result))
-        failures.append(f"dt {h:.3g} s: {end_sentence(integrator.world, held, result.outcome)}")
+        failures.append(f"dt {h:.3g} s: {try_sentence(integrator.world, held, bound, result)}")
         dts.append(h)
         dt = 0.5 * h
         if result.outcome.ending is Ending.BLOCKED:

@@ -5,7 +5,7 @@ import pytest
 
 from clothsim.cli import main
 from clothsim.files.characters.character import mannequin_character
-from clothsim.files.characters.motion_check import fastest_turn, meetings, part_pairs, parts_of
+from clothsim.files.characters.motion_check import closing_folds, fastest_turn, meetings, part_pairs, parts_of
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +53,18 @@ def test_a_leg_meets_the_other(character):
 
 def test_nothing_meets_at_rest(character):
     assert meetings(character, swings(character, "left_shoulder", (0, 1, 0), 0), TIMES[:2], 0.005) == ()
+
+
+def test_an_armpit_closes_under_cloth_alone(character):
+    down, everywhere = swings(character, "left_shoulder", (0, 1, 0), 25), np.ones(len(character.positions), bool)
+    folds = closing_folds(character, down, TIMES, 0.01, everywhere)
+    assert {fold.parts for fold in folds} == {("left arm", "trunk")}
+    assert folds[0].vertices > 0
+    assert 0 < folds[0].nearest < 0.01
+    assert 0 < folds[0].start <= folds[0].at <= folds[0].end < 1
+    assert 1.2 < folds[0].place[2] < 1.5  # the armpit, not a finger
+    assert closing_folds(character, down, TIMES, 0.01, ~everywhere) == ()
+    assert closing_folds(character, swings(character, "left_shoulder", (0, 1, 0), 0), TIMES, 0.01, everywhere) == ()
 
 
 def test_boxes_bound_the_distance_from_below(character):

@@ -1,5 +1,6 @@
 """Cloth flypapered through a pinch (contact.pinch): two plates of one body that close on a sheet and open again."""
 
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -17,6 +18,8 @@ from clothsim.cli.run_command import verdict
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import slab
 from clothsim.physics.contact.candidate_subsets import ExclusionMask
+from clothsim.solve.newton.outcome import Ending, outcome
+from clothsim.solve.pinch import pinch
 from clothsim.solve.pinch.flypaper import Flypapered, PinchRecord, attached, flypapered_in
 from clothsim.solve.pinch.pinch import _contacts
 from clothsim.solve.pinch.pinch_gaps import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, nearest, pinched, sides
@@ -107,6 +110,32 @@ def test_every_frame_says_which_vertices_are_carried(flypapered):
     counts = {entry["time"]: entry["carried"] for entry in flypapered.record()}
     last = {float(time): int(mask.sum()) for time, mask in zip(flypapered.times[1:], masks[1:], strict=True)}
     assert {time: counts[time] for time in last} == last
+
+
+@pytest.mark.parametrize("ending", [Ending.BLOCKED, Ending.SINGULAR])
+def test_a_blocked_step_is_repeated_at_full_length_with_more_vertices(tmp_path, monkeypatch, ending):
+    tries, whole = [], pinch.advance
+
+    def failing_once(integrator, state, until, retries=True):
+        report = whole(integrator, state, until, retries)
+        if state.time < 0.075:
+            return report
+        tries.append((state.time, retries, sum(len(one.at(until).vertices) for one in integrator.constraints.values())))
+        if len(tries) > 1:
+            return report
+        return replace(report, result=replace(report.result, outcome=outcome(ending)), failures=("blocked",))
+
+    monkeypatch.setattr(pinch, "advance", failing_once)
+    monkeypatch.setattr(pinch, "squeezed", lambda *arguments: np.arange(81))
+    run = clothsim.simulate(scene(0.0, CARRY, duration=0.12), tmp_path / "run")
+    assert run.status == "completed"
+    first, second = tries[:2]
+    assert first[:2] == (pytest.approx(0.08), False)
+    assert second[:2] == (pytest.approx(0.08), True)
+    assert (second[2] > first[2]) == (ending is Ending.BLOCKED)
+    step = run.record()[8]
+    assert step["dt"] == pytest.approx(0.01)
+    assert list(step["failures"]) == (["blocked"] if ending is Ending.BLOCKED else [])
 
 
 def test_a_gap_that_stays_open_carries_nothing_bit_for_bit(tmp_path):
