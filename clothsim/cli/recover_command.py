@@ -197,12 +197,14 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
         raise InputError("--on needs --pattern and -o, and no SCENE.", "The pattern is sewn on the body first.")
     inputs = (arguments.pattern, arguments.on, arguments.views)
     engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
+    pattern = existing_file(engine.example_file(arguments.pattern, "_specification.json"), "a pattern, as tunic")
+    body = existing_file(arguments.on, "a body: a mesh file, or a scene with one, as shirt")
     tell = messages(arguments, f"{arguments.pattern} on {arguments.on}")
     folder, size = arguments.output.with_name(f"{arguments.output.name}_{DRESSED}"), as_length("--size", arguments.size)
     scale = None if arguments.scale is None else as_positive_number("--scale", arguments.scale)
     worn = clothsim.dress(
-        engine.example_file(arguments.pattern, "_specification.json"),
-        existing_file(arguments.on, "a body: a mesh file, or a scene with one, as shirt"),
+        pattern,
+        body,
         folder,
         size=size,
         scale=scale,

@@ -67,11 +67,11 @@ def root(squares: Sequence[float]) -> float:
 
 def twin(clip: MovingClip, folder: Path) -> Floats:
     """The positions of a clip (f, k, 3) [m] from a start that is moved a little; made once."""
-    file = folder / f"{clip.id}.npy"
+    file, own = folder / f"{clip.id}.npy", folder / clip.id
     if not file.exists():
-        folder.mkdir(exist_ok=True)
+        own.mkdir(parents=True, exist_ok=True)
         scene = clip.garment.scene
-        made = drape(replace(scene, seed=jittered(scene, 1, folder)), folder, frames="all")
+        made = drape(replace(scene, seed=jittered(scene, 1, own)), own, frames="all")
         if made.positions is None or len(made.positions) != len(clip.positions):
             raise RuntimeError(f"The twin of {clip.id} ended: {made.summary['reason']}")
         np.save(file, made.positions)

@@ -96,6 +96,9 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     refused(capsys, *words[:-2], "--on", "towel.toml")
     refused(capsys, "recover", "towel.toml", "--target", "mask.png", "--free", "density", "--folds", "2")
     refused(capsys, *words[:-2], "--folds", "0")
+    dressing = ["recover", "--views", "views.toml", "--pattern", "towel_specification.json", "--free", "density"]
+    refused(capsys, *dressing, "--on", "nobody", "-o", "worn")
+    assert not (folder / "worn_dressed").exists()
     refused(capsys, *words[:-2], "--prior")  # no stiffness of bending
     (folder / "views.toml").write_text(
         (folder / "views.toml").read_text().replace("position = [0.1", "position = [9.1")

@@ -16,7 +16,7 @@ from clothsim.mesh.generators.shapes import sphere
 from clothsim.scene.assembly.scene_world import world_of
 from tests.benchmarks import views
 
-SEEDS, STEP = 10, 0.01
+SEEDS, STEP = 7, 0.01
 OWN = np.zeros((0, 3))
 
 
@@ -38,7 +38,7 @@ def seen(fit, x, seed, grain):
     rng = np.random.default_rng(seed)
     ball, faces = sphere(views.BALL["radius"], 3)
     obstacle, made = Obstacle(ball + views.BALL["position"], faces), []
-    for name, camera in enumerate(views.cameras(2, (320, 240))):
+    for name, camera in enumerate(views.cameras(2, (240, 180))):
         mask, normals = views.pictures(camera, x, fit.triangles, rng, (1.0, 5.0), grain)
         losses = {"mask": MaskBorder(camera, mask, obstacle=obstacle), "normals": Normals(camera, normals, 5.0)}
         made.append(View(str(name), camera, losses))
