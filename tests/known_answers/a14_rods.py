@@ -145,8 +145,11 @@ def sagging(ratio: float, edges: int) -> float:
     return float(-rested(world, rows, start, np.array([0, edges]), *energies)[:, 2].min() / length)
 
 
-def overhand(edges: int, radius: float) -> tuple[World, Floats]:
-    """A rod of an open overhand knot with a loop of radius about 1 and straight ends, and the directions of these."""
+def open_knot(edges: int, radius: float) -> tuple[World, Floats]:
+    """A rod with an open knot of two turns and straight ends, of the size 1, and the directions of its ends.
+
+    A trefoil that is cut, its ends drawn on until they cross: the determinant of it is 7.
+    """
     u = np.linspace(0.0, 2 * np.pi, 1401)[60:-60]
     x, y, z = np.sin(u) + 2 * np.sin(2 * u), np.cos(u) - 2 * np.cos(2 * u), -0.6 * np.sin(3 * u)
     points = 0.5 * np.column_stack([x, y, z])
@@ -160,11 +163,13 @@ def overhand(edges: int, radius: float) -> tuple[World, Floats]:
 
 
 def knotted(edges: int, radius: float) -> tuple[float, Floats]:
-    """F R^2/EI of a loose overhand knot that is pulled at both ends without friction, and its shape.
+    """F R^2/EI of a loose knot that is pulled at both ends without friction, and its shape.
 
-    R is the radius of curvature in the middle of the loop, to which the knot is drawn in steps.
+    R is the radius of curvature in the middle of its turns, to which the knot is drawn in steps. Of thin rods these are
+    circles: n turns have the energy n pi EI/R and take up 2 pi n R of the length, so that F = EI/(2 R^2) for any n
+    (Audoly, Clauvelin and Neukirch 2007, for one turn).
     """
-    world, _ = overhand(edges, radius)
+    world, _ = open_knot(edges, radius)
     line, _ = world.rods[0]
     rods = rods_along([(EdgeCurve(line.line, line.lengths), 1e4, 1.0)])
     contact = self_contact(world, stiffness=50.0, d_hat=radius / 2)
@@ -201,4 +206,4 @@ FOUND: tuple[tuple[str, Callable[[int], float], Callable[[], float], float, int]
 ROWS = tuple(
     Row(f"A14{'abcdef'[k]}", f"rod, {asked}", partial(_against, *how)) for k, (asked, *how) in enumerate(FOUND)
 )
-ROWS += (Row("A14g", "rod, loose overhand knot, r/R = .03: F R^2/EI", _knot),)
+ROWS += (Row("A14g", "rod, loose knot of two turns, r/R = .03: F R^2/EI", _knot),)
