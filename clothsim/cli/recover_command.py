@@ -239,6 +239,10 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
         out.append(f"  errors with the model's own: {with_model}")
     for name, errors in found.told.items():
         out.append(f"  {name} would tell: {', '.join(f'{path} {_error(error)}' for path, error in errors.items())}")
+    if len({each.view for each in found.pictures}) == 1:
+        out.append("  One view does not tell apart drapes that differ behind; its errors are too small. Add a view.")
+    if {each.what for each in found.pictures}.isdisjoint(("normals", "depth")):
+        out.append("  Without normals or depths the folds are not seen: bending is told by outlines alone.")
     if len(found.folds) > 1:
         out.append(f"  misfits of the folds of {len(found.folds)} drapes: {', '.join(f'{k:.3g}' for k in found.folds)}")
     out += [

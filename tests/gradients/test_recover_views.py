@@ -78,6 +78,7 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     assert content["from_minimum"] < 2.0
     assert err.count("start 1 of 1") > 4
     assert err.count("folds: pattern") == 1
+    assert err.count("One view") == 1
     assert len(content["folds"]) == 2
     assert [twin["name"] for twin in content["twins"]] == ["mesh", "step", "time", "start"]
     for path, total in content["total_errors"].items():
