@@ -103,6 +103,8 @@ LYING, TOUCHING, NEAR = 0.01, 0.005, 0.05
 stitched; a small piece within NEAR that touches nothing follows."""
 MOSTLY = 0.7
 """Fraction of its vertices that are near, for a piece to lie on another: a flat pocket on a curved front."""
+JOINED = 0.15
+"""Fraction of the vertices of a small piece that lie on each of the pieces that it joins."""
 COINCIDENT = 0.0005
 """A piece all of whose vertices are within that distance of another is its second side [m]."""
 CLEARANCE = 0.0005
@@ -162,6 +164,7 @@ WORDS = {
     "second side": "coincide with another piece: its second side, which follows it",
     "lying": "lie on another piece and follow it: they are not simulated, nor checked for intersections",
     "near": "touch nothing and would fall off: they follow the nearest piece",
+    "joined": "are held by a smaller one that lies on them and on another",
     "stitched": "are stitched where they touch another piece",
 }
 
@@ -187,6 +190,8 @@ def divided(positions: Floats, triangles: Ints) -> Division:
         fate = _fate(distance, total[piece] < SMALL * total[order[0]])
         if fate != "simulated":
             found.append((fate, own[distance <= TOUCHING] if fate == "stitched" else own, host, closest))
+        if fate == "lying":
+            found += [("joined", rows, host, closest) for rows in _held_by(host, label)]
         if fate in ("simulated", "stitched"):
             simulated |= of_triangle == piece
             surface = _Surface(positions, triangles[simulated])
@@ -220,11 +225,22 @@ def _fate(distance: Floats, is_small: bool) -> str:
     return "stitched" if np.count_nonzero(distance <= TOUCHING) > 1 else "near"
 
 
+def _held_by(host: Ints, label: Ints) -> list[Ints]:
+    """Vertices of all pieces but one on which a small piece lies, as a buckle on strap and bib: it joins them.
+
+    host (k, 3): nearest triangles of its vertices; label (n,): piece of each vertex.
+    """
+    of_vertex = label[host[:, 0]]
+    pieces, counts = np.unique(of_vertex, return_counts=True)
+    pieces = pieces[np.argsort(-counts, kind="stable")][: np.count_nonzero(counts >= JOINED * len(host))]
+    return [np.unique(host[of_vertex == piece]) for piece in pieces[1:]]
+
+
 def _division(positions: Floats, triangles: Ints, rows: Ints, found: list[tuple[str, Ints, Ints, Floats]]) -> Division:
     vertices = np.unique(triangles[rows])
     embedded, stitched = [], []
     for fate, own, host, closest in found:
-        if fate == "stitched":
+        if fate in ("stitched", "joined"):
             stitched.append(np.searchsorted(vertices, own))
             continue
         is_rigid = fate != "second side" and bool(np.ptp(positions[own], axis=0).max() < RIGID)

@@ -48,6 +48,8 @@ from clothsim.solve.stepping.stepping import Integrator, StepReport, advance
 
 ATTEMPTS = 4
 """Largest number of tries of a step, each but the first with twice the limit, and more vertices flypapered."""
+MOST_REMEMBERED = 2.0
+"""Largest factor on the limit with which the next step begins: one that grew with each block would never release."""
 WIDER = 4.0
 """Factor on the limit within which the opposing surface of a squeezed vertex is looked for."""
 NONE = np.zeros(0, np.int64)
@@ -95,7 +97,11 @@ def advance_flypapering(integrator: Integrator, state: State, until: float) -> t
         before, failures = flypapered, report.failures
         attempt = _Attempt(2.0 * attempt.widening, np.union1d(attempt.rows, rows), own=False)
     if report.converged and len(flypapered):
-        memory = {**report.state.memory, MEMORY: flypapered.as_array(), WIDENING: attempt.widening}
+        memory = {
+            **report.state.memory,
+            MEMORY: flypapered.as_array(),
+            WIDENING: min(attempt.widening, MOST_REMEMBERED),
+        }
         report = replace(report, state=replace(report.state, memory=memory))
     return report, bound
 

@@ -60,6 +60,23 @@ def test_pieces_follow_are_stitched_or_are_simulated(more, following, stitched):
         assert 4 < len(rows) < 30
 
 
+@pytest.mark.parametrize(("shift", "joins"), [(0.0, True), (-0.03, False)])
+def test_a_buckle_on_two_pieces_joins_them(shift, joins):
+    def sheet(middle):
+        points, triangles = rectangle(size=(0.3, 0.3), cells=(30, 30))
+        return points + np.array([0.0, middle, 0.0]), triangles
+
+    buckle = disk(radius=0.012, cells=4)
+    x, triangles = joined(sheet(0.153), sheet(-0.153), (buckle[0] + np.array([0.0, shift, 0.002]), buckle[1]))
+    division = divided(x, triangles)
+    assert division.as_dict() == {"following": 1, "stitched": int(joins)}
+    for rows in division.stitched:
+        points = x[division.vertices][rows]
+        assert len(rows) > 2
+        assert (np.abs(points) < [0.03, 0.03, 1e-9]).all()
+        assert len(set(np.sign(points[:, 1]))) == 1  # of one piece, drawn to the other
+
+
 def test_what_follows_moves_with_its_host_and_a_button_stays_rigid():
     x, triangles = joined(SHIRT, button(0.0), POCKET)
     division = divided(x, triangles)

@@ -20,6 +20,7 @@ from scipy.spatial import ConvexHull
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest
+from clothsim.base.triangles import half_edges
 from clothsim.mesh.generators.mannequin.generator import (
     CALF,
     CROTCH,
@@ -206,7 +207,7 @@ def _cut(parts: tuple[str, ...], point: Floats, axes: Floats) -> _Section:
     made = template()
     own = np.isin(made.weights.argmax(axis=1), [joint(name) for name in parts])
     values = (made.positions - point) @ np.cross(*axes)
-    edges = np.sort(made.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges = np.sort(half_edges(made.triangles), axis=1)
     edges = np.unique(edges[own[edges].all(axis=1) & ((values[edges] > 0).sum(axis=1) == 1)], axis=0)
     a, b = values[edges].T
     t = (a / (a - b))[:, None]
