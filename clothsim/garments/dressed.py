@@ -23,6 +23,7 @@ from clothsim.garments.dress.limbs import Wearer, sewing_pose
 from clothsim.garments.dress.measurements import measurement_entries
 from clothsim.garments.dress.pipeline import STAGES, DressState, DressTask
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
+from clothsim.garments.dress.rings import arms_between, lowered_to_crotch
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.fit.moving_body import BODY, REST, START
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
@@ -292,13 +293,7 @@ def dress(
         *arm_notes,
         *body.notes,
     )
-    begun, done = _sewn(task, mesh, Wearer(body, surface), notes)
-    posed, said = sewing_pose(done.on, done.between) if done.failure else (done.on, "")
-    if said:
-        again = f"sewn again with {said}: at first, {done.reason[:1].lower()}{done.reason[1:]}"
-        first, (begun, done) = (begun, done), _sewn(task, turned_to_arms(mesh, posed.body)[0], posed, (*notes, again))
-        if done.failure and _widest_gap(done) > _widest_gap(first[1]):
-            begun, done = first
+    begun, done = _sewn_in_poses(task, mesh, notes)
     worn = Dress(
         directory,
         done.status,
@@ -319,10 +314,36 @@ def dress(
     return worn
 
 
+def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> tuple[DressState, DressState]:
+    """The garment as placed and after all stages, in the better of two poses where the first fails.
+
+    First with the arms raised where strings as placed run through hands or forearms, else in the body's own pose; then
+    also with the limbs out of the way that seams stayed open about.
+    """
+    own = Wearer(task.body, task.surface)
+    in_the_way = arms_between(as_placed(mesh), own)
+    posed, said = sewing_pose(own, in_the_way)
+    raised = f"sewn with {said}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
+    begun, done = _sewn(task, mesh, posed, (*notes, raised) if said else notes)
+    if not done.failure:
+        return begun, done
+    second, differently = sewing_pose(own, (*in_the_way, *done.between))
+    if differently == said:
+        if not said:
+            return begun, done
+        second, differently = own, "the body in its own pose"
+    again = f"sewn again with {differently}: at first, {done.reason[:1].lower()}{done.reason[1:]}"
+    first, (begun, done) = (begun, done), _sewn(task, mesh, second, (*notes, again))
+    return first if done.failure and _widest_gap(done) > _widest_gap(first[1]) else (begun, done)
+
+
 def _sewn(task: DressTask, mesh: PatternMesh, on: Wearer, notes: tuple[str, ...]) -> tuple[DressState, DressState]:
     """The panels as placed on a body in a pose, and the garment after all stages."""
+    if on.body is not task.body:
+        mesh, _ = turned_to_arms(mesh, on.body)
+    mesh, lowered_notes = lowered_to_crotch(mesh, on.body)
     mesh, leg_notes = turned_to_legs(mesh, on.body, on.surface)
-    begun = DressState(as_placed(mesh), on, (), notes=(*notes, *leg_notes))
+    begun = DressState(as_placed(mesh), on, (), notes=(*notes, *lowered_notes, *leg_notes))
     return begun, run_stages(STAGES, task, begun)
 
 

@@ -1,9 +1,9 @@
 """Table of sewn garments: each shared pattern dressed on its body, with seams, strains, ease, CPU seconds and pictures.
 
-`python -m tests.benchmarks.dress_table [--size 2cm] [--only r000 shirt_mean ...] [-o DIR] [--page FILE]`.
+`python -m tests.benchmarks.dress_table [--size 2cm] [--only r000 shirt_mean ...] [--on BODY] [-o DIR] [--page FILE]`.
 Each pattern runs in a process of its own and leaves DIR/NAME.json; one that is there is not run again, unless --redo.
 DIR/table.md and DIR/sheet.png show all that are there. --page replaces what is between the marks of a page, those of
-the 25 patterns or, in a folder of random designs alone (--draw), those of these.
+the 25 patterns or, in a folder of random designs alone (--draw), those of these. --on grades each to a second body.
 """
 
 import argparse
@@ -58,11 +58,12 @@ def short_name(file: str) -> str:
 FILES = {short_name(file): file for file in PATTERN_FILES}
 DESIGNS = {f"d{number:03}": f"random160/r{number:03}.json" for number in range(160)}
 """Random designs that nothing was tuned on, by name in the table; each names the body that it was drawn for."""
+BODIES = ("mean_all", "mean_all_tpose", "mean_female", "f_smpl_average_A40")
 
 
 def drawn(seed: int, count: int) -> list[str]:
-    """Names of `count` random designs, drawn by a seed."""
-    return sorted(random.Random(seed).sample([*DESIGNS], count))
+    """Names of `count` random designs in the order of their draw by a seed: a run cut short leaves a sample."""
+    return random.Random(seed).sample([*DESIGNS], count)
 
 
 def file_and_body(name: str) -> tuple[str, str]:
@@ -73,14 +74,19 @@ def file_and_body(name: str) -> tuple[str, str]:
     return DESIGNS[name], str(made_for).removesuffix("_apart")
 
 
-def measured(name: str, size: float, folder: Path) -> dict[str, Any]:
-    """Dress one pattern in `folder` and return its row; "refused" where the input is refused."""
-    file, body = file_and_body(name)
-    row: dict[str, Any] = {"pattern": name, "body": body, "size": size}
+def measured(name: str, size: float, folder: Path, second: str = "") -> dict[str, Any]:
+    """Dress one pattern in `folder` and return its row; "refused" where the input is refused.
+
+    second: another body, to which the pattern is graded from its own.
+    """
+    file, own = file_and_body(name)
+    row: dict[str, Any] = {"pattern": name, "body": second or own, "size": size}
+    bodies = DATA / "bodies"
+    graded = {"made_for": bodies / f"{own}.obj"} if second else {}
     started = process_time()
     try:
-        on = DATA / "bodies" / f"{body}.obj"
-        done = clothsim.dress(DATA / "patterns" / file, on, folder, size=size, overwrite=True)
+        on = bodies / f"{row['body']}.obj"
+        done = clothsim.dress(DATA / "patterns" / file, on, folder, size=size, overwrite=True, **graded)
     except ClothsimError as error:
         return {**row, "status": "refused", "reason": str(error), "cpu_seconds": process_time() - started}
     row |= {"cpu_seconds": process_time() - started, **garment_entries(done)}
@@ -111,18 +117,24 @@ def garment_entries(done: Dress) -> dict[str, Any]:
     }
 
 
-def run_one(name: str, size: str, output: Path, limit: int) -> dict[str, Any]:
+def run_one(name: str, size: str, output: Path, limit: int, second: str = "") -> dict[str, Any]:
     """Row of one pattern, made by a process that may take `limit` CPU seconds; stored."""
     folder = output / name
     folder.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "tests.benchmarks.dress_table", "--one", name, "--size", size, "-o", str(output)]
+    command += ["--on", second] if second else []
     limited = ["bash", "-c", f'ulimit -t {limit}; exec "$@"', "bash", *command]
     with (folder / "log.txt").open("w", encoding="utf-8") as log:
         code = subprocess.run(limited, env={**os.environ, **ONE_THREAD}, stdout=log, stderr=log, check=False).returncode
     if code:
         last = (folder / "log.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
         reason = f"The process ended with {code} (limit {limit} CPU s): {' '.join(last)}"
-        row = {"pattern": name, "body": file_and_body(name)[1], "size": as_length("--size", size), "status": "stopped"}
+        row = {
+            "pattern": name,
+            "body": second or file_and_body(name)[1],
+            "size": as_length("--size", size),
+            "status": "stopped",
+        }
         store(output, {**row, "reason": reason})
     return read_row(output, name)
 
@@ -195,6 +207,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     known = [*FILES, *DESIGNS]
     parser.add_argument("--only", nargs="+", choices=known, metavar="NAME", help="default: the 25 patterns")
     parser.add_argument("--draw", nargs=2, type=int, metavar=("SEED", "COUNT"), help="random designs in their place")
+    parser.add_argument("--on", choices=BODIES, default="", metavar="BODY", help="a second body, graded to")
     parser.add_argument("-o", "--output", type=Path, default=Path("results/dress_table"), metavar="DIR")
     parser.add_argument(
         "--limit", type=int, default=1800, metavar="S", help="CPU seconds of one pattern (default 1800)"
@@ -205,13 +218,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     output, size = arguments.output, as_length("--size", arguments.size)
     if arguments.one:
-        store(output, measured(arguments.one, size, output / arguments.one))
+        store(output, measured(arguments.one, size, output / arguments.one, arguments.on))
         return 0
     output.mkdir(parents=True, exist_ok=True)
     for name in arguments.only or (drawn(*arguments.draw) if arguments.draw else FILES):
         row = read_row(output, name)
         if arguments.redo or row.get("size") != size:
-            row = run_one(name, arguments.size, output, arguments.limit)
+            row = run_one(name, arguments.size, output, arguments.limit, arguments.on)
         print(" | ".join(cells(row)), flush=True)
     rows = [row for row in (read_row(output, name) for name in known) if row]
     text = "\n\n".join([markdown_table(HEADER, map(cells, rows)), summary(rows)])

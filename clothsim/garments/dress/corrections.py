@@ -16,8 +16,9 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.triangles import area_vectors
 from clothsim.engine import components, intersecting_pairs
-from clothsim.garments.dress.closing import WITHIN, is_on_top, order_of
-from clothsim.garments.dress.placement import arm_line, front_of, is_of_arm, middle_of
+from clothsim.garments.dress.closing import is_on_top
+from clothsim.garments.dress.placement import CHEST, arm_line, front_of, hangs_on_shoulders, is_of_arm, middle_of
+from clothsim.garments.dress.rings import open_pairs_of, rings, vertices_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted, penetrations
@@ -190,21 +191,25 @@ LIFT_CLEAR = 0.01
 
 
 def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, str]:
-    """State with the torso lifted by the least height at which the fewest springs run through the body; and a note."""
-    panels = state.mesh.pattern.panels
-    seams = [state.mesh.seams[k] for k in state.open_seams if order_of(state.mesh.seams[k], state) == WITHIN]
-    pairs = [
-        state.pairs(seam) for seam in seams if not any(is_of_arm(panels[side.panel]) for side in seam.stitch.sides)
+    """State whose pieces on the shoulders, and what is sewn on top of them, are lifted; and a note.
+
+    By the least height at which the fewest springs of these pieces run through the body. A skirt below stays: lifted,
+    it would close above the hips that it is cut for.
+    """
+    hanging = [
+        names
+        for names in rings(state, body)
+        if hangs_on_shoulders(state.positions[vertices_of(state, names)], body, level=CHEST)
     ]
-    torso = [state.number[state.mesh.vertices[name]] for name, panel in panels.items() if not is_of_arm(panel)]
-    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *torso]))
-    if not pairs or not len(rows):
+    joined = np.concatenate([np.zeros((0, 2), np.int64), *(open_pairs_of(state, names) for names in hanging)])
+    if not len(joined):
         return state, ""
-    joined = np.concatenate(pairs)
     through = [count_crossing_body(state.positions[joined] + lift * body.up, surface) for lift in LIFTS]
     best = int(np.argmin(through))
     if best == 0:
         return state, ""
+    on_top = tuple(name for name, panel in state.mesh.pattern.panels.items() if is_on_top(panel))
+    rows = vertices_of(state, (*(name for names in hanging for name in names), *on_top))
     positions = state.positions.copy()
     height = LIFTS[best] + LIFT_CLEAR
     positions[rows] += height * body.up

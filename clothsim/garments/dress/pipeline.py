@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from clothsim import Body, Run
-from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.closing import close, mean_edge, welded_where_closed, worst_gap
 from clothsim.garments.dress.corrections import (
@@ -26,6 +25,8 @@ from clothsim.garments.dress.corrections import (
     touching_seams,
 )
 from clothsim.garments.dress.limbs import Wearer
+from clothsim.garments.dress.placement import hangs_on_shoulders
+from clothsim.garments.dress.rings import centred
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
 from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh
@@ -107,8 +108,9 @@ def _place(task: DressTask, done: DressState) -> DressState:
     touching = touching_seams(state)
     state = state.weld(touching)
     state, lift_note = lifted(state, done.on.body, done.on.surface)
+    state, aside_notes = centred(state, done.on.body)
     state, sleeve_notes = sleeves_cleared(state, done.on.body)
-    done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else []), *sleeve_notes))
+    done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else []), *aside_notes, *sleeve_notes))
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
     size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
     return _add_stage(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)
@@ -233,8 +235,6 @@ STAGES = (
 FRICTION = 0.4
 SLIPPERY = 0.05
 """Friction while a garment is shaken down."""
-SHOULDERS = 0.8
-"""Level above which a garment hangs on the shoulders, as a fraction of the body's height: armpits are at .76."""
 SANK = 0.03
 """Descent of the top of a garment, as a fraction of the body's height, beyond which it was held by friction alone."""
 
@@ -291,12 +291,6 @@ def returned_body(state: SewingState, posed: Wearer, fabrics: Fabrics, folder: P
         cloth=sewn_cloth(state, fabrics), body=moving
     )
     return simulate_stage(scene, folder, named_stage("body back to its pose", listener))
-
-
-def hangs_on_shoulders(positions: Floats, body: BodyMesh) -> bool:
-    """True where a garment reaches over the level of the shoulders of its body."""
-    levels = body.positions @ body.up
-    return bool((positions @ body.up).max() > levels.min() + SHOULDERS * np.ptp(levels))
 
 
 def _drape_with_friction(

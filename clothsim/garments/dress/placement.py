@@ -215,6 +215,20 @@ def middle_of(body: BodyMesh) -> Floats:
     return np.asarray((body.positions.min(axis=0) + body.positions.max(axis=0)) / 2, np.float64)
 
 
+SHOULDERS = 0.8
+"""Level above which a garment hangs on the shoulders, as a fraction of the body's height: armpits are at .76."""
+
+
+CHEST = 0.7
+"""The same for a piece as placed, which may lie too low: waists are at .62."""
+
+
+def hangs_on_shoulders(positions: Floats, body: BodyMesh, level: float = SHOULDERS) -> bool:
+    """True where a garment reaches over the level of the shoulders of its body, or over another one."""
+    levels = body.positions @ body.up
+    return bool((positions @ body.up).max() > levels.min() + level * np.ptp(levels))
+
+
 LEG_WORDS = ("leg", "pant", "trouser")
 """Words in the name of a panel of a leg."""
 LOW_LEVEL = 0.3

@@ -6,7 +6,8 @@ import trimesh
 from capsule_bodies import person
 from sewing_patterns import panel, specification
 
-from clothsim.garments.dress.pipeline import drape_sewn, hangs_on_shoulders
+from clothsim.garments.dress.pipeline import drape_sewn
+from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns.pattern_mesh import mesh_pattern

@@ -1,0 +1,233 @@
+"""Pieces of a pattern that go round the body: a bodice, trousers, a skirt, its levels; moved to where they belong.
+
+Levels of a slanting skirt are drawn beside the legs that they go round. Trousers of a low rise are drawn with their top
+at the waist and their crotch inside the pelvis.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.garments.dress.closing import WITHIN, is_on_top, order_of
+from clothsim.garments.dress.limbs import SIDES, Wearer, limb_names, limbs_between
+from clothsim.garments.dress.placement import CHEST, front_of, hangs_on_shoulders, is_of_arm, middle_of
+from clothsim.garments.dress.sewing_state import SewingState, as_placed
+from clothsim.garments.inputs import BodyMesh
+from clothsim.patterns import PatternMesh, Seam
+from transfer.errors import TransferError
+
+
+def rings(state: SewingState, body: BodyMesh) -> list[tuple[str, ...]]:
+    """Names of the panels that seams round the body join, piece by piece: a bodice, a skirt, each of its levels.
+
+    Panels of arms and those sewn on top are left out.
+    """
+    panels = state.mesh.pattern.panels
+    names = [name for name, panel in panels.items() if not is_of_arm(panel) and not is_on_top(panel)]
+    label = {name: k for k, name in enumerate(names)}
+    for seam in state.mesh.seams:
+        first, second = (side.panel for side in seam.stitch.sides)
+        if {first, second} <= label.keys() and _goes_round(state, seam, body):
+            old, new = label[second], label[first]
+            label |= {name: new for name, number in label.items() if number == old}
+    return [tuple(name for name in names if label[name] == number) for number in sorted(set(label.values()))]
+
+
+def _goes_round(state: SewingState, seam: Seam, body: BodyMesh) -> bool:
+    """True for a seam from the front to the back of a garment, or one that runs upward; others join what is below."""
+    if order_of(seam, state) != WITHIN:
+        return False
+    front = front_of(body)
+    axes = np.stack([np.cross(body.up, front), body.up, front])
+    lines = state.mesh.positions[seam.pairs]
+    apart = np.abs(axes @ (lines[:, 1] - lines[:, 0]).mean(axis=0))
+    span = np.ptp(lines @ axes.T, axis=0).mean(axis=0)
+    return bool(apart.argmax() == 2 or span.argmax() == 1)
+
+
+def open_pairs_of(state: SewingState, names: tuple[str, ...]) -> Ints:
+    """Pairs of all open seams between two of these panels, (k, 2)."""
+    inside = set(names)
+    pairs = [
+        state.pairs(seam)
+        for seam in (state.mesh.seams[k] for k in state.open_seams)
+        if {side.panel for side in seam.stitch.sides} <= inside and order_of(seam, state) == WITHIN
+    ]
+    return np.concatenate([np.zeros((0, 2), np.int64), *pairs])
+
+
+def vertices_of(state: SewingState, names: tuple[str, ...]) -> Ints:
+    """Vertices of the garment that these panels have, (k,)."""
+    return np.unique(np.concatenate([state.number[state.mesh.vertices[name]] for name in names]))
+
+
+BESIDE = 0.03
+"""Distance from the body that a spring at the side of a tube keeps [m], and least displacement that is made."""
+SLICE = 0.04
+"""Half the height of the slice of the body that a spring must pass [m]."""
+
+
+def centred(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str, ...]]:
+    """State with each tube below the shoulders moved to the side until it is round the body; a note for each.
+
+    Levels of a slanting skirt are drawn so far to one side that the strings of the other pass through a leg, or below
+    the foot: drawn together they close round one leg. Such a tube moves until its strings from front to back pass the
+    legs and the trunk equally far on both sides, those of a trouser leg this leg, and none is below the floor.
+    """
+    front = front_of(body)
+    right, middle = np.cross(body.up, front), middle_of(body)
+    limbs = limb_names(body)
+    trunk = body.positions[~(np.char.endswith(limbs, "arm") | np.char.endswith(limbs, "hand"))]
+    pieces = rings(state, body)
+    of_legs = _on_trouser_legs(state, pieces, body)
+    positions, notes = state.positions.copy(), []
+    for names in pieces:
+        rows, ends = vertices_of(state, names), state.positions[open_pairs_of(state, names)]
+        ahead = (ends - middle) @ front
+        ends = ends[ahead[:, 0] * ahead[:, 1] < 0]
+        own = state.positions[rows]
+        if not len(ends) or hangs_on_shoulders(own, body) or _borders(state, names) != TUBE:
+            continue
+        centre, beside = float(own.mean(axis=0) @ right), trunk
+        if names in of_legs:
+            beside = trunk[((trunk - middle) @ right > 0) == (centre > middle @ right)]
+        shift = _shift_between(*_lacking_beside(ends.mean(axis=1), centre, beside, body.up, right))
+        if abs(shift) < BESIDE:
+            continue
+        raised = max(float((trunk @ body.up).min() - (ends @ body.up).min()), 0.0)
+        positions[rows] += shift * right + raised * body.up
+        upward = f" and by {1e3 * raised:.0f} mm upward" if raised else ""
+        side = f"{1e3 * abs(shift):.0f} mm to the {SIDES[int(shift < 0)]}"
+        notes.append(f"{', '.join(names)} moved by {side}{upward}, to go round the body")
+    return state.moved_to(positions), tuple(notes)
+
+
+def _on_trouser_legs(state: SewingState, pieces: list[tuple[str, ...]], body: BodyMesh) -> set[tuple[str, ...]]:
+    """Pieces below trousers that are sewn to them, or to one another: trousers have three borders and are no bodice."""
+    level = {names: float((state.positions[vertices_of(state, names)] @ body.up).mean()) for names in pieces}
+    piece = {name: names for names in pieces for name in names}
+    sewn = [tuple(piece.get(side.panel) for side in seam.stitch.sides) for seam in state.mesh.seams]
+    above = [
+        names
+        for names in pieces
+        if _borders(state, names) > TUBE
+        and not hangs_on_shoulders(state.positions[vertices_of(state, names)], body, level=CHEST)
+    ]
+    found: set[tuple[str, ...]] = set()
+    while above:
+        upper = above.pop()
+        for pair in sewn:
+            lower = pair[pair[0] == upper]
+            if upper in pair and lower is not None and lower not in found and level[lower] < level[upper]:
+                found.add(lower)
+                above.append(lower)
+    return found
+
+
+def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: Floats) -> tuple[float, float]:
+    """What springs at points (k, 3) on both sides of a middle lack of passing beside a body (n, 3) [m].
+
+    First those on the side `right`, how far they must move that way, then the others; below 0: by how much they pass.
+    """
+    levels, reach = body @ up, body @ right
+    lacking = [-np.inf, -np.inf]
+    for point in at:
+        level = np.clip(point @ up, levels.min(), levels.max())
+        slice_ = reach[np.abs(levels - level) < SLICE]
+        beside = float(point @ right)
+        if not len(slice_):
+            continue
+        if beside > middle:
+            lacking[0] = max(lacking[0], float(slice_.max()) + BESIDE - beside)
+        else:
+            lacking[1] = max(lacking[1], beside - float(slice_.min()) + BESIDE)
+    return lacking[0], lacking[1]
+
+
+def _shift_between(right: float, left: float) -> float:
+    """Displacement to the right after which both sides lack equally much; 0 where neither lacks anything [m].
+
+    Drawn together, a tube becomes round, and narrower than its panels are flat.
+    """
+    return (right - left) / 2 if max(right, left) > 0 and np.isfinite(right + left) else 0.0
+
+
+TUBE = 2
+"""Borders of a tube."""
+
+
+def _borders(state: SewingState, names: tuple[str, ...]) -> int:
+    """Number of borders of panels sewn together, a surface without handles: 2 of a skirt, 3 of trousers."""
+    inside = set(names)
+    seams = [k for k, seam in enumerate(state.mesh.seams) if {side.panel for side in seam.stitch.sides} <= inside]
+    faces = np.concatenate([np.arange(rows.start, rows.stop) for rows in (state.mesh.faces[name] for name in names)])
+    triangles = state.weld(seams).triangles[faces]
+    edges = np.unique(np.sort(np.concatenate([triangles[:, k] for k in ([0, 1], [1, 2], [2, 0])]), axis=1), axis=0)
+    return 2 - (len(np.unique(triangles)) - len(edges) + len(triangles))
+
+
+RISE = 0.01
+"""Distance below the crotch of the body to which that of trousers is lowered, and least distance above it [m]."""
+
+
+def lowered_to_crotch(mesh: PatternMesh, body: BodyMesh) -> tuple[PatternMesh, tuple[str, ...]]:
+    """Mesh whose trousers, with what is sewn to them, are lowered until their crotch is below that of the body; a note.
+
+    Trousers that hang from a bodice stay: its seam, not their top, is at the waist.
+    """
+    state = as_placed(mesh)
+    try:
+        parts = body.parts
+    except TransferError:
+        return mesh, ()
+    positions, notes = mesh.positions.copy(), []
+    for names in rings(state, body):
+        if _borders(state, names) <= TUBE:
+            continue
+        sewn = _sewn_to(state, names)
+        if hangs_on_shoulders(mesh.positions[vertices_of(state, sewn)], body, level=CHEST):
+            continue
+        inseam = _inner_strings(state, names, body)
+        if not len(inseam):
+            continue
+        above = float(parts.frame.local(inseam.mean(axis=1))[:, 1].max() - parts.landmarks["crotch"])
+        if above > RISE:
+            positions[vertices_of(state, sewn)] -= (above + RISE) * body.up
+            notes.append(
+                f"{', '.join(names)} lowered by {1e3 * (above + RISE):.0f} mm, and what is sewn to them: the crotch was"
+                " placed above that of the body"
+            )
+    return replace(mesh, positions=positions), tuple(notes)
+
+
+def _sewn_to(state: SewingState, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Panels that are sewn to some panels, to these, and so on, in the order of the pattern."""
+    found = set(names)
+    while True:
+        sides = [{side.panel for side in seam.stitch.sides} for seam in state.mesh.seams]
+        more = found.union(*(each for each in sides if each & found))
+        if more == found:
+            return tuple(name for name in state.mesh.vertices if name in found)
+        found = more
+
+
+def _inner_strings(state: SewingState, names: tuple[str, ...], body: BodyMesh) -> Floats:
+    """Strings of the inseams of trousers, (k, 2, 3) [m]: from front to back, in the inner half of their width."""
+    front = front_of(body)
+    right, middle = np.cross(body.up, front), middle_of(body)
+    ends = state.positions[open_pairs_of(state, names)]
+    ahead, aside = (ends - middle) @ front, np.abs((ends.mean(axis=1) - middle) @ right)
+    width = float(np.abs((state.positions[vertices_of(state, names)] - middle) @ right).max())
+    return np.asarray(ends[(ahead[:, 0] * ahead[:, 1] < 0) & (aside < width / 2)], np.float64)
+
+
+def arms_between(state: SewingState, wearer: Wearer) -> tuple[str, ...]:
+    """Hands and forearms that strings between panels run through that are of no arm, as those of a wide skirt.
+
+    An upper arm is no obstacle: strings below an armpit pass below it once their neighbours are closed.
+    """
+    panels = state.mesh.pattern.panels
+    open_seams = (state.mesh.seams[k] for k in state.open_seams)
+    seams = [seam for seam in open_seams if not any(is_of_arm(panels[side.panel]) for side in seam.stitch.sides)]
+    return tuple(limb for limb in limbs_between(state, seams, wearer, 0.0) if limb.endswith(("forearm", "hand")))
