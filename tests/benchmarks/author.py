@@ -1,10 +1,10 @@
 """Clips authored from two edited frames, against what the edit truly makes of the clip.
 
-`python -m tests.benchmarks.author [EDIT ...] [-o FOLDER] [--json FILE] [--small]`. A sheet that hangs from its upper
-edge is struck by a ball: 60 frames, of which two, 3 %, are the keys. The truth of each edit is a run of its own, of
-which the author sees the keys alone: a fabric four times as stiff; a hem 5 % longer, the change within the lowest
-quarter of the sheet; a pleat, two creases that the rest shape has not. Errors are root mean squares over the vertices
-and the frames that are no keys.
+`python -m tests.benchmarks.author [EDIT ...] [--cells N] [-o FOLDER] [--json FILE] [--small]`. A sheet that hangs from
+its upper edge is struck by a ball: 60 frames, of which two, 3 %, are the keys. The truth of each edit is a run of its
+own, of which the author sees the keys alone: a fabric four times as stiff; a hem 5 % longer, the change within the
+lowest quarter of the sheet; a pleat, two creases that the rest shape has not. Errors are root mean squares over the
+vertices and the frames that are no keys.
 """
 
 import argparse
@@ -175,9 +175,10 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("edits", nargs="*", choices=[*EDITS, []], metavar="EDIT")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--cells", type=int, default=Clip.cells, help="along a side of the sheet, odd (default 7)")
     parser.add_argument("--small", action="store_true", help="a coarser and shorter sheet, two numbers of the fabric")
     given = parser.parse_args(arguments)
-    clip = Clip(4, 0.6, (12, 25)) if given.small else Clip()
+    clip = Clip(4, 0.6, (12, 25)) if given.small else Clip(given.cells)
     rows: list[Row] = []
     with TemporaryDirectory() as own:
         folder = given.output or Path(own)

@@ -1,5 +1,7 @@
 """What explains edited frames: a stiffness from two keys, and a number that they do not determine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,16 @@ def test_the_stiffness_is_found_and_the_bending_is_not(found):
 
 def test_the_scene_that_is_returned_has_the_numbers(found):
     assert found.scene.cloths[0].youngs_modulus == pytest.approx(1e4 * found.values["stretch"])
+
+
+def test_a_scene_without_a_gradient_is_searched_by_its_runs(keys):
+    ball = {"mesh": "sphere", "radius": 0.02, "subdivisions": 1, "position": [1.0, 0.0, 0.0]}
+    effects = strip().effects | {"body_contact": {}}
+    carrying = replace(strip(), body=ball, effects=effects, contact={"pinch": "carry"})
+    recovered = clothsim.recover_clip(carrying, {4: keys[4]}, ["stretch"], rest=False)
+    assert recovered.values["stretch"] == pytest.approx(4.0, rel=0.05)
+    assert np.isnan(recovered.from_minimum)
+    assert "pinch" in recovered.no_gradient
 
 
 def test_a_rest_shape_takes_what_numbers_leave(keys):
