@@ -85,7 +85,7 @@ def add_to(commands: Any) -> None:
     add_set(sweep, "change a key of all")
     sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: the scene's name_sweep)")
     add_output_options(sweep, json="print the rows as JSON", quiet="print nothing but errors", handler=_sweep)
-    learn = commands.add_parser("learn", description=_LEARN)
+    learn = commands.add_parser("learn", usage="clothsim learn DIR -o FILE [options]", description=_LEARN)
     learn.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm; with --motion also a recipe")
     learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
     learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default 0.25)")
@@ -100,11 +100,9 @@ def add_to(commands: Any) -> None:
 def _add_motion(learn: Parser) -> None:
     """Add the options of models of motion."""
     learn.add_argument("--motion", action="store_true", help="learn a garment in motion, from a farm of clips")
-    learn.add_argument("--held-kind", metavar="KIND", help="with --motion: kind of motion held out (default: drawn)")
+    learn.add_argument("--held-kind", metavar="KIND", help="with --motion: kind held out (default: drawn)")
     learn.add_argument("--held-bodies", default="2", metavar="N", help="with --motion: bodies held out (default 2)")
-    learn.add_argument(
-        "--model", choices=["recurrent"], help="with --motion: learn this too (minutes; needs clothsim[learn])"
-    )
+    learn.add_argument("--model", choices=["recurrent"], help="with --motion: this too (clothsim[learn])")
     learn.add_argument("--kind", metavar="MODEL", help="with --motion: write that kind of model, not the best")
     learn.add_argument("--seed", default="0", metavar="N", help="with --motion: of all that is drawn (default 0)")
 

@@ -57,12 +57,12 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
-    fit.add_argument("--scale-to", metavar="S", help="metres per unit of the body of --to (default: by height)")
+    fit.add_argument("--scale-to", metavar="S", help="the same of the body of --to")
     fit.add_argument(
         "--body-group",
         action="append",
         metavar="NAME",
-        help="this group of the bodies; repeat it for several (default: the largest)",
+        help="a group, or several, of the bodies (default: the largest)",
     )
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
@@ -122,7 +122,7 @@ def add_to(commands: Any) -> None:
         "--body-group",
         action="append",
         metavar="NAME",
-        help="this group of the body's file; repeat it for several (default: the largest)",
+        help="a group, or several, of the body (default: the largest)",
     )
     add_overwrite(dress, "replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")

@@ -54,7 +54,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", metavar="N", help="starts of the search (default 2, of pictures 1)")
-    recover.add_argument("--folds", metavar="N", help="with --views: drapes that the first start is chosen from (1)")
+    recover.add_argument("--folds", metavar="N", help="with --views: drapes to choose a start from (1)")
     recover.add_argument("--no-twins", action="store_true", help="with --views: no other models at the end")
     recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
     add_set(recover)
