@@ -1,6 +1,7 @@
 """Clips authored from edited frames: what explains them simulated, or their offsets followed softly under contact."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -13,6 +14,7 @@ from clothsim import engine, files
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
+from clothsim.base.inputs import shown
 from clothsim.base.record import to_json
 from clothsim.garments.authoring.arrays import scene_of_arrays
 from clothsim.garments.authoring.floor import floor_of
@@ -28,6 +30,9 @@ RATE = 300.0
 EASE = 0.2
 """Time in which the offsets come in after frame 0, which is the start of the scene [s]."""
 MOST_KEYS = 1000
+FARTHEST = 10.0
+"""Sizes of the garment by which an edit may move a vertex: beyond that a file is in another unit."""
+KEY_FILE = "Give a mesh file of the frame with moved vertices: `clothsim export RUN --frame N -o FRAME.obj` writes one."
 UNKNOWN = (float("nan"), float("nan"))
 Space = Literal["canonical", "world"]
 
@@ -151,7 +156,8 @@ def author(
     Raises
     ------
     InputError
-        The run did not come to its end, has no such frame, or a key has other vertices.
+        The run did not come to its end, has no such frame, or a key has other vertices, or vertices that are moved by
+        more than `FARTHEST` sizes of the garment; an option of one form is given to the other.
 
     Notes
     -----
@@ -163,6 +169,11 @@ def author(
     `EASE` seconds, as frame 0 is the start of the scene. The clip is then the scene with the effect `targets`
     of its frames and these offsets: without an offset the pull vanishes and it is the run again.
     """
+    if not isinstance(run, clothsim.Run):
+        raise InputError(f"The run is {shown(run)}.", "Open one: clothsim.open_run(directory).")
+    if not isinstance(keys, Mapping):
+        raise InputError(f"The keys are {shown(keys)}.", "Give a dict: {10: positions}.")
+    _refuse_other_form(quick, free, rest, rate, space)
     scene = run.scene
     inputs = [run.directory, scene, *(each for each in keys.values() if isinstance(each, str | Path))]
     directory = Path(output)
@@ -195,15 +206,26 @@ def _written(
     return found
 
 
+def _refuse_other_form(quick: bool, free: Sequence[str], rest: bool, rate: float, space: str | None) -> None:
+    """InputError for an option that the form has not: it would change nothing."""
+    if quick and (free or not rest):
+        raise InputError(
+            f"--quick explains no edit: {'--free' if free else '--no-rest'} changes nothing.", "Leave out one of both."
+        )
+    if not quick and (space is not None or rate != RATE):
+        raise InputError(f"{'--rate' if space is None else '--space'} is of the quick form.", "Add --quick.")
+
+
 def _recovered(
     run: "Run", edited: tuple[EditedFrame, ...], free: Sequence[str], noise: tuple[float, float], rest: bool
 ) -> "ClipRecovery":
     """What explains edited frames; without lengths where the scene cannot be of arrays, as with labels of a pattern."""
-    try:
-        scene = scene_of_arrays(run.scene)
-        engine.build(scene)
-    except InputError:
-        scene = run.scene
+    scene = run.scene
+    if not scene.rods:  # whose rest shape is no key
+        with suppress(InputError):
+            of_arrays = scene_of_arrays(scene)
+            engine.build(of_arrays)
+            scene = of_arrays
     keys = {key.frame: key.positions for key in edited}
     known = [each for each in noise if np.isfinite(each)]
     return clothsim.recover_clip(scene, keys, free, floor=max(known, default=0.0), rest=rest)
@@ -242,12 +264,16 @@ def edited_frames(run: "Run", keys: Mapping[int, Any]) -> tuple[EditedFrame, ...
         raise InputError(f"There are {len(keys)} edited frames.", f"Give at most {MOST_KEYS}.")
     last = len(run) - 1
     found = []
+    other = next((frame for frame in keys if not isinstance(frame, int | np.integer)), None)
+    if other is not None:
+        raise InputError(f"The frame {other!r} is no whole number.", "Give positions by the number of a frame.")
     for frame in sorted(keys):
         if frame == 0:
             raise InputError("Frame 0 is the start, which the scene gives.", f"Edit a frame from 1 to {last}.")
         if not 1 <= frame <= last:
             raise InputError(f"There is no frame {frame} to edit.", f"The run has frames 1 to {last}.")
         points = _positions(run, f"The edited frame {frame}", keys[frame])
+        _refuse_far(frame, points, run.positions(frame))
         found.append(EditedFrame(frame, points, _intersecting(run, frame, points)))
     return tuple(found)
 
@@ -256,9 +282,15 @@ def _positions(run: "Run", what: str, given: Any) -> Floats:
     """Vertices of all cloths, (n, 3) [m], of an array or a file that may have the bodies behind them."""
     n = len(run.positions(0))
     if not isinstance(given, str | Path):
-        points = np.asarray(given, np.float64)
+        try:
+            points = np.asarray(given, np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{what} is {shown(given)}, no numbers.", "Give (n, 3) numbers, or a file.") from error
     else:
-        mesh = files.read_mesh(given)
+        try:
+            mesh = files.read_mesh(given)
+        except InputError as error:
+            raise InputError(f"{what}: {error.sentence}", error.remedy or KEY_FILE) from error
         what = f"{what}, {given},"
         points, triangles = mesh.positions, mesh.triangles
         if len(points) == n + sum(len(body) for _, body, _ in run.bodies(0)):
@@ -272,6 +304,18 @@ def _positions(run: "Run", what: str, given: Any) -> Floats:
     if not np.isfinite(points).all():
         raise InputError(f"{what} has a vertex that is not finite.", "Give each vertex a position.")
     return points
+
+
+def _refuse_far(frame: int, points: Floats, before: Floats) -> None:
+    """InputError where an edit moves a vertex by more than `FARTHEST` sizes of the garment."""
+    moved = np.linalg.norm(points - before, axis=1)
+    size = float(np.linalg.norm(np.ptp(before, axis=0)))
+    if moved.max() > FARTHEST * size:
+        raise InputError(
+            f"The edited frame {frame} moves vertex {moved.argmax()} by {moved.max():.4g} m, and the cloths of the run "
+            f"are {size:.3g} m large.",
+            "Save the frame in metres, where it was: `clothsim export` wrote it so.",
+        )
 
 
 def _as_set(triangles: Any) -> Any:

@@ -145,6 +145,8 @@ def refuse_unfit(run: "Run", parts: int) -> None:
         raise InputError(f"The run {where} {_STATUS.get(run.status, run.status)}.", "Wrinkle one that is completed.")
     if not len(run.triangles):
         raise InputError(f"The run {where} has no cloth.", "Wrinkles are of cloth.")
+    if run.scene.rods:
+        raise InputError(f"The run {where} has rods, which get no wrinkles.", "Take a scene without [[rod]].")
     if run.scene.rigid_bodies:
         raise InputError(f"The run {where} has rigid bodies, whose motion comes from forces.", "Take [[body]].")
     if run.intersection_free is not True:

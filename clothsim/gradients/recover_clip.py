@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.clips.gauss_newton import Search
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
@@ -204,16 +204,19 @@ def recover_clip(
     ClothsimError
         Where the scene itself cannot be run.
     """
+    if isinstance(free, str):
+        raise InputError(f"free is {free!r}.", f"Give a list of names: [{free!r}].")
     numbers = clip_numbers(scene, free)
-    frames = tuple(sorted(keys))
-    if not frames or frames[0] < 1:
+    if not keys or not all(isinstance(frame, int | np.integer) and frame > 0 for frame in keys):
         raise InputError("There is no edited frame from 1 on.", "Give positions by the number of a frame.")
+    frames = tuple(sorted(keys))
     n = world_of(numbers.scene).n_cloth
-    for frame in frames:
-        if np.shape(keys[frame]) != (n, 3):
-            shape = np.shape(keys[frame])
-            raise InputError(f"The key of frame {frame} is {shape}, the cloths have {n} vertices.")
-    fit = _Fit(numbers, frames, np.array([keys[frame] for frame in frames]), *[max(floor, FINEST)] * 2)
+    points = [as_points(f"The key of frame {frame}", keys[frame]) for frame in frames]
+    for frame, each in zip(frames, points, strict=True):
+        if len(each) != n:
+            raise InputError(f"The key of frame {frame} has {len(each)} vertices, the cloths have {n}.")
+    noise = as_positive("floor", floor, zero=True) if floor else 0.0
+    fit = _Fit(numbers, frames, np.array(points), *[max(noise, FINEST)] * 2)
     count = [0]
 
     def tell(seen: _Seen, stage: int = 1) -> None:

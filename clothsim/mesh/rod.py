@@ -85,7 +85,7 @@ def make_rod(
     Raises
     ------
     InputError
-        Where there are too few points, or an edge has no length: it names the edge.
+        Where there are too few points, an edge has no length, or the line doubles back: it names the edge.
 
     Examples
     --------
@@ -95,12 +95,17 @@ def make_rod(
     """
     start = as_points(f"{name} points", points)
     if len(start) < (3 if is_loop else 2):
-        raise InputError(f"{name} has {len(start)} points.", "A rod has two or more, a loop three or more.")
+        have = f"{len(start)} point{'' if len(start) == 1 else 's'}"
+        raise InputError(f"{name} has {have}.", "A rod has two or more, a loop three or more.")
     closed = np.concatenate([start, start[:1]]) if is_loop else start
-    sizes = np.linalg.norm(np.diff(closed, axis=0), axis=1) if lengths is None else np.asarray(lengths, np.float64)
+    with np.errstate(over="ignore"):  # named below
+        sizes = np.linalg.norm(np.diff(closed, axis=0), axis=1) if lengths is None else np.asarray(lengths, np.float64)
     short = np.flatnonzero(~(sizes > 0))
     if short.size:
         raise InputError(f"{name}: its edge {short[0]} has no length.", "Remove the repeated point.")
+    if not np.isfinite(sizes).all():
+        raise InputError(f"{name}: its edge {sizes.argmax()} is infinite.", "Give points in metres.")
+    _refuse_folded(name, closed, radius, is_loop)
     area = np.pi * radius**2
     fabric = Fabric(density * area / (2 * radius), 2 * radius, youngs_modulus, 0.0, 0.0)
     no_triangles = np.zeros((0, 3), np.int64), np.zeros((0, 3, 2))
@@ -109,3 +114,24 @@ def make_rod(
         radius=radius, is_loop=is_loop, lengths=sizes, mass_per_length=density * area,
         stretch_stiffness=youngs_modulus * area, bending_stiffness=youngs_modulus * area * radius**2 / 4,
     )  # fmt: skip
+
+
+def _refuse_folded(name: str, line: Floats, radius: float, is_loop: bool) -> None:
+    """InputError where two neighbouring edges lie in one another: contact and its check leave out what shares a vertex.
+
+    They turn by more than a right angle, and the end of one is nearer to the other than the rod is thick.
+    """
+    edges = np.diff(line, axis=0)
+    lengths = np.linalg.norm(edges, axis=1)
+    before = edges / lengths[:, None]
+    following = np.roll(before, -1, axis=0)[: None if is_loop else -1]
+    cosines = np.einsum("ij,ij->i", before[: len(following)], following)
+    shorter = np.minimum(lengths, np.roll(lengths, -1))[: len(following)]
+    apart = shorter * np.linalg.norm(np.cross(before[: len(following)], following), axis=1)
+    folded = np.flatnonzero((cosines < 0) & (apart < 2 * radius) & (shorter > 2 * radius))
+    if folded.size:
+        raise InputError(
+            f"{name} doubles back at its point {(folded[0] + 1) % len(edges) if is_loop else folded[0] + 1}: its edges "
+            "there lie in one another.",
+            "Lead it round a bend that is wider than the rod is thick.",
+        )

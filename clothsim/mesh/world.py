@@ -223,7 +223,7 @@ def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = (), rigid: Sequ
         Where there is neither, or two objects share a name.
     """
     if not cloths and not rigid:
-        raise InputError("The scene has no cloth.", "Add a [[cloth]] table with a mesh, or a [[rigid]] body.")
+        raise InputError("The scene has no cloth.", "Add a [cloth] table with a mesh, a [[rigid]] body or a [[rod]].")
     bodies = [*bodies, *(Body(body.name, body.positions, body.triangles, FreeMotion()) for body in rigid)]
     names = [cloth.name for cloth in cloths] + [body.name for body in bodies]
     twice = next((name for name in names if names.count(name) > 1), None)

@@ -353,16 +353,19 @@ def _intersections(
             remedy = (
                 "" if prevented and of_run else remedy + "; later frames are not listed" * (of_run and not prevented)
             )
-            count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
+            count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'}"
+            count += " of triangles" if set(crossing.parts) == {"triangle"} else ""
             sentence = f"{crossing.summary} {when}, in {count}: {crossing.sentence}"
             found.append(Finding("error" if error else "warning", "intersection", sentence, remedy, crossing.pairs))
     allowed = sorted({kind for kind in kinds if kind in ALLOWED})
     others = f", but for {' and '.join(ALLOWED[kind] for kind in allowed)}" if allowed else ""
-    notes = [] if test.bodies else ["no body, so nothing for cloth to intersect but itself"]
+    notes = [] if test.bodies or not test.cloths else ["no body, so nothing for cloth to intersect but itself"]
     absent = {"cloth_body": test.bodies and test.cloths, "cloth_cloth": test.cloths, "rigid": test.rigid}
     for kind, looked_for in absent.items():
         if looked_for and kind not in kinds:
             notes.append(f"{SURFACES_OF_KIND[kind]} do not intersect {anywhere}{others}")
+    if test.rods and not found:
+        notes.append(f"rods do not overlap {anywhere}, and no centre line goes through a triangle")
     return found, notes
 
 

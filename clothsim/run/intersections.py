@@ -282,7 +282,8 @@ def occurrence_text(each: Mapping[str, Any]) -> str:
     """Return the counts and the first occurrence of one kind: "none", or pairs, time, step, states and frame."""
     if not each["states"]:
         return "none"
-    pairs = f"{each['pairs']:,} pair{'' if each['pairs'] == 1 else 's'} of triangles"
+    pairs = f"{each['pairs']:,} pair{'' if each['pairs'] == 1 else 's'}"
+    pairs += "" if each["triangles"].startswith("edge") else " of triangles"
     frame = "no recorded frame" if each["first_frame"] is None else f"the first recorded frame is {each['first_frame']}"
     states = f"{each['states']:,} checked state{'' if each['states'] == 1 else 's'} in all"
     return f"{pairs} at {each['first_time']:.4g} s, step {each['first_step']} ({states}, {frame})"

@@ -141,10 +141,8 @@ def _colour_by_values(run: "Run", name: str) -> Drawing:
             bodies = [each for each in made if each.role == "body"]
             parts = np.split(scalars(frame), np.cumsum([len(each.positions) for each in bodies])[:-1])
             return [replace(each, role="cloth", values=part) for each, part in zip(bodies, parts, strict=True)]
-        rows = {each.name: each.rows for each in trajectory.surfaces if each.role == "cloth"}
-        return [
-            replace(each, values=scalars(frame)[rows[each.name]]) if each.role == "cloth" else each for each in made
-        ]
+        rows = {each.name: each.rows for each in trajectory.surfaces if each.role == "cloth" and not len(each.edges)}
+        return [replace(each, values=scalars(frame)[rows[each.name]]) if each.name in rows else each for each in made]
 
     return surfaces
 

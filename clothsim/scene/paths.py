@@ -68,7 +68,7 @@ def get(scene: Scene, path: str) -> Any:
     (2, 0.01, (0.0, 0.0, -9.81))
     """
     section, entry, keys = located(scene, path)
-    value, where = _entry(scene, section, entry), section
+    value, where = _entry(scene, section, entry), f"effects.{entry}" if section == "effects" else section
     if value is None:
         raise InputError(f"The scene has no effect {entry!r}.", f"It has {', '.join(scene.effects) or 'none'}.")
     for key in keys:
@@ -122,7 +122,7 @@ def replaced(scene: Scene, changes: Iterable[tuple[str, Any]]) -> Scene:
         if len(keys) > 1 and isinstance(table, Mapping) and keys[0] not in table:
             usual = _default(old, str(keys[0]))
             table = table if usual is None else {**table, keys[0]: usual}
-        table = _changed(path, section, table, keys, value)
+        table = _changed(path, f"effects.{entry}" if section == "effects" else section, table, keys, value)
         if section in LISTS and keys:
             table = _drop_keys_of_old_mesh(section, table, old)
         if section == "solver":
@@ -215,7 +215,7 @@ def _inside(path: str, where: str, value: Any, key: str | int) -> Any:
             raise InputError(f"{path}: {where} has no [{key}].", f"It is {shown(value)}.")
         return entries[key]
     if not isinstance(value, Mapping):
-        raise InputError(f"{path}: {where} is no table of keys, but {shown(value)}.", f"Name {where} itself.")
+        raise InputError(f"{path}: {where} is no table of keys, but {shown(value)}.", _remedy(where, value, "Name"))
     known = keys_of(type(value)) if isinstance(value, KeyTable) else None
     refuse_unknown(where, [key], known or value)
     return getattr(value, known[key].field) if known else value[key]
@@ -233,9 +233,16 @@ def _changed(path: str, where: str, old: Any, keys: Sequence[str | int], value: 
         entries[first] = _changed(path, f"{where}[{first}]", entries[first], others, value)
         return entries
     if not isinstance(old, Mapping):
-        raise InputError(f"{path}: {where} is no table of keys, but {shown(old)}.", f"Set {where} itself.")
+        raise InputError(f"{path}: {where} is no table of keys, but {shown(old)}.", _remedy(where, old, "Set"))
     inner = old.get(first, _default(old, first))
     return {**old, first: _changed(path, f"{where}.{first}", {} if inner is None else inner, others, value)}
+
+
+def _remedy(where: str, value: Any, verb: str) -> str:
+    """What to do with a key of something that is no table: one of a list of tables has a number."""
+    if isinstance(value, list | tuple) and any(isinstance(each, Mapping) for each in value):
+        return f"It is a list of tables: {verb.lower()} a key of one, {where}[0]."
+    return f"{verb} {where} itself."
 
 
 def _default(section: Mapping[str, Any], key: str) -> Any:

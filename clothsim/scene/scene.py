@@ -301,7 +301,9 @@ def _sections(name: str, value: Any) -> Any:
     if not several and not isinstance(value, Mapping | MeshArrays) and not is_mesh(value):
         raise InputError(
             f"{name} must be a table or a list of tables, not {shown(value)}.",
-            f"Write [{name}] or [[{name}]] with a mesh; in Python a dict, clothsim.{name.capitalize()} or a mesh.",
+            "Write [[rod]] with points; in Python a dict."
+            if name == "rod"
+            else f"Write [{name}] or [[{name}]] with a mesh; in Python a dict, clothsim.{name.capitalize()} or a mesh.",
         )
     entries = value if several else (value,)
     made = tuple(

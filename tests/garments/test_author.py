@@ -136,11 +136,49 @@ def test_a_file_may_have_the_body_behind_the_cloth(sheet, tmp_path):
         ({3: np.zeros(3)}, "array"),
         ({3: np.full((25, 3), np.nan)}, "not finite"),
         ({3: "nothing.obj"}, "nothing.obj"),
+        ({3: np.full((25, 3), 1e3)}, r"frame 3.*1732 m"),
+        ({3: [["a"] * 3] * 25}, "frame 3"),
+        ({2.5: np.zeros((25, 3))}, "2.5"),
     ],
 )
 def test_bad_keys_are_refused(sheet, keys, word):
     with pytest.raises(InputError, match=word):
         edited_frames(sheet, keys)
+
+
+def test_a_fault_of_a_key_file_is_about_that_file(sheet, tmp_path):
+    (tmp_path / "empty.obj").write_text("")
+    with pytest.raises(InputError, match="frame 3") as caught:
+        edited_frames(sheet, {3: tmp_path / "empty.obj"})
+    assert "FRAME.obj" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("run", "keys", "options", "word"),
+    [
+        (None, {}, {}, "None"),
+        ("sheet", [3], {}, "keys"),
+        ("sheet", {}, {"quick": True, "free": ["stretch"]}, "free"),
+        ("sheet", {}, {"quick": True, "rest": False}, "rest"),
+        ("sheet", {}, {"space": "world"}, "space"),
+        ("sheet", {}, {"rate": 20.0}, "rate"),
+    ],
+)
+def test_wrong_types_and_options_of_the_other_form_are_refused(sheet, tmp_path, run, keys, options, word):
+    with pytest.raises(InputError, match=word):
+        author(sheet if run else None, keys, tmp_path / "clip", **options)
+
+
+def test_a_run_with_a_rod_has_a_floor_and_numbers_of_its_cloth(tmp_path):
+    rod = {"points": [[0, 0, 2], [0.1, 0, 2]], "radius": 1e-3, "youngs_modulus": 1e7}
+    effects = {"inertia": {}, "membrane": {}, "gravity": {}, "pins": {"select": "left"}}
+    cloth = {"mesh": "rectangle", "size": [0.2, 0.2], "cells": [1, 1]}
+    scene = clothsim.Scene(cloth, rod=rod, effects=effects, run={"duration": 0.04, "frames_per_second": 50})
+    run = simulate(scene, tmp_path / "run")
+    assert clip_numbers(scene).names == ("stretch",)
+    found = author(run, {1: run.positions(1)}, tmp_path / "clip", free=["stretch"])
+    assert found.recovery.values["stretch"] == pytest.approx(1.0, rel=0.05)
+    assert np.isfinite(found.floor).all()
 
 
 def test_the_run_itself_is_never_the_output(sheet):

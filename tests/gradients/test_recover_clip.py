@@ -73,3 +73,16 @@ def test_frames_that_are_none_are_refused(change, word):
         clothsim.recover_clip(strip(), change)
     with pytest.raises(InputError, match="vertices"):
         clothsim.recover_clip(strip(), {2: np.zeros((3, 3))}, ["stretch"])
+
+
+@pytest.mark.parametrize(
+    ("keys", "options", "word"),
+    [
+        ({2: np.full((3, 3), np.nan)}, {}, "frame 2"),
+        ({"2": np.zeros((3, 3))}, {}, "edited frame"),
+        ({2: np.zeros((3, 3))}, {"free": "stretch"}, "stretch"),
+    ],
+)
+def test_keys_and_names_of_the_wrong_type_are_refused(keys, options, word):
+    with pytest.raises(InputError, match=word):
+        clothsim.recover_clip(strip(), keys, **options)

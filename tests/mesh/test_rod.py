@@ -41,7 +41,10 @@ def test_the_world_has_its_mass_edges_and_contact_area(is_loop):
 
 def test_what_is_no_rod_is_named():
     for bad, words in (
-        ([[0, 0, 0]], "1 points"),
+        ([[0, 0, 0]], "1 point"),
+        ([[0, 0, 0], [0.1, 0, 0], [0, 0, 0]], "point 1"),
+        ([[0, 0, 0], [0.1, 0, 0], [0, 0.0019, 0]], "point 1"),
+        ([[0, 0, 0], [1e200, 0, 0]], "edge 0"),
         ([[0, 0, 0], [0, 0, 0], [1, 0, 0]], "edge 0"),
         ([[0, 0, 0], [1, 0, np.nan]], "wire points"),
     ):
@@ -49,3 +52,13 @@ def test_what_is_no_rod_is_named():
             make_rod("wire", bad, **STEEL)
     with pytest.raises(InputError, match="loop"):
         make_rod("wire", points(2), **STEEL, is_loop=True)
+    with pytest.raises(InputError, match="point 2"):
+        make_rod("wire", [[0.1, 0.1, 0], [0.1, 0, 0], [0, 0, 0], [0.1, 0.0005, 0.0]], **STEEL)
+    ring = [[0, 0, 0], [0.1, 0.0005, 0], [0.15, 0.1, 0], [0.2, 0, 0], [0.1, -0.0005, 0]]
+    with pytest.raises(InputError, match="point 0"):
+        make_rod("wire", ring, **STEEL, is_loop=True)
+
+
+def test_a_bend_that_is_wider_than_the_rod_is_thick_is_a_rod():
+    assert len(make_rod("wire", [[0, 0, 0], [0.1, 0, 0], [0, 0.0021, 0]], **STEEL).lengths) == 2
+    assert len(make_rod("wire", [[0, 0, 0], [0.0015, 0, 0], [0, 0.001, 0]], **STEEL).lengths) == 2  # finer than thick

@@ -250,3 +250,11 @@ def test_keys_that_need_one_another_are_set_together(tmp_path, monkeypatch):
 def test_what_names_no_key_is_refused(assignment, message):
     with pytest.raises(InputError, match=message):
         override(SCENE, assignment)
+
+
+def test_a_key_of_a_list_of_tables_needs_a_number():
+    with pytest.raises(InputError, match=r"effects\.springs\.spring is no table") as caught:
+        replace(ONE, "effects.springs.spring.stiffness", 3.0)
+    assert "effects.springs.spring[0]" in caught.value.remedy
+    changed = replace(ONE, "effects.springs.spring[0].stiffness", 3.0)
+    assert get(changed, "effects.springs.spring[0].stiffness") == 3.0

@@ -1,12 +1,16 @@
 """Rods of scenes: a run with its certificate, what a trajectory keeps of them, ends as selections, refused tables."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.files.runs.trajectory import read_trajectory
-from clothsim.run.pictures import frame_surfaces
+from clothsim.garments.wrinkled import refuse_unfit
+from clothsim.run.check import examined
+from clothsim.run.pictures import field_settings, frame_surfaces
 from clothsim.scene.assembly.scene_world import build, world_of
 
 WIRE = {"name": "wire", "points": [[-0.2, 0, 0], [0.2, 0, 0]], "edge": 0.02, "radius": 1e-3, "youngs_modulus": 1e7}
@@ -61,7 +65,8 @@ def test_the_border_of_a_rod_are_its_ends_and_its_damping_its_own():
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"points": [[0, 0, 0]]}, "1 points"),
+        ({"points": [[0, 0, 0]]}, "1 point"),
+        ({"points": [[0, 0, 0], [1e200, 0, 0]]}, "edge"),
         ({"points": [[0, 0], [1, 1]]}, "points"),
         ({"edge": 1e-7}, "edge"),
         ({"radius": 0.0}, "radius"),
@@ -80,3 +85,32 @@ def test_contact_with_cloth_is_refused_and_without_contact_it_is_not():
     built = build(scene(WIRE, {"inertia": {}, "membrane": {}, "gravity": {}}, cloth=cloth))
     assert "rods" in built.energies
     assert built.world.names == ("cloth", "wire")
+
+
+def test_effects_of_cloth_are_off_or_refused_where_there_are_rods_alone():
+    line = {"from": {"vertices": [0, 1]}, "to": {"vertices": [20, 19]}}
+    assert "pressure" in build(scene(WIRE, EFFECTS | {"pressure": {"value": 10.0}})).off
+    for effects in (
+        {"stiffeners": {"stiffener": [{"select": [0, 1, 2], "bending_stiffness": 1e-4}]}},
+        {"closures": {"zip": [line]}},
+    ):
+        with pytest.raises(InputError, match=next(iter(effects))):
+            build(scene(WIRE, EFFECTS | effects))
+    with pytest.raises(InputError, match="rod"):
+        clothsim.Scene(rod=3)
+
+
+def test_rods_beside_cloth_are_checked_drawn_and_get_no_wrinkles(tmp_path):
+    sheet = {"mesh": "rectangle", "size": [0.1, 0.1], "cells": [1, 1], "position": [0, 0, 1]}
+    effects = {"inertia": {}, "membrane": {}, "gravity": {}}
+    crossing = scene([WIRE, {**ACROSS, "points": [[0, -0.1, 0], [0, 0.1, 0]]}], effects, cloth=sheet)
+    with pytest.warns(clothsim.IntersectionWarning, match="edge"):
+        run = clothsim.simulate(replace(crossing, run=crossing.run.with_keys(duration=0.02)), tmp_path / "run")
+    (finding,) = examined(tmp_path / "run").findings
+    assert "edge" in finding.sentence
+    assert "triangles" not in finding.sentence
+    field = field_settings(run, "stress")
+    drawn = field["surfaces_of"](run.trajectory, -1)
+    assert [len(each.values) for each in drawn] == [4, 0, 0]
+    with pytest.raises(InputError, match="rods"):
+        refuse_unfit(run, 4)

@@ -36,7 +36,7 @@ def table_of_arrays(
 
 
 def scene_of_arrays(scene: Scene, world: World | None = None, starts: Sequence[Floats] | None = None) -> Scene:
-    """A scene whose cloths are the arrays that the scene makes of them.
+    """A scene whose cloths are the arrays that the scene makes of them; its rods stay as they are.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def scene_of_arrays(scene: Scene, world: World | None = None, starts: Sequence[F
     world = build(scene).world if world is None else world
     places = [each.positions + world.origin for each in world.cloths] if starts is None else starts
     cloths = []
-    for keys, cloth, start in zip(scene.cloths, world.cloths, places, strict=True):
+    for keys, cloth, start in zip(scene.cloths, world.cloths, places, strict=False):  # rods are behind the cloths
         rest = cloth.material_coordinates if cloth.flat else cloth.rest_positions
         table = {**keys, "weld": 0.0, "sewn": keys.weld > 0 or keys.sewn}
         cloths.append(table_of_arrays(table, cloth.name, start, cloth.triangles, rest, cloth.groups))

@@ -123,8 +123,9 @@ def _written(file: Path, key: str, frames: int) -> Floor | None:
     try:
         content = json.loads(file.read_bytes())
         arrays = [np.array(content[name], np.float64) for name in ("start", "stop")]
+        of_run = content["run"]
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    if content["run"] != key or any(each.shape != (frames,) for each in arrays):
+    if of_run != key or any(each.shape != (frames,) for each in arrays):
         return None
     return Floor(*arrays)

@@ -148,7 +148,7 @@ def _first_axes(cloth: Cloth) -> Floats:
     shape with which most of the cloth's area is aligned (x for a flat sheet, the long axis of a tube or a garment),
     projected; on a triangle perpendicular to it, the next axis.
     """
-    if cloth.flat:
+    if cloth.flat or not len(cloth.triangles):
         return np.tile([1.0, 0.0], (len(cloth.triangles), 1))
     frames = reference_frames(cloth.rest_positions, cloth.triangles)[:, :, :2]
     areas = np.abs(np.linalg.det(cloth.material_coordinates[:, 1:] - cloth.material_coordinates[:, :1]))

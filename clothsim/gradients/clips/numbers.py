@@ -259,7 +259,8 @@ def clip_numbers(scene: Scene, free: Sequence[str] = ()) -> ClipNumbers:
     found, values = _of_scene(scene, world)
     shapes: tuple[RestShape, ...] = ()
     meshes = [keys.mesh for keys in scene.cloths]
-    if all(isinstance(mesh, MeshArrays) for mesh in meshes) and "membrane" in scene.effects:
+    of_arrays = all(isinstance(mesh, MeshArrays) for mesh in meshes) and not scene.rods
+    if of_arrays and "membrane" in scene.effects:
         rests = [each.material_coordinates if each.flat else each.rest_positions for each in world.cloths]
         shapes = tuple(RestShape.of(cloth, rest) for cloth, rest in zip(world.cloths, rests, strict=True))
         found += _of_lengths(world, shapes)
@@ -294,9 +295,9 @@ def _names(given: str, name: str) -> bool:
 
 def _of_scene(scene: Scene, world: World) -> tuple[list[ClipNumber], dict[str, float]]:
     """Stiffnesses by cloth, friction, pressure and damping: those that are positive numbers and act."""
-    candidates = []
-    for k, cloth in enumerate(world.cloths):
-        where, suffix = (f"cloth[{k}]", f":{cloth.name}") if len(world.cloths) > 1 else ("cloth", "")
+    candidates, sheets = [], world.cloths[: len(scene.cloths)]  # rods are behind them
+    for k, cloth in enumerate(sheets):
+        where, suffix = (f"cloth[{k}]", f":{cloth.name}") if len(sheets) > 1 else ("cloth", "")
         for name, key in FABRIC.items():
             if {"stretch": "membrane"}.get(name, name) in scene.effects:
                 own = [each for each in RULED[key] if getattr(cloth.fabric, each) is not None] or [key]

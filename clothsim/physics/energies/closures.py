@@ -43,13 +43,18 @@ from clothsim.physics.energies.protocols import (
 )
 from clothsim.physics.energies.seams import seam_line, stitch_stiffness
 
+UNEVEN = 1.1
+"""Ratio of the lengths of two borders from which it is noted."""
 ZONE = 0.2
 """Fraction of a border over which it closes: the V above the slider."""
 
 
 @dataclass(frozen=True)
 class ClosureSchedule:
-    """A zip or a row of buttons: its name, k [N/m], u and g [m] over time, p and R [m] of its stitches, (m,) each."""
+    """A zip or a row of buttons: its name, k [N/m], u and g [m] over time, p and R [m] of its stitches, (m,) each.
+
+    notes: what users must know of it.
+    """
 
     name: str
     stiffness: Schedule
@@ -57,6 +62,7 @@ class ClosureSchedule:
     gap: Schedule
     parameters: Floats
     distances: Floats
+    notes: tuple[str, ...]
 
     @property
     def is_constant(self) -> bool:
@@ -64,8 +70,14 @@ class ClosureSchedule:
         return self.stiffness.is_constant and self.closed.is_constant and self.gap.is_constant
 
     def open_fractions(self, time: float) -> Floats:
-        """How far each stitch is open at `time` [s], (m,), from 0, closed, to 1, free."""
-        head = self.closed.at(time) * (1 + ZONE) - ZONE
+        """How far each stitch is open at `time` [s], (m,), from 0, closed, to 1, free.
+
+        InputError where u is above 1, as a function of the user's may be.
+        """
+        closed = self.closed.at(time)
+        if closed > 1:
+            raise InputError(f"{self.name}.closed is {closed:g} at {time:g} s.", "It is a fraction, from 0 to 1.")
+        head = closed * (1 + ZONE) - ZONE
         return np.asarray(np.clip((self.parameters - head) / ZONE, 0.0, 1.0), np.float64)
 
     def at(self, time: float, least: float) -> tuple[Floats, Floats]:
@@ -116,9 +128,9 @@ class ClosuresEnergy(Links, Coupling, Driven, Joining, EnergyReport, PastSensiti
         return self.joined_rows
 
     def defaults_used(self) -> tuple[str, ...]:
-        """Number of the stitches, and the least gap."""
+        """Number of the stitches, and the least gap; the notes of each."""
         gap = f"; closed to a gap of {self.least_gap:g} m for self_contact" if self.least_gap else ""
-        return (f"{len(self.rows)} stitches{gap}",)
+        return (f"{len(self.rows)} stitches{gap}", *(note for each in self.closures for note in each.notes))
 
     def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
         """How far each is closed at x, how wide it gapes there, and the largest force of a stitch."""
@@ -167,27 +179,37 @@ def _made(world: World, tables: Sequence[tuple[str, Zip]]) -> Iterator[tuple[Int
             raise InputError(f"{name}.closed is {closed.values.max():g}.", "It is a fraction, from 0 to 1.")
         if stiffness.is_zero:
             continue
-        rows, weights, parameters = _stitches(name, world, keys)
+        rows, weights, parameters, (a, b) = _stitches(name, world, keys)
+        notes = [f"{name} joins borders of {a:.3g} and {b:.3g} m"] if max(a, b) > UNEVEN * min(a, b) else []
         if isinstance(keys, Buttons):
             places = np.linspace(0.0, 1.0, keys.count) if keys.count > 1 else np.array([0.5])
             chosen = np.unique(np.abs(parameters - places[:, None]).argmin(axis=1))
+            if len(chosen) < keys.count:
+                notes.append(
+                    f"{name} has {len(chosen)} of {keys.count} buttons, as the mesh has no more vertices there"
+                )
             rows, weights, parameters = rows[chosen], weights[chosen], parameters[chosen]
         distances = np.linalg.norm(np.einsum("mj,mjp->mp", weights, start[rows]), axis=1)
-        yield rows, weights, ClosureSchedule(name, stiffness, closed, gap, parameters, distances)
+        yield rows, weights, ClosureSchedule(name, stiffness, closed, gap, parameters, distances, tuple(notes))
 
 
-def _stitches(name: str, world: World, keys: Zip) -> tuple[Ints, Floats, Floats]:
-    """Rows and weights (m, 3) of a stitch for each vertex of the finer border, and its fraction p of that, (m,)."""
+def _stitches(name: str, world: World, keys: Zip) -> tuple[Ints, Floats, Floats, tuple[float, float]]:
+    """Rows and weights (m, 3) of a stitch for each vertex of the finer border, its fraction p of that, (m,).
+
+    With the lengths of both borders at rest [m].
+    """
     first, second = (
         seam_line(f"{name}.{key}", world, line, 2) for key, line in (("from", keys.from_), ("to", keys.to))
     )
     second = second.reversed() if keys.flip else second
     rows, weights = stitches(first, second)
-    if not len(rows):
+    if not len(rows) or np.array_equal(np.unique(first.vertices), np.unique(second.vertices)):
         raise InputError(f"{name} joins a line to itself.", "Give two lines.")
     finer = first if len(first.vertices) >= len(second.vertices) else second
     fractions = dict(zip(finer.vertices.tolist(), finer.parameters.tolist(), strict=True))
-    return rows, weights, np.array([fractions[vertex] for vertex in rows[:, 0].tolist()])
+    rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
+    a, b = (float(np.linalg.norm(np.diff(rest[line.vertices], axis=0), axis=1).sum()) for line in (first, second))
+    return rows, weights, np.array([fractions[vertex] for vertex in rows[:, 0].tolist()]), (a, b)
 
 
 _SIDES = {"from": {"side": "left"}, "to": {"side": "right"}}

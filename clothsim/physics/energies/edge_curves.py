@@ -76,6 +76,8 @@ def edge_curves(where: str, world: World, select: Selection) -> tuple[EdgeCurve,
         lines = chained(where, _pattern_edges(where, world, select))
     else:
         lines = [vertex_numbers(where, np.asarray(select if len(select) else np.zeros(0, np.int64)), world.n_cloth)]
+    if not len(world.triangles):
+        raise InputError(f"{where} selects edges of cloth, and the scene has none.", "Add a [cloth], or leave it out.")
     if not lines or any(len(line) < 2 for line in lines):
         raise InputError(f"{where} selects no edge of the cloth.", f"Name a side, or vertices in order. {TABLES}")
     for line in lines:

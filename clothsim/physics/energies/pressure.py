@@ -146,10 +146,12 @@ def pressure(world: World, keys: Pressure) -> Energy | Off:
     Off where it is 0 at all times.
     """
     levels = by_cloth("effects.pressure.value", keys.value, world)
-    cloths = [each for each in zip(world.cloths, world.cloth_slices, levels, strict=True) if not each[2].is_zero]
+    every = zip(world.cloths, world.cloth_slices, levels, strict=True)
+    cloths = [each for each in every if len(each[0].triangles) and not each[2].is_zero]
     patches = tuple(_patch(cloth.triangles, rows, cloth.positions, level) for cloth, rows, level in cloths)
     if not patches:
-        return Off("the pressure is 0")
+        sheets = any(len(cloth.triangles) for cloth in world.cloths)
+        return Off("the pressure is 0" if sheets else "there is no cloth that has triangles")
     triangles = np.concatenate([patch.triangles for patch in patches])
     border = np.concatenate([patch.border for patch in patches])
     none, still = np.zeros(len(triangles)), np.zeros((len(border), 3))

@@ -122,7 +122,8 @@ def _seam(
 
 def stitch_stiffness(name: str, world: World) -> float:
     """The stiffness of a stitch where the scene gives none [N/m]. InputError names the seam of fabric without any."""
-    fabric = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")).max()
+    along = world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")
+    fabric = np.sqrt(along).max(initial=0.0)
     if not fabric > 0:
         raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
     return STIFFER * float(fabric)
@@ -166,7 +167,8 @@ def seam_line(name: str, world: World, keys: SeamLine, fewest: int) -> Line:
     else:
         line = vertex_numbers(f"{name}.vertices", keys.vertices, len(rest))
     if len(line) < fewest or (fewest > 1 and not np.ptp(rest[line], axis=0).any()):
-        raise InputError(f"{name} is no line: it has {len(line)} vertices.", "Give two or more, in order.")
+        where = " in one place" if len(line) > 1 else ""
+        raise InputError(f"{name} is no line: it has {len(line)} vertices{where}.", "Give two or more, in order.")
     return line_of(line + rows.start, rest[line])
 
 

@@ -304,10 +304,13 @@ def rod_of(keys: RodTable, where: str) -> tuple[Rod, tuple[str, ...]]:
 def _cut(where: str, points: Floats, edge: float, is_loop: bool) -> Floats:
     """Points along a polyline at equal arc lengths of about `edge` [m]."""
     line = np.concatenate([points, points[:1]]) if is_loop else points
-    run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    with np.errstate(over="ignore"):  # refused below
+        run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    if not run[-1] / edge <= MOST_EDGES:
+        raise InputError(
+            f"{where}.edge = {edge:g} cuts it into {run[-1] / edge:,.4g} edges.", f"Give at most {MOST_EDGES:,}."
+        )
     count = max(round(run[-1] / edge), 1)
-    if count > MOST_EDGES:
-        raise InputError(f"{where}.edge = {edge:g} cuts it into {count:,} edges.", f"Give at most {MOST_EDGES:,}.")
     even = np.linspace(0.0, run[-1], count + 1)
     cut = np.column_stack([np.interp(even, run, column) for column in line.T])
     return cut[:-1] if is_loop else cut

@@ -103,5 +103,17 @@ def test_what_does_nothing_is_off_and_what_is_wrong_is_named():
     for keys in ({"closed": 1.5}, {"closed": [[0.0, 0.0], [1.0, 1.5]]}):
         with pytest.raises(InputError, match=r"zip\[0\].closed"):
             one(4, **keys)
-    with pytest.raises(InputError, match=r"zip\[0\]"):
-        one(4, to={"side": "left"})
+    for flip in (False, True):
+        with pytest.raises(InputError, match=r"zip\[0\]"):
+            one(4, to={"side": "left"}, flip=flip)
+    moving = one(4, closed=lambda time: 3.0 if time > 0.1 else 0.0)
+    with pytest.raises(InputError, match=r"zip\[0\].closed is 3"):
+        moving.closures[0].open_fractions(0.2)
+
+
+def test_borders_of_different_lengths_and_buttons_that_are_not_there_are_noted():
+    few = closures(sheet(4), buttons=[{**SIDES, "stiffness": 20.0, "count": 9}])
+    assert [len(each.notes) for each in (one(4).closures[0], few.closures[0])] == [0, 1]
+    assert "5 of 9 buttons" in few.defaults_used()[1]
+    uneven = one(4, to={"vertices": [4, 9]}).defaults_used()
+    assert "borders of 1 and 0.25 m" in uneven[1]

@@ -63,6 +63,8 @@ MEASURES: Mapping[str, str] = {
     "waist_height": "from the ground to the waist",
 }
 """Measures [m] by name, and what each is."""
+ABSURD = 3.0
+"""Ratio to the usual measure, or of that to it, from which one is taken for a number in another unit."""
 _FACTORS = {name: name for name in MEASURES if name in RANGES} | {
     "upper_arm": "arm_girth",
     "inside_leg": "leg_length",
@@ -118,7 +120,8 @@ def measured_body(**wanted: float) -> MeasuredBody:
     Raises
     ------
     InputError
-        Names a measure that is unknown or is no positive length, or a height out of range.
+        Names a measure that is unknown, is no positive length, or is `ABSURD` times the usual one at that height; or a
+        height out of range.
 
     Examples
     --------
@@ -132,10 +135,12 @@ def measured_body(**wanted: float) -> MeasuredBody:
             meant = f"Did you mean {near}?" if near else f"Known: {', '.join(MEASURES)}."
             raise InputError(f"There is no measure {name!r}.", meant)
         wanted[name] = as_positive(name, value)
+    _refuse_absurd(wanted, {"height": Proportions.height})
     height = Proportions(height=wanted.get("height", Proportions.height)).height
     aims = [name for name in wanted if name != "height"]
     free = [name for name in RANGES if name in {_FACTORS[aim] for aim in aims}]
     usual = measures_of(Proportions(height=height))
+    _refuse_absurd(wanted, usual)
 
     def residuals(factors: Floats) -> Floats:
         found = measures_of(_proportions(height, free, factors), aims)
@@ -150,6 +155,15 @@ def measured_body(**wanted: float) -> MeasuredBody:
     ends = np.minimum(fitted - low, high - fitted) < 1e-3 * (high - low)
     bounds = tuple(name for name, end in zip(free, ends, strict=True) if end)
     return MeasuredBody(proportions, wanted, measures_of(proportions), bounds)
+
+
+def _refuse_absurd(wanted: Mapping[str, float], usual: Mapping[str, float]) -> None:
+    """InputError for a measure that is far from the usual one [m]."""
+    for name in usual.keys() & wanted.keys():
+        if not usual[name] / ABSURD <= wanted[name] <= usual[name] * ABSURD:
+            raise InputError(
+                f"{name} is {wanted[name]:g} m, and {usual[name]:.3g} m is usual.", "Write its unit: 96cm, 960mm."
+            )
 
 
 def _proportions(height: float, names: list[str], factors: Floats) -> Proportions:

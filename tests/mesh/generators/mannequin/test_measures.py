@@ -68,8 +68,19 @@ def test_bodies_of_drawn_measures_do_not_cross_themselves():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"chst": 1.0}, {"chest": 0.0}, {"chest": float("nan")}, {"height": 9.0}, {"hips": "x"}]
+    "wrong",
+    [
+        {"chst": 1.0},
+        {"chest": 0.0},
+        {"chest": float("nan")},
+        {"height": 9.0},
+        {"height": 170.0},
+        {"hips": "x"},
+        {"chest": 96.0},
+        {"neck": 1e-3},
+        {"arm_length": 1e9},
+    ],
 )
-def test_what_is_no_measure_is_refused(wrong):
-    with pytest.raises(InputError):
+def test_what_is_no_measure_or_in_another_unit_is_refused(wrong):
+    with pytest.raises(InputError, match=next(iter(wrong))):
         measured_body(**wrong)
