@@ -126,7 +126,8 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         elif kind != "excluded" and not without_cloth and not (parts and kind == "cloth_body"):
             parts.append(f"{SURFACES_OF_KIND[kind]} never intersect")
     if "rods" in certificate and not certificate["intersections"]["cloth_cloth"]["states"]:
-        parts.append("rods never overlap")
+        _, between, off = certificate["rods"].partition("between steps: ")
+        parts.append(f"rods overlap in no state, and may pass between two {off}" if between else "rods never overlap")
     if "rigid" in certificate and "rigid" not in certificate["intersections"]:
         parts.append(f"{SURFACES_OF_KIND['rigid']} never intersect")
     parts += [f"{each['cloth']} is INSIDE {each['body']}" for each in certificate.get("held_inside", ())]
