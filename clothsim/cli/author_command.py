@@ -108,7 +108,8 @@ def lines(found: "Authored") -> list[str]:
     frames, crossed = many(len(run), "frame"), found.intersecting_frames
     verdict = "not all tested" if crossed is None else "none intersects" if not crossed else f"INTERSECT: {crossed}"
     out.append(f"  checked  {frames}, each by the exact test: {verdict}")
-    return [*out, f"  files    {run.directory}: a run, targets.npy and author.json"]
+    files = "a run, targets.npy and author.json" if found.recovery is None else "a run and author.json"
+    return [*out, f"  files    {run.directory}: {files}"]
 
 
 def _explained(found: "ClipRecovery") -> list[str]:

@@ -88,7 +88,7 @@ def add_to(commands: Any) -> None:
     learn = commands.add_parser("learn", usage="clothsim learn DIR -o FILE [options]", description=_LEARN)
     learn.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm; with --motion also a recipe")
     learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
-    learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default 0.25)")
+    learn.add_argument("--held-out", type=float, metavar="F", help="fraction held out (default 0.25)")
     learn.add_argument(
         "--components", type=int, metavar="K", help="principal components (default 16, with --motion 48)"
     )
@@ -97,13 +97,17 @@ def add_to(commands: Any) -> None:
     add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
 
 
+MODELS = ("skinned", "nearest", "ridge", "recurrent")
+"""Kinds of models of motion; a test compares them with those of the package."""
+
+
 def _add_motion(learn: Parser) -> None:
     """Add the options of models of motion."""
     learn.add_argument("--motion", action="store_true", help="learn a garment in motion, from a farm of clips")
     learn.add_argument("--held-kind", metavar="KIND", help="with --motion: kind held out (default: drawn)")
     learn.add_argument("--held-bodies", default="2", metavar="N", help="with --motion: bodies held out (default 2)")
     learn.add_argument("--model", choices=["recurrent"], help="with --motion: this too (clothsim[learn])")
-    learn.add_argument("--kind", metavar="MODEL", help="with --motion: write that kind of model, not the best")
+    learn.add_argument("--kind", choices=MODELS, help="with --motion: write that kind of model, not the best")
     learn.add_argument("--seed", default="0", metavar="N", help="with --motion: of all that is drawn (default 0)")
 
 
@@ -444,7 +448,8 @@ def _learn(arguments: argparse.Namespace) -> Report | int:
     if lost:
         raise InputError(f"{lost[0]} is of models of motion.", "Add --motion, or leave it out.")
     components = 16 if arguments.components is None else arguments.components
-    made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, components)
+    held_out = 0.25 if arguments.held_out is None else arguments.held_out
+    made = on_demand.learn(on_demand.open_farm(arguments.directory), held_out, components)
     made.model.write(arguments.output, arguments.overwrite)
     names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
     return Report(
@@ -458,13 +463,18 @@ def _learn(arguments: argparse.Namespace) -> Report | int:
 def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     """Learn models of a garment in motion, from a farm or from the recipe of one."""
     directory, seed = arguments.directory, as_count("--seed", arguments.seed, least=0)
+    if arguments.held_out is not None:
+        raise InputError("--held-out is of models of drapes.", "With --motion give --held-kind or --held-bodies.")
+    if arguments.components is not None and arguments.components < 1:
+        raise InputError(f"--components is {arguments.components}.", "Give a whole number from 1.")
+    bodies = as_count("--held-bodies", arguments.held_bodies, least=0)
     if not directory.is_dir():
         recipe = _recipe(directory)
+        _refuse_unknown_kind(recipe, arguments.held_kind)
         directory = arguments.output.with_name(f"{arguments.output.stem}_farm")
         worked, _ = _make(recipe, directory, arguments)
         if not isinstance(worked, Report):
             return worked
-    bodies = as_count("--held-bodies", arguments.held_bodies, least=0)
     components = 48 if arguments.components is None else arguments.components
     farm = on_demand.open_farm(directory)
     recurrent = on_demand.RegressorTraining(seed=seed) if "recurrent" in (arguments.model, arguments.kind) else None
@@ -484,6 +494,16 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     )
     document = {"model": str(arguments.output), "kind": arguments.kind or made.best, "clips": counts}
     return Report({**document, "errors": made.errors, "inside": made.inside}, text)
+
+
+def _refuse_unknown_kind(recipe: "Recipe", kind: str | None) -> None:
+    """InputError for a kind of motion that no clip of the recipe has, before they are made."""
+    drawn = [
+        values for k in range(recipe.count) for key, values in recipe.values(k).items() if key.endswith("motion.clip")
+    ]
+    kinds = sorted({str(clip).partition(":")[0] for clip in drawn})
+    if kind is not None and kinds and kind not in kinds:
+        raise InputError(f"The recipe has no motion of the kind {kind!r}.", f"It has {', '.join(kinds)}.")
 
 
 def _missed(error: float, inside: float) -> str:

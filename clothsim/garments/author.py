@@ -183,6 +183,7 @@ def author(
     if not quick:
         found = _recovered(run, edited, free, noise, rest)
         new = clothsim.simulate(found.scene, directory, progress=progress, overwrite=overwrite)
+        (directory / TARGETS_NAME).unlink(missing_ok=True)  # of an earlier clip there
         return _written(new, run, edited, "", noise, found)
     chosen = space or ("canonical" if any("model" in each.as_table() for each in scene.bodies) else "world")
     made = guided(scene, targets(run, edited, chosen), directory, rate)
@@ -365,14 +366,15 @@ def _over_time(times: Floats, keys: list[EditedFrame], offsets: list[Floats]) ->
 def guided(scene: "Scene", frames: Floats, directory: Path, rate: float) -> "Scene":
     """A scene drawn to frames (f, n, 3) [m] at its own rate, written to a directory; contact is on in it.
 
-    What draws a scene already is replaced.
+    What draws a scene already is replaced; contact stays off where a scene has cloth and rods, which it refuses.
     """
     content = BytesIO()
     np.save(content, frames - frames[0])
     make_directory(directory)
     write_atomically(directory / TARGETS_NAME, content.getvalue())
     scene = scene.starting_at(directory)  # the targets move with the clip
-    effects = {"self_contact": {}, **({"body_contact": {}} if scene.bodies else {}), **scene.effects}
+    contacts: dict[str, Any] = {"self_contact": {}, **({"body_contact": {}} if scene.bodies else {})}
+    effects = {**({} if scene.rods and scene.cloths else contacts), **scene.effects}
     keys = {"displacements": TARGETS_NAME, "frames_per_second": scene.run_settings.frames_per_second, "rate": rate}
     return replace(scene, effects={**effects, "targets": keys})
 

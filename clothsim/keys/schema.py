@@ -173,7 +173,8 @@ def _one_in_words(part: Any, key: Key) -> str:
     if origin is Sequence:
         if words := listed_choices(part):
             return "list of " + " | ".join(f'"{word}"' for word in words)
-        entries = {int: "whole numbers", float: "numbers"}.get(get_args(part)[0], "tables" if key.tables else "rows")
+        names = {int: "whole numbers", float: "numbers", str: "texts"}
+        entries = names.get(get_args(part)[0], "tables" if key.tables else "rows")
         return f"{key.length} {entries}" if key.length else f"list of {entries}"
     kinds = {float: "number", int: "whole number", bool: "true or false", str: "text", Mapping: "table"}
     return kinds.get(origin, "function" if origin is Callable else "")

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.text import many
 from clothsim.files.characters.motion_check import MOST_DEGREES, closing_folds, fastest_turn, meetings
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
@@ -290,7 +291,8 @@ def _examine_run(directory: Path) -> Examination:
             "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left.",
         )
     run = open_run(directory)
-    subject = f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}"
+    frames_of_it = many(len(run.times), "frame")
+    subject = f"{directory}: {run.status}, {frames_of_it}. {run.reason}"
     failed = []
     if run.status == "failed":
         remedy = (run.summary.get("failure") or {}).get("remedy", "")
@@ -301,7 +303,7 @@ def _examine_run(directory: Path) -> Examination:
     effects = scene_from_text(read_checkpoint(checkpoint).scene_text).effects if checkpoint.is_file() else {}
     test = intersection_check_of(run.trajectory.surfaces, effects, effects)
     frames = ((f"in frame {k} at {time:g} s", _crossings(test, run, k)) for k, time in enumerate(run.times))
-    found, notes = _intersections(test, frames, f"in any of {len(run.times)} frames", of_run=True)
+    found, notes = _intersections(test, frames, f"in any of {frames_of_it}", of_run=True)
     between, unknown = _between_frames(run)
     return Examination(subject, (*notes, *unknown), _sort_findings([*failed, *found, *between]))
 

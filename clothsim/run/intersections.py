@@ -103,13 +103,20 @@ class IntersectionCheck:
         """Return the crossings that an effect of the scene should have prevented."""
         return [each for each in found if _EFFECT_OF_ROLE.get(each.role) in self.on and self.kind(each) != "excluded"]
 
+    @property
+    def _passing(self) -> str:
+        """The contacts without which a rod may pass through a line between two steps, and leave no trace in either."""
+        needed = ["self_contact"] + ["body_contact"] * self.bodies
+        off = [name for name in needed if name not in self.on]
+        return f", not between steps: without {' and '.join(off)}" if off else ""
+
     def coverage(self, complete: bool = True) -> dict[str, str]:
         """Return a description of the checked pairs, for the certificate; complete: of all states."""
         checked = "checked at every step" if complete else "checked at every step since the run was resumed"
         kinds = {"cloth_body": checked if self.bodies else "no body", "cloth_cloth": checked}
         if not self.cloths:
             kinds = dict.fromkeys(kinds, NO_CLOTH)
-        kinds |= {"rods": f"centre lines {checked}"} if self.rods else {}
+        kinds |= {"rods": f"centre lines {checked}{self._passing}"} if self.rods else {}
         return kinds | ({"rigid": checked} if self.rigid else {})
 
 

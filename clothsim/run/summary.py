@@ -108,7 +108,7 @@ def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
     return [
         *_contact_and_balance(certificate, "body_contact" in summary["effects"]),
-        *(("checked", text) for text in _effort(summary.get("exact_check"))),
+        *(("checked", text) for text in _effort(summary.get("exact_check"), certificate)),
         *(("WARNING", text) for text in summary.get("warnings", ())),
         ("rest", f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"),
         *(("unstable", text) for text in _unstable(certificate)),
@@ -126,7 +126,8 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         elif kind != "excluded" and not without_cloth and not (parts and kind == "cloth_body"):
             parts.append(f"{SURFACES_OF_KIND[kind]} never intersect")
     if "rods" in certificate and not certificate["intersections"]["cloth_cloth"]["states"]:
-        parts.append("rods never overlap")
+        _, between, off = certificate["rods"].partition("between steps: ")
+        parts.append(f"rods overlap in no state, and may pass between two {off}" if between else "rods never overlap")
     if "rigid" in certificate and "rigid" not in certificate["intersections"]:
         parts.append(f"{SURFACES_OF_KIND['rigid']} never intersect")
     parts += [f"{each['cloth']} is INSIDE {each['body']}" for each in certificate.get("held_inside", ())]
@@ -173,10 +174,15 @@ def _pinch(certificate: dict[str, Any]) -> list[str]:
     return [f"{record['vertices']:,} vertices carried, at most {record['most']:,} at once, {times}; {end}; {exempt}"]
 
 
-def _effort(checks: dict[str, int] | None) -> list[str]:
-    """A line on what the exact check tested, and what it had proved before; none of a summary of an earlier version."""
+def _effort(checks: dict[str, int] | None, certificate: Mapping[str, Any]) -> list[str]:
+    """A line on what the exact check tested, and what it had proved before; none of a summary of an earlier version.
+
+    Rods alone have no triangles, and their distances are those of double precision.
+    """
     if not checks:
         return []
+    if "rods" in certificate and certificate["cloth_body"] == NO_CLOTH and "rigid" not in certificate:
+        return [f"{many(checks['states'], 'state')}: distances of the centre lines of rods, in double precision"]
     tested = f"{many(checks['states'], 'state')} exactly: {many(checks['pairs_tested'], 'pair')} of triangles tested"
     return [f"{tested}, {checks['pairs_proved']:,} proved apart since an earlier state"]
 

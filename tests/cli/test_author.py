@@ -44,5 +44,6 @@ def test_author_prints_what_explains_the_edit(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "stretch" in printed
     assert "x 1 " in printed  # nothing was edited
+    assert ("targets.npy" in printed) is (tmp_path / "clip" / "targets.npy").exists()
     assert json.loads((tmp_path / "clip" / "author.json").read_text())["explained"]["misfit"]["before"] < 1e-6
     assert main([*words[:4], "--free", "colour", "-o", str(tmp_path / "other")]) == 2

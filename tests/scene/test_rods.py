@@ -11,6 +11,7 @@ from clothsim.files.runs.trajectory import read_trajectory
 from clothsim.garments.wrinkled import refuse_unfit
 from clothsim.run.check import examined
 from clothsim.run.pictures import field_settings, frame_surfaces
+from clothsim.run.summary import certificate_rows
 from clothsim.scene.assembly.scene_world import build, world_of
 
 WIRE = {"name": "wire", "points": [[-0.2, 0, 0], [0.2, 0, 0]], "edge": 0.02, "radius": 1e-3, "youngs_modulus": 1e7}
@@ -36,6 +37,17 @@ def test_a_rod_falls_onto_another_one_and_never_into_it(tmp_path):
     assert [(len(each.edges), each.radius, len(each.triangles)) for each in surfaces] == [(20, 1e-3, 0), (10, 1e-3, 0)]
     drawn = frame_surfaces(run.trajectory, -1)
     assert [len(each.triangles) for each in drawn] == [400, 200]
+
+
+def test_without_contact_a_rod_may_pass_and_the_certificate_says_so(tmp_path):
+    falling = {**ACROSS, "velocity": [0, 0, -10]}
+    run = clothsim.simulate(scene([WIRE, falling], {"inertia": {}}, run={"duration": 0.02}), tmp_path)
+    assert run.positions(0)[26, 2] > 0 > run.positions(-1)[26, 2]
+    assert run.summary["certificate"]["rods"].endswith("without self_contact")
+    rows = dict(certificate_rows(run.summary))
+    assert "may pass between two" in rows["contact"]
+    assert "centre lines" in rows["checked"]
+    assert "exactly" not in rows["checked"]
 
 
 def test_a_scene_of_rods_is_one_after_its_text():

@@ -25,7 +25,8 @@ ENOUGH = 0.5
 class Outcome(Protocol):
     """A run with the sum that is minimised.
 
-    at: numbers (k,); total: the sum, inf where the run failed; positions: what the sum is of, empty where it failed.
+    at: numbers (k,); total: the sum, inf where the run failed; positions: what the sum is of, empty where it failed;
+    failure: why it did.
     """
 
     @property
@@ -34,6 +35,8 @@ class Outcome(Protocol):
     def total(self) -> float: ...  # noqa: D102
     @property
     def positions(self) -> Floats: ...  # noqa: D102
+    @property
+    def failure(self) -> str: ...  # noqa: D102
 
 
 S = TypeVar("S", bound=Outcome)
@@ -78,7 +81,8 @@ class Search(Generic[S]):
                     columns.append((beside.positions - seen.positions).ravel() / (sign * step))
                     break
             else:
-                raise ClothsimError(f"The runs beside {seen.at.tolist()} fail.", "Begin from other numbers.")
+                why = f"The runs beside those of the numbers {seen.at.tolist()} fail: {beside.failure}"
+                raise ClothsimError(why, f"Leave out the number {k}, counted from 0, or begin from other numbers.")
         return np.array(columns).T
 
     def descended(self, seen: S, moves: Floats | None = None) -> tuple[S, S, Floats, int]:

@@ -18,7 +18,9 @@ from clothsim.gradients.parameters import RULED, value_at, with_value
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.mesh.cloth import Cloth
 from clothsim.mesh.world import World
-from clothsim.physics.energies.key_values import selected_vertices
+from clothsim.physics.energies.edge_curves import edge_curves
+from clothsim.physics.energies.key_values import cloth_number, selected_vertices
+from clothsim.physics.energies.seams import seam_line
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
 
@@ -272,21 +274,52 @@ def clip_numbers(scene: Scene, free: Sequence[str] = ()) -> ClipNumbers:
     if not chosen:
         raise InputError("Nothing of the scene can explain an edit.", "Give it a membrane, bending or friction.")
     added = tuple(np.zeros(shape.shape) for shape in shapes)
-    return ClipNumbers(_with_pins_by_number(scene, world) if shapes else scene, chosen, values, shapes, added)
+    return ClipNumbers(_with_vertices_by_number(scene, world) if shapes else scene, chosen, values, shapes, added)
 
 
-def _with_pins_by_number(scene: Scene, world: World) -> Scene:
-    """The scene whose pins are vertex numbers: sides of a sheet are found on its rest shape, which changes."""
-    pins: Any = scene.effects.get("pins")
-    if pins is None:
-        return scene
+POINTS = {"pins": ("group",), "springs": ("spring",)}
+CURVES = {"elastic_bands": ("band",), "cords": ("cord",), "stiffeners": ("stiffener",)}
+JOINED = {"seams": ("seam",), "closures": ("zip", "buttons")}
+"""Tables of effects that select vertices, lines of edges, and two lines."""
 
-    def rows(keys: Any) -> list[int]:
-        return [int(row) for row in selected_vertices("effects.pins.select", world, keys.select)]
 
-    groups = [each.with_keys(select=rows(each)) for each in pins.group]
-    own = {"group": groups} if groups else {"select": rows(pins)}
-    return replace(scene, effects={**scene.effects, "pins": pins.with_keys(**own)})
+def _with_vertices_by_number(scene: Scene, world: World) -> Scene:
+    """The scene that selects by vertex numbers: sides of a sheet are found on its rest shape, which changes."""
+    effects: dict[str, Any] = dict(scene.effects)
+    for kinds, by_number in ((POINTS, _points), (CURVES, _curves), (JOINED, _joined)):
+        for name in kinds.keys() & effects.keys():
+            keys = effects[name]
+            for kind in kinds[name]:
+                tables = getattr(keys, kind)
+                where = f"effects.{name}.{kind}"
+                made = [one for k, each in enumerate(tables) for one in by_number(f"{where}[{k}]", each, world)]
+                keys = keys.with_keys(**{kind: made}) if made else keys
+            if "select" in keys.given:
+                (keys,) = _points(f"effects.{name}", keys, world)
+            effects[name] = keys
+    return replace(scene, effects=effects)
+
+
+def _points(where: str, keys: Any, world: World) -> list[Any]:
+    return [keys.with_keys(select=selected_vertices(f"{where}.select", world, keys.select).tolist())]
+
+
+def _curves(where: str, keys: Any, world: World) -> list[Any]:
+    """A table for each connected line."""
+    return [
+        keys.with_keys(select=each.vertices.tolist()) for each in edge_curves(f"{where}.select", world, keys.select)
+    ]
+
+
+def _joined(where: str, keys: Any, world: World) -> list[Any]:
+    ends = {}
+    for name in ("from_", "to"):
+        line, key = getattr(keys, name), f"{where}.{name.rstrip('_')}"
+        if line.side is not None or line.through:
+            number = cloth_number(key, world, line.cloth)
+            rows = seam_line(key, world, line, 1).vertices - world.cloth_slices[number].start
+            ends[name] = {"cloth": world.cloths[number].name, "vertices": rows.tolist()}
+    return [keys.with_keys(**ends)]
 
 
 def _names(given: str, name: str) -> bool:

@@ -16,6 +16,7 @@ class Seen:
     at: np.ndarray
     total: float
     positions: np.ndarray
+    failure: str = ""
 
 
 def seen(at, _=None):
@@ -61,5 +62,5 @@ def test_a_run_that_fails_on_one_side_is_taken_on_the_other():
         return seen(at) if at[1] <= 0 else Seen(at, float("inf"), np.zeros(0))
 
     np.testing.assert_allclose(search(one_sided).moves(seen(np.zeros(2)))[1], [0.0, 1.0], atol=0.01)
-    with pytest.raises(ClothsimError):
-        search(lambda at, _: Seen(at, float("inf"), np.zeros(0))).moves(seen(np.zeros(2)))
+    with pytest.raises(ClothsimError, match="torn"):
+        search(lambda at, _: Seen(at, float("inf"), np.zeros(0), "torn")).moves(seen(np.zeros(2)))

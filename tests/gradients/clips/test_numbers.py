@@ -9,6 +9,7 @@ from clothsim.garments.authoring.arrays import scene_of_arrays
 from clothsim.gradients.clips.numbers import clip_numbers
 from clothsim.gradients.losses import Distance
 from clothsim.gradients.run import traced
+from clothsim.scene.assembly.scene_world import build
 
 ON = EFFECTS | {"friction": {"coefficient": 0.2}}
 
@@ -60,6 +61,28 @@ def test_panels_of_a_flat_pattern_have_lengths_of_their_own():
 def test_pins_by_a_side_stay_where_the_rest_shape_bends():
     pins = clip_numbers(sheet()).scene.effects["pins"]
     assert list(pins.select) == [4, 9, 14, 19, 24]
+
+
+def test_lines_by_a_side_are_those_of_the_scene_where_the_rest_shape_bends():
+    """A zip, a seam, springs, boning and elastic at sides: each acts on the vertices that it had, with the same sum."""
+    line = {"from": {"side": "left"}, "to": {"side": "right"}, "stiffness": 20.0}
+    effects = {
+        "membrane": {},
+        "closures": {"zip": [line]},
+        "seams": {"seam": [line]},
+        "springs": {"spring": [{"select": "top", "stiffness": 5.0}]},
+        "stiffeners": {"stiffener": [{"select": "boundary", "bending_stiffness": 1e-3}]},
+        "elastic_bands": {"band": [{"select": "bottom", "stiffness": 2.0}]},
+    }
+    given = scene_of_arrays(small_scene(effects=effects))
+    numbers = clip_numbers(given, ["hem"])
+    before, bent = build(given).energies, build(numbers.scene_at(np.array([0.1]))).energies
+    x = build(given).world.start() * [1.0, 1.1, 1.0]
+    for name in ("closures", "seams", "springs"):
+        assert bent[name].value(x) == pytest.approx(before[name].value(x), rel=1e-12)
+    rows = [np.sort(each["stiffeners"].bending.rows[:, 1]) for each in (before, bent)]
+    np.testing.assert_array_equal(*rows)
+    assert [list(each.select) for each in numbers.scene.effects["elastic_bands"].band] == [[0, 5, 10, 15, 20]]
 
 
 def test_derivatives_are_those_of_runs():
