@@ -12,8 +12,10 @@ garment slips down.
 
 import igl
 import numpy as np
+from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.text import many
 from clothsim.base.triangles import area_vectors
 from clothsim.engine import components, intersecting_pairs
 from clothsim.garments.dress.closing import is_on_top
@@ -133,6 +135,28 @@ def touching_seams(state: SewingState) -> list[int]:
     touching = [k for k in state.open_seams if state.gaps(state.mesh.seams[k]).max(initial=0.0) < TOUCHING]
     crossing = crossing_panels(state.weld(touching))
     return [k for k in touching if not crossing & {side.panel for side in state.mesh.seams[k].stitch.sides}]
+
+
+TIP = 0.1
+"""Fraction of the way to its neighbours by which a vertex that touches another panel is drawn back."""
+
+
+def parted(state: SewingState) -> tuple[SewingState, tuple[str, ...]]:
+    """State without vertices that lie on one another and are not sewn together, as the tips of two godets; a note.
+
+    Each is drawn back into its panel; its rest shape stays.
+    """
+    pairs = cKDTree(state.positions).query_pairs(TOUCHING, output_type="ndarray")
+    if not len(pairs):
+        return state, ()
+    corners = state.triangles[np.isin(state.triangles, pairs).any(axis=1)]
+    positions = state.positions.copy()
+    for vertex in np.unique(pairs):
+        around = np.unique(corners[(corners == vertex).any(axis=1)])
+        positions[vertex] += TIP * (state.positions[around[around != vertex]].mean(axis=0) - state.positions[vertex])
+    least = np.linalg.norm(np.diff(positions[pairs], axis=1), axis=2).min()
+    note = f"{many(len(pairs), 'pair')} of tips of panels that touched are {1e3 * least:.2g} mm apart or more"
+    return state.moved_to(positions), (note,)
 
 
 def _group_names(state: SewingState, of_panel: np.ndarray) -> list[str]:

@@ -20,6 +20,7 @@ from clothsim.garments.dress.corrections import (
     approached,
     lifted,
     panels_in_contact,
+    parted,
     separated,
     sleeves_cleared,
     touching_seams,
@@ -106,11 +107,12 @@ def _place(task: DressTask, done: DressState) -> DressState:
     """Panels as placed; seams that touch are welded."""
     started, state = perf_counter(), done.state
     touching = touching_seams(state)
-    state = state.weld(touching)
+    state, tip_notes = parted(state.weld(touching))
     state, lift_note = lifted(state, done.on.body, done.on.surface)
     state, aside_notes = centred(state, done.on.body)
     state, sleeve_notes = sleeves_cleared(state, done.on.body)
-    done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else []), *aside_notes, *sleeve_notes))
+    notes = (*done.notes, *tip_notes, *([lift_note] if lift_note else []), *aside_notes, *sleeve_notes)
+    done = replace(done, notes=notes)
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
     size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
     return _add_stage(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)
