@@ -60,8 +60,8 @@ COMMANDS = {
     "author": Command("author_command", "make a clip from edited frames of a run", _RUN),
     "study": Command("study_command", "measure error against computing time", _SCENE),
     "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
-    "sweep": Command("farm_command", "run a scene with several values of its keys", _SCENE),
-    "learn": Command("farm_command", "learn a model of the drapes of a farm", _FARM),
+    "sweep": Command("sweep_command", "run a scene with several values of its keys", _SCENE),
+    "learn": Command("learn_command", "learn a model of the drapes of a farm", _FARM),
     "preview": Command(
         "view_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),

@@ -6,10 +6,8 @@ import re
 import signal
 import sys
 import threading
-import tomllib
 from collections.abc import Iterator
 from dataclasses import asdict
-from math import isnan
 from pathlib import Path
 from time import sleep
 from types import FrameType
@@ -19,19 +17,15 @@ from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.inputs import nearest
-from clothsim.base.text import text_table
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     Parser,
     Renamed,
     add_output_options,
     add_overwrite,
-    add_set,
     as_count,
     as_positive_number,
     as_seconds,
-    refuse_output,
-    scene_of,
 )
 from clothsim.cli.progress import clock
 from clothsim.cli.report import Report
@@ -41,15 +35,6 @@ if TYPE_CHECKING:
     from clothsim.study.farm.plan import DrapeJob, Farm
     from clothsim.study.farm.recipe import Recipe
     from clothsim.study.farm.status import Status
-
-_LEARN = """\
-Learn a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model". With --motion it
-is of a garment on moving bodies, from a farm of clips or its recipe; errors are those on what was held out.
-
-  clothsim learn drapes -o model.npz
-  clothsim learn shirt_in_motion --motion -o moving.npz     farm and training in one command
-  clothsim learn moving_farm --motion --model recurrent -o moving.npz      a recurrent network too; the best is written
-"""
 
 
 def add_to(commands: Any) -> None:
@@ -79,36 +64,6 @@ def add_to(commands: Any) -> None:
     pack.set_defaults(handler=_pack)
     for action in (plan, sample, work, status, verify, mend, pack):
         add_output_options(action, json="print the result as JSON", quiet="print nothing but errors")
-    sweep = commands.add_parser("sweep", description=_SWEEP)
-    sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
-    sweep.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,C", help="a key and its values")
-    add_set(sweep, "change a key of all")
-    sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: the scene's name_sweep)")
-    add_output_options(sweep, json="print the rows as JSON", quiet="print nothing but errors", handler=_sweep)
-    learn = commands.add_parser("learn", usage="clothsim learn DIR -o FILE [options]", description=_LEARN)
-    learn.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm; with --motion also a recipe")
-    learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
-    learn.add_argument("--held-out", type=float, metavar="F", help="fraction held out (default 0.25)")
-    learn.add_argument(
-        "--components", type=int, metavar="K", help="principal components (default 16, with --motion 48)"
-    )
-    _add_motion(learn)
-    add_overwrite(learn)
-    add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
-
-
-MODELS = ("skinned", "nearest", "ridge", "recurrent")
-"""Kinds of models of motion; a test compares them with those of the package."""
-
-
-def _add_motion(learn: Parser) -> None:
-    """Add the options of models of motion."""
-    learn.add_argument("--motion", action="store_true", help="learn a garment in motion, from a farm of clips")
-    learn.add_argument("--held-kind", metavar="KIND", help="with --motion: kind held out (default: drawn)")
-    learn.add_argument("--held-bodies", default="2", metavar="N", help="with --motion: bodies held out (default 2)")
-    learn.add_argument("--model", choices=["recurrent"], help="with --motion: this too (clothsim[learn])")
-    learn.add_argument("--kind", choices=MODELS, help="with --motion: write that kind of model, not the best")
-    learn.add_argument("--seed", default="0", metavar="N", help="with --motion: of all that is drawn (default 0)")
 
 
 def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
@@ -156,15 +111,6 @@ all machines share.
 """
 
 
-_SWEEP = """\
-Run a scene with every combination of the values of some keys, and list the results: a farm in one process.
-
-  clothsim sweep sphere --vary cloth.fabric=cotton,denim --vary solver.dt=0.02,0.01 -o sweep
-
-The same command continues a stopped sweep; `clothsim farm work DIR` helps it from another process.
-"""
-
-
 RECIPE = ".recipe"
 """Ending of the recipes that come with the package, TOML files beside its scenes."""
 SAMPLE_FRACTION, SAMPLE_DATA = 0.02, "data.h5"
@@ -172,7 +118,7 @@ SAMPLE_FRACTION, SAMPLE_DATA = 0.02, "data.h5"
 
 
 def _sample(arguments: argparse.Namespace) -> Report | int:
-    worked, verified = _make(_recipe(arguments.recipe), arguments.output, arguments)
+    worked, verified = make_drapes(read_recipe(arguments.recipe), arguments.output, arguments)
     if not isinstance(worked, Report):
         return worked
     farm = on_demand.open_farm(arguments.output)
@@ -182,7 +128,7 @@ def _sample(arguments: argparse.Namespace) -> Report | int:
     return Report({**worked.document, "verified": verified.whole, "packed": packed.drapes, "file": str(file)}, text)
 
 
-def _make(recipe: "Recipe", directory: Path, arguments: argparse.Namespace) -> tuple[Report | int, Any]:
+def make_drapes(recipe: "Recipe", directory: Path, arguments: argparse.Namespace) -> tuple[Report | int, Any]:
     """Plan, make and verify the drapes of a recipe in a folder: a report, or an exit code, and the verification."""
     on_demand.refuse_other_plan(recipe, directory)
     on_demand.refuse_unbuildable(recipe)
@@ -197,7 +143,7 @@ def _make(recipe: "Recipe", directory: Path, arguments: argparse.Namespace) -> t
     return worked, verified
 
 
-def _recipe(path: Path) -> "Recipe":
+def read_recipe(path: Path) -> "Recipe":
     """The recipe in a file, or the shipped one of that name. InputError that lists these for another name."""
     file = engine.example_file(path, RECIPE)
     if not file.exists():
@@ -208,7 +154,7 @@ def _recipe(path: Path) -> "Recipe":
 
 
 def _plan(arguments: argparse.Namespace) -> Report:
-    recipe = _recipe(arguments.recipe)
+    recipe = read_recipe(arguments.recipe)
     on_demand.refuse_other_plan(recipe, arguments.output)
     on_demand.refuse_unbuildable(recipe)
     made = None if arguments.no_pilot else on_demand.pilot(recipe)
@@ -368,143 +314,3 @@ def _text(state: "Status") -> str:
     if {"torn", "killed"} & state.causes.keys():
         lines.append("  `clothsim farm repair DIR` puts torn and killed drapes back into the plan.")
     return "\n".join(lines)
-
-
-def _sweep(arguments: argparse.Namespace) -> Report | int:
-    if not arguments.vary:
-        raise InputError("Nothing varies.", "Write --vary solver.dt=.02,.01.")
-    scene = scene_of(arguments)
-    varied = dict(_values(text) for text in arguments.vary)
-    recipe = on_demand.make_recipe(scene, {"until": scene.run_settings.until}, {}, varied)
-    on_demand.refuse_unbuildable(recipe)
-    farm = on_demand.plan(recipe, arguments.output or Path(f"{arguments.scene.stem}_sweep"))
-    with terminated_like_interrupted():
-        try:
-            on_demand.work(farm)
-        except KeyboardInterrupt:
-            print(f"Stopped. The same command, or `clothsim farm work {farm.directory}`, continues.", file=sys.stderr)
-            return 130
-    rows = on_demand.write_manifest(farm)
-    code = 0 if all(row["usable"] for row in rows) else 1
-    return Report({"directory": str(farm.directory), "drapes": rows}, _table(rows), code)
-
-
-def _values(text: str) -> tuple[str, Any]:
-    """Key and grid of "solver.dt=.02,.01"; each value is read as a number where it is one."""
-    key, equals, values = text.partition("=")
-    given = _outside_brackets(values)
-    if not equals or not given:
-        raise InputError(f"--vary {text!r} names no values.", "Write --vary solver.dt=.02,.01.")
-    return key.strip(), {"grid": [_value(part) for part in given]}
-
-
-def _outside_brackets(text: str) -> list[str]:
-    """The parts of a text between commas that are in no brackets and no quotes, empty ones left out."""
-    parts, depth, quote = [""], 0, ""
-    for letter in text:
-        if letter in "\"'" and quote in ("", letter):
-            quote = "" if quote else letter
-        depth += 0 if quote else (letter in "[{") - (letter in "]}")
-        if letter == "," and depth <= 0 and not quote:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts if part.strip()]
-
-
-def _value(text: str) -> Any:
-    """A value of --vary: as of --set, and ".02" is a number."""
-    with contextlib.suppress(ValueError):
-        return int(text)
-    with contextlib.suppress(ValueError):
-        return float(text)
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        return text
-
-
-def _table(rows: list[dict[str, Any]]) -> str:
-    keys = list(rows[0]["parameters"])
-    lines = [
-        [
-            *(str(row["parameters"][key]) for key in keys),
-            "certified" if row["usable"] else row["cause"],
-            f"{row['newton_iterations'] or 0}",
-            f"{row['cpu_seconds'] or 0.0:.1f}",
-            row["id"],
-        ]
-        for row in rows
-    ]
-    return text_table([*keys, "verdict", "Newton", "CPU s", "drape"], lines)
-
-
-def _learn(arguments: argparse.Namespace) -> Report | int:
-    refuse_output(arguments.output, arguments)
-    if arguments.motion:
-        return _learn_motion(arguments)
-    given = {"--held-kind": arguments.held_kind, "--kind": arguments.kind, "--model": arguments.model}
-    lost = [name for name, value in given.items() if value]
-    if lost:
-        raise InputError(f"{lost[0]} is of models of motion.", "Add --motion, or leave it out.")
-    components = 16 if arguments.components is None else arguments.components
-    held_out = 0.25 if arguments.held_out is None else arguments.held_out
-    made = on_demand.learn(on_demand.open_farm(arguments.directory), held_out, components)
-    made.model.write(arguments.output, arguments.overwrite)
-    names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
-    return Report(
-        {"model": str(arguments.output), **{name: getattr(made, name) for name in names}},
-        f"{arguments.output}: {made.training} drapes learned, {made.held_out} held out, {made.left_out} left out "
-        f"(another mesh).\nerror of held-out drapes (rms): model {1e3 * made.error:.2f} mm, nearest drape "
-        f"{1e3 * made.nearest_error:.2f} mm, mean drape {1e3 * made.mean_error:.2f} mm.",
-    )
-
-
-def _learn_motion(arguments: argparse.Namespace) -> Report | int:
-    """Learn models of a garment in motion, from a farm or from the recipe of one."""
-    directory, seed = arguments.directory, as_count("--seed", arguments.seed, least=0)
-    if arguments.held_out is not None:
-        raise InputError("--held-out is of models of drapes.", "With --motion give --held-kind or --held-bodies.")
-    if arguments.components is not None and arguments.components < 1:
-        raise InputError(f"--components is {arguments.components}.", "Give a whole number from 1.")
-    bodies = as_count("--held-bodies", arguments.held_bodies, least=0)
-    if not directory.is_dir():
-        recipe = _recipe(directory)
-        _refuse_unknown_kind(recipe, arguments.held_kind)
-        directory = arguments.output.with_name(f"{arguments.output.stem}_farm")
-        worked, _ = _make(recipe, directory, arguments)
-        if not isinstance(worked, Report):
-            return worked
-    components = 48 if arguments.components is None else arguments.components
-    farm = on_demand.open_farm(directory)
-    recurrent = on_demand.RegressorTraining(seed=seed) if "recurrent" in (arguments.model, arguments.kind) else None
-    made = on_demand.learn_motion(farm, arguments.held_kind, bodies, components, seed, recurrent)
-    made.write(arguments.output, arguments.kind, arguments.overwrite)
-    sets = made.division
-    counts = {name: len(sets.rows(name)) for name in ("training", *on_demand.SETS)}
-    rows = [
-        [name, *(_missed(made.errors[name][part], made.inside[name][part]) for part in on_demand.SETS)]
-        for name in made.models
-    ]
-    text = (
-        f"{arguments.output}: {arguments.kind or made.best}; {counts['training']} clips learned, "
-        f"{counts['validation']} for validation. Held out: {counts['new motion']} clips of the kind {sets.kind}, "
-        f"{counts['new body']} on {len(sets.bodies)} bodies ({len(sets.left_out)} left out: their motion is known).\n"
-        f"error (rms) and vertices inside the body:\n{text_table(['model', *on_demand.SETS], rows)}"
-    )
-    document = {"model": str(arguments.output), "kind": arguments.kind or made.best, "clips": counts}
-    return Report({**document, "errors": made.errors, "inside": made.inside}, text)
-
-
-def _refuse_unknown_kind(recipe: "Recipe", kind: str | None) -> None:
-    """InputError for a kind of motion that no clip of the recipe has, before they are made."""
-    drawn = [
-        values for k in range(recipe.count) for key, values in recipe.values(k).items() if key.endswith("motion.clip")
-    ]
-    kinds = sorted({str(clip).partition(":")[0] for clip in drawn})
-    if kind is not None and kinds and kind not in kinds:
-        raise InputError(f"The recipe has no motion of the kind {kind!r}.", f"It has {', '.join(kinds)}.")
-
-
-def _missed(error: float, inside: float) -> str:
-    return "none" if isnan(error) else f"{1e3 * error:.1f} mm {100 * inside:.2f} %"

@@ -9,7 +9,7 @@ import pytest
 
 from clothsim import InputError, Scene
 from clothsim.cli import main
-from clothsim.cli.farm_command import MODELS
+from clothsim.cli.learn_command import MODELS
 from clothsim.engine import MovingGarment
 from clothsim.scene.assembly.drape_model import read_model, refuse_unlike
 from clothsim.scene.assembly.scene_world import world_of
@@ -153,7 +153,7 @@ def test_farms_without_clips_are_refused(farm, tmp_path):
 
 @pytest.mark.parametrize("wrong", [("--held-kind", "swim"), ("--held-out", "0.5"), ("--components", "0")])
 def test_what_a_model_of_motion_has_not_is_refused_before_clips_are_made(wrong, tmp_path, monkeypatch):
-    monkeypatch.setattr("clothsim.cli.farm_command._make", lambda *_: pytest.fail("clips are made"))
+    monkeypatch.setattr("clothsim.cli.learn_command.make_drapes", lambda *_: pytest.fail("clips are made"))
     assert main(["learn", "shirt_in_motion", "--motion", *wrong, "-o", str(tmp_path / "m.npz")]) == 2
 
 

@@ -16,7 +16,8 @@ from clothsim import InputError
 from clothsim.base.errors import MachineError
 from clothsim.base.file_writing import full_or_forbidden
 from clothsim.cli import main
-from clothsim.cli.farm_command import SHIPPED, _values, terminated_like_interrupted
+from clothsim.cli.farm_command import SHIPPED, terminated_like_interrupted
+from clothsim.cli.sweep_command import _values
 from clothsim.scene.toml_file import scenes_folder
 from clothsim.study.farm.claims import Worker, claimed, is_stale, worker_of
 from clothsim.study.farm.dask_work import make_one

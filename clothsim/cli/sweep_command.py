@@ -1,0 +1,102 @@
+"""`clothsim sweep`: a scene with every combination of the values of some keys."""
+
+import argparse
+import contextlib
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from clothsim.base.errors import InputError
+from clothsim.base.text import text_table
+from clothsim.cli import on_demand
+from clothsim.cli.arguments import add_output_options, add_set, scene_of
+from clothsim.cli.farm_command import terminated_like_interrupted
+from clothsim.cli.report import Report
+
+_SWEEP = """\
+Run a scene with every combination of the values of some keys, and list the results: a farm in one process.
+
+  clothsim sweep sphere --vary cloth.fabric=cotton,denim --vary solver.dt=0.02,0.01 -o sweep
+
+The same command continues a stopped sweep; `clothsim farm work DIR` helps it from another process.
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    sweep = commands.add_parser("sweep", description=_SWEEP)
+    sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
+    sweep.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,C", help="a key and its values")
+    add_set(sweep, "change a key of all")
+    sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: the scene's name_sweep)")
+    add_output_options(sweep, json="print the rows as JSON", quiet="print nothing but errors", handler=_sweep)
+
+
+def _sweep(arguments: argparse.Namespace) -> Report | int:
+    if not arguments.vary:
+        raise InputError("Nothing varies.", "Write --vary solver.dt=.02,.01.")
+    scene = scene_of(arguments)
+    varied = dict(_values(text) for text in arguments.vary)
+    recipe = on_demand.make_recipe(scene, {"until": scene.run_settings.until}, {}, varied)
+    on_demand.refuse_unbuildable(recipe)
+    farm = on_demand.plan(recipe, arguments.output or Path(f"{arguments.scene.stem}_sweep"))
+    with terminated_like_interrupted():
+        try:
+            on_demand.work(farm)
+        except KeyboardInterrupt:
+            print(f"Stopped. The same command, or `clothsim farm work {farm.directory}`, continues.", file=sys.stderr)
+            return 130
+    rows = on_demand.write_manifest(farm)
+    code = 0 if all(row["usable"] for row in rows) else 1
+    return Report({"directory": str(farm.directory), "drapes": rows}, _table(rows), code)
+
+
+def _values(text: str) -> tuple[str, Any]:
+    """Key and grid of "solver.dt=.02,.01"; each value is read as a number where it is one."""
+    key, equals, values = text.partition("=")
+    given = _outside_brackets(values)
+    if not equals or not given:
+        raise InputError(f"--vary {text!r} names no values.", "Write --vary solver.dt=.02,.01.")
+    return key.strip(), {"grid": [_value(part) for part in given]}
+
+
+def _outside_brackets(text: str) -> list[str]:
+    """The parts of a text between commas that are in no brackets and no quotes, empty ones left out."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if letter in "\"'" and quote in ("", letter):
+            quote = "" if quote else letter
+        depth += 0 if quote else (letter in "[{") - (letter in "]}")
+        if letter == "," and depth <= 0 and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts if part.strip()]
+
+
+def _value(text: str) -> Any:
+    """A value of --vary: as of --set, and ".02" is a number."""
+    with contextlib.suppress(ValueError):
+        return int(text)
+    with contextlib.suppress(ValueError):
+        return float(text)
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
+
+
+def _table(rows: list[dict[str, Any]]) -> str:
+    keys = list(rows[0]["parameters"])
+    lines = [
+        [
+            *(str(row["parameters"][key]) for key in keys),
+            "certified" if row["usable"] else row["cause"],
+            f"{row['newton_iterations'] or 0}",
+            f"{row['cpu_seconds'] or 0.0:.1f}",
+            row["id"],
+        ]
+        for row in rows
+    ]
+    return text_table([*keys, "verdict", "Newton", "CPU s", "drape"], lines)
