@@ -156,7 +156,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
         "model_errors": dict(found.model_errors),
         "total_errors": dict(found.total_errors),
         "folds": list(found.folds),
-        "told": {name: dict(errors) for name, errors in found.told.items()},
+        "fewer_pictures": {name: dict(errors) for name, errors in found.fewer_pictures.items()},
         "wide": list(found.wide),
         "from_minimum": found.from_minimum,
         "cpu_seconds": found.cpu_seconds,
@@ -237,16 +237,16 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
     if found.model_errors:
         with_model = ", ".join(f"{path} +- {100 * error:.2g} %" for path, error in found.total_errors.items())
         out.append(f"  errors with the model's own: {with_model}")
-    for name, errors in found.told.items():
+    for name, errors in found.fewer_pictures.items():
         out.append(f"  {name} would tell: {', '.join(f'{path} {_error(error)}' for path, error in errors.items())}")
     if len({each.view for each in found.pictures}) == 1:
         out.append("  One view does not tell apart drapes that differ behind; its errors are too small. Add a view.")
     if {each.what for each in found.pictures}.isdisjoint(("normals", "depth")):
-        out.append("  Without normals or depths the folds are not seen: bending is told by outlines alone.")
+        out.append("  Without normals or depths the folds are not seen: outlines alone determine bending.")
     if len(found.folds) > 1:
         out.append(f"  misfits of the folds of {len(found.folds)} drapes: {', '.join(f'{k:.3g}' for k in found.folds)}")
     out += [
-        f"  {path} is told to no half of what is known without pictures: more views or normals." for path in found.wide
+        f"  {path} is known to no half of what it is without pictures: more views or normals." for path in found.wide
     ]
     out.append(f"  the step that is left, by the adjoint: {found.from_minimum:.2g} standard errors at most")
     out.append(f"  {found.cpu_seconds:.3g} CPU s, {100 * found.adjoint_share:.2g} % of it in the adjoint")

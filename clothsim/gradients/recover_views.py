@@ -4,7 +4,7 @@ The sum of rho(r) over the residuals of all pictures, r over its noise and rho t
 logarithms q of the numbers. Its gradient is that of the adjoint of the run. Its Hessian is that of Gauss and Newton:
 the derivatives of the cloth's vertices by q are differences of runs at first, and then follow the steps by Broyden's
 update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations"); the correspondence is found
-anew at each run, and held in a step. A run begins from the drape that was accepted last, so that folds go on as they
+again at each run, and held in a step. A run begins from the drape that was accepted last, so that folds go on as they
 are. How far the end is from a minimum, in standard errors, does not rest on the differences.
 """
 
@@ -19,6 +19,7 @@ from scipy.optimize import lsq_linear
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients.clips.gauss_newton import broyden_update, halved_until_lower
 from clothsim.gradients.exact_system import NoMinimumError
 from clothsim.gradients.fabric_prior import SOURCE, WEIGHTS, bending_prior
 from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
@@ -42,8 +43,6 @@ KICK, WAVES = 1.0, 6
 """Root mean square of velocities that move cloth to other folds [m/s], and the waves that they are made of."""
 MOST_ITERATIONS = 10
 """Steps of one start."""
-HALVINGS = 3
-"""Of a step that does not reduce the sum."""
 ENOUGH = 0.5
 """Length of a step in standard errors of independent pixels, and drop of the sum, at which the search ends."""
 
@@ -203,7 +202,11 @@ def _descended(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> tuple[
     k = len(seen.at)
     reach = by_kind(fit.problem.paths, PATTERN_REACH, FABRIC_REACH)
     low, high = fit.problem.origin - fit.problem.ranges, fit.problem.origin + fit.problem.ranges
-    settled = fit.seen(seen.at, seen.positions)
+
+    def follow(at: Floats, begun: Seen) -> Seen:
+        return fit.seen(at, begun.positions)
+
+    settled = follow(seen.at, seen)
     seen = settled if settled.parts else seen
     moves, fresh, runs, before, adjoint = _moves(fit, seen, tell), True, k + 1, seen, 0.0
     for _ in range(MOST_ITERATIONS):
@@ -218,18 +221,10 @@ def _descended(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> tuple[
         within = np.maximum(low - seen.at, -reach), np.minimum(high - seen.at, reach)
         step = _step(fit, gradient, hessian, within)
         done = float(step @ hessian @ step) < ENOUGH**2
-        better = None
-        for halving in range(0 if done else HALVINGS + 1):
-            trial = fit.seen(seen.at + 0.5**halving * step, seen.positions)
-            runs += 1
-            tell(trial)
-            if trial.total < seen.total:
-                better = trial
-                break
+        better, tried = (None, 0) if done else halved_until_lower(follow, seen, step, tell)
+        runs += tried
         if better is not None:
-            moved = better.at - seen.at
-            secant = (better.positions - seen.positions).ravel() - moves @ moved
-            moves = moves + np.outer(secant, moved) / (moved @ moved)
+            moves = broyden_update(moves, seen, better)
             gain, before, seen, fresh = seen.total - better.total, seen, better, False
             done = gain < ENOUGH
         if better is None or done:

@@ -25,7 +25,7 @@ BLOCK = 40
 BOTH_WAYS = 0.5
 """Weight of a residual of a mask's border, each piece of which is compared twice."""
 PATTERN_PRIOR, FABRIC_PRIOR = 0.2, 0.85
-"""Standard deviations of logarithms that pictures are compared with: what half of it is not told."""
+"""Standard deviations of logarithms that pictures are compared with: an error above half of it is wide."""
 UNTOLD = 1e3
 """Standard deviation, in those, of what keeps the covariance finite where the pictures tell nothing."""
 MOST_ERROR = 3.0

@@ -82,7 +82,7 @@ class ViewRecovery(Recovery):
         Each of them.
     twins : tuple of Twin
         Four other models.
-    told : mapping of str to mappings
+    fewer_pictures : mapping of str to mappings
         Relative standard errors of fewer pictures at the same drape: "masks alone", "the view NAME alone".
     wide : tuple of str
         Paths of numbers whose error, with the model's own, is more than half of what is known without pictures.
@@ -100,7 +100,7 @@ class ViewRecovery(Recovery):
 
     pictures: tuple[PictureFit, ...] = ()
     twins: tuple[Twin, ...] = ()
-    told: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    fewer_pictures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     wide: tuple[str, ...] = ()
     from_minimum: float = float("nan")
     folds: tuple[float, ...] = ()

@@ -197,7 +197,7 @@ def table(found: clothsim.ViewRecovery, true: dict[str, float]) -> str:
     """The numbers beside the truth, in millimetres and micronewton metres, and their stated errors."""
     twins = [twin for twin in found.twins if not twin.failure]
     header = ["number", "start", "truth", "found", "off", "stated", *(twin.name for twin in twins), "with them"]
-    header += ["off/that", *found.told]
+    header += ["off/that", *found.fewer_pictures]
     rows = []
     starts = dict(zip(true, (1.0, 1.0, LENGTH, 0.5 * BENDING), strict=True))
     for path, truth in true.items():
@@ -206,7 +206,7 @@ def table(found: clothsim.ViewRecovery, true: dict[str, float]) -> str:
         total = unit * value * found.total_errors[path]
         cells = [unit * starts[path], unit * truth, unit * value, unit * off, unit * value * error]
         cells += [*(unit * value * twin.shifts[path] for twin in twins), total]
-        fewer = [f"{unit * value * errors[path]:.3g}" for errors in found.told.values()]
+        fewer = [f"{unit * value * errors[path]:.3g}" for errors in found.fewer_pictures.values()]
         rows.append([path, *(f"{cell:.4g}" for cell in cells), f"{unit * off / total:.2g}", *fewer])
     return text_table(header, rows)
 

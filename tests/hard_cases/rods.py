@@ -1,6 +1,6 @@
 """Rods: a cord whose knot is pulled together, and two linked rings that are thrown apart.
 
-What is tied is told by the determinant of the centre lines (`knots`), which shares nothing with contact: 7 of the
+What is tied shows in the determinant of the centre lines (`knots`), which shares nothing with contact: 7 of the
 knot, 2 of two linked rings, as long as no rod has passed through another one.
 """
 

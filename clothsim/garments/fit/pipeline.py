@@ -197,8 +197,9 @@ def _onto_pieces(task: Task, state: FitState) -> FitState:
     target = task.target
     body = body_surface(target.positions, target.triangles)
     state = replace(state, body=body, worn=replace(state.worn, body_triangles=body.triangles), overlap=NO_OVERLAP)
-    made = lambda: (state.last.positions, f"on the pieces of {target.name} in place of the surface round them")  # noqa: E731
-    state = state.with_stage(staged("pieces", task.garment.triangles, body, made, task.on_stage))
+    where = f"on the pieces of {target.name} in place of the surface round them"
+    positions = state.last.positions
+    state = state.with_stage(staged("pieces", task.garment.triangles, body, lambda: (positions, where), task.on_stage))
     if not state.last.counts.clean:
         state = _clear(task, state)
     if state.last.counts.clean:

@@ -42,6 +42,28 @@ class Outcome(Protocol):
 S = TypeVar("S", bound=Outcome)
 
 
+def halved_until_lower(
+    run: Callable[[Floats, S], S], seen: S, step: Floats, tell: Callable[[S], None]
+) -> tuple[S | None, int]:
+    """The first run of the step, its half, ... that is lower than `seen`, None after HALVINGS; and the runs taken."""
+    for halving in range(HALVINGS + 1):
+        trial = run(seen.at + 0.5**halving * step, seen)
+        tell(trial)
+        if trial.total < seen.total:
+            return trial, halving + 1
+    return None, HALVINGS + 1
+
+
+def broyden_update(moves: Floats, before: S, after: S) -> Floats:
+    """Derivatives (p, k) that give the change of the positions from one outcome to the next, closest to `moves`.
+
+    J + (y - J s) s' / s's (Broyden 1965, equation 4.5).
+    """
+    moved = after.at - before.at
+    secant = (after.positions - before.positions).ravel() - moves @ moved
+    return np.asarray(moves + np.outer(secant, moved) / (moved @ moved), np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class Search(Generic[S]):
     """A sum over numbers, and how it is searched.
@@ -95,22 +117,14 @@ class Search(Generic[S]):
         moves = self.moves(seen) if moves is None else moves
         for _ in range(MOST_ITERATIONS):
             gradient, hessian = self.linearised(seen, moves)
-            step = -np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0]
+            step: Floats = -np.asarray(np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0], np.float64)
             step *= min(1.0, float((self.reach / np.maximum(np.abs(step), 1e-12)).min()))
             step = np.clip(seen.at + step, self.low, self.high) - seen.at
             done = float(step @ hessian @ step) < max(ENOUGH**2, self.least * seen.total)
-            better = None
-            for halving in range(0 if done else HALVINGS + 1):
-                trial = self.run(seen.at + 0.5**halving * step, seen)
-                runs += 1
-                self.tell(trial)
-                if trial.total < seen.total:
-                    better = trial
-                    break
+            better, tried = (None, 0) if done else halved_until_lower(self.run, seen, step, self.tell)
+            runs += tried
             if better is not None:
-                moved = better.at - seen.at
-                secant = (better.positions - seen.positions).ravel() - moves @ moved
-                moves = moves + np.outer(secant, moved) / (moved @ moved)
+                moves = broyden_update(moves, seen, better)
                 gain, before, seen = seen.total - better.total, seen, better
                 if fresh and gain < self.least * seen.total:
                     break  # derivatives of the end would give no more
