@@ -1,32 +1,87 @@
-"""Pieces of the search over few numbers: the update of derivatives, steps that are halved until the sum falls."""
+"""Gauss and Newton's search on sums without runs: its end, its limits, failures beside it, and known derivatives."""
 
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
-from clothsim.gradients.clips.gauss_newton import HALVINGS, broyden_update, halved_until_lower
+from clothsim import ClothsimError
+from clothsim.gradients.clips.gauss_newton import HALVINGS, Search, broyden_update, halved_until_lower
+
+TARGET = np.array([np.exp(0.6), np.exp(-0.4), 2.0])
 
 
-def outcome(at, total=0.0, positions=()):
-    return SimpleNamespace(at=np.asarray(at, float), total=total, positions=np.asarray(positions, float), failure="")
+@dataclass(frozen=True, eq=False)
+class Seen:
+    at: np.ndarray
+    total: float
+    positions: np.ndarray
+    failure: str = ""
+
+
+def seen(at, _=None):
+    x = np.array([np.exp(at[0]), np.exp(at[1]), at[0] + 1.4])
+    return Seen(at, 0.5e4 * float(((x - TARGET) ** 2).sum()), x)
+
+
+def linearised(one, moves):
+    return 1e4 * moves.T @ (one.positions - TARGET), 1e4 * moves.T @ moves
+
+
+def search(run=seen, limit=3.0, **others):
+    k = np.ones(2)
+    return Search(run, run, linearised, 0.01 * k, 0.5 * k, -limit * k, limit * k, **others)
+
+
+def test_it_ends_at_the_minimum_and_counts_its_runs():
+    taken = []
+    last, _, moves, runs = search(tell=taken.append).descended(seen(np.zeros(2)))
+    np.testing.assert_allclose(last.at, [0.6, -0.4], atol=1e-2)
+    np.testing.assert_allclose(moves[0], [np.exp(0.6), 0.0], atol=0.02)
+    assert runs == len(taken) + 1
+
+
+def test_numbers_stay_within_their_limits():
+    last = search(limit=0.3).descended(seen(np.zeros(2)))[0]
+    np.testing.assert_allclose(last.at, [0.3, -0.3], atol=1e-9)
+
+
+def test_known_derivatives_are_not_taken_again():
+    taken = []
+    begin = seen(np.zeros(2))
+    own = search(tell=taken.append, least=0.9)
+    moves = own.moves(begin)
+    count = len(taken)
+    own.descended(begin, moves)
+    assert count == 2
+    assert np.abs(taken[count].at).max() > 0.1  # a step, no difference
+
+
+def test_a_run_that_fails_on_one_side_is_taken_on_the_other():
+    def one_sided(at, _):
+        return seen(at) if at[1] <= 0 else Seen(at, float("inf"), np.zeros(0))
+
+    np.testing.assert_allclose(search(one_sided).moves(seen(np.zeros(2)))[1], [0.0, 1.0], atol=0.01)
+    with pytest.raises(ClothsimError, match="torn"):
+        search(lambda at, _: Seen(at, float("inf"), np.zeros(0), "torn")).moves(seen(np.zeros(2)))
 
 
 def test_updated_derivatives_give_the_change_and_nothing_across_it():
     rng = np.random.default_rng(0)
     moves, positions = rng.standard_normal((6, 3)), rng.standard_normal((2, 2, 3))
-    before, after = outcome([0.1, 0.2, 0.3], positions=positions[0]), outcome([0.4, 0.2, -0.1], positions=positions[1])
-    updated = broyden_update(moves, before, after)
-    np.testing.assert_allclose(updated @ (after.at - before.at), (positions[1] - positions[0]).ravel(), atol=1e-12)
-    across = np.array([0.4, 0.7, 0.3])
-    assert across @ (after.at - before.at) == 0
+    before = Seen(np.array([0.1, 0.2, 0.3]), 0.0, positions[0])
+    after = Seen(np.array([0.4, 0.2, -0.1]), 0.0, positions[1])
+    updated, moved = broyden_update(moves, before, after), after.at - before.at
+    np.testing.assert_allclose(updated @ moved, (positions[1] - positions[0]).ravel(), atol=1e-12)
+    across = np.array([0.4, 0.7, 0.3])  # at a right angle to the step
     np.testing.assert_allclose(updated @ across, moves @ across, atol=1e-12)
 
 
 def test_a_step_is_halved_until_the_sum_is_lower():
-    seen, tried = outcome([0.0], total=1.0), []
-    lower, runs = halved_until_lower(lambda at, _: outcome(at, (at[0] - 1) ** 2), seen, np.array([4.0]), tried.append)
+    start, tried, step = Seen(np.zeros(1), 1.0, np.zeros(1)), [], np.array([4.0])
+    lower, runs = halved_until_lower(lambda at, _: Seen(at, (at[0] - 1) ** 2, at), start, step, tried.append)
     assert lower.at[0] == 1.0
     assert runs == len(tried) == 3
-    none, runs = halved_until_lower(lambda at, _: outcome(at, 2.0), seen, np.array([4.0]), tried.append)
+    none, runs = halved_until_lower(lambda at, _: Seen(at, 2.0, at), start, step, tried.append)
     assert none is None
     assert runs == HALVINGS + 1
