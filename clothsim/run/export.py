@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from clothsim import __version__
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary
@@ -212,7 +213,7 @@ TOP = (README_NAME, SCENE_NAME, VERSIONS_NAME, CHECKPOINT_NAME, RECORD_NAME, SUM
 """The files that an archive may hold beside FOLDER."""
 
 PACKAGES = (
-    *("clothsim", "numpy", "scipy", "numba", "h5py", "meshio", "trimesh"),
+    *("numpy", "scipy", "numba", "h5py", "meshio", "trimesh"),
     *("pypardiso", "mkl", "py-mkl-pardiso", "scikit-sparse"),
 )
 """Distributions whose versions an archive states."""
@@ -343,7 +344,9 @@ def _refuse_large(checkpoint: Path) -> None:
 
 def _versions() -> dict[str, str]:
     """Versions of the installed packages."""
-    versions = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
+    system = f"{platform.system()} {platform.machine()}"
+    # a clone that is not installed has no metadata
+    versions = {"clothsim": __version__, "python": platform.python_version(), "system": system}
     for package in PACKAGES:
         try:
             versions[package] = version(package)
@@ -355,7 +358,7 @@ def _versions() -> dict[str, str]:
 def _readme(name: str, saved: Checkpoint, summary: dict) -> str:
     failure = summary.get("failure") or {}
     lines = [
-        f"A run of clothsim {_versions().get('clothsim', '(not installed)')}: {summary.get('status', 'interrupted')}.",
+        f"A run of clothsim {__version__}: {summary.get('status', 'interrupted')}.",
         summary.get("reason", ""),
         failure.get("remedy", ""),
         "",
