@@ -166,8 +166,10 @@ class Anchors:
 def anchors_from(numbers: object, triangles_at: Ints = NO_TRIANGLES) -> Anchors:
     """Anchors of `Anchors.as_array`, which a file may hold as lists; triangles_at as of `turners_of`."""
     rows = np.asarray(numbers, np.float64).reshape(-1, COLUMNS[-1] + 1)
-    parts, *numbers_of = (np.ascontiguousarray(part) for part in np.split(rows, COLUMNS, axis=1))
-    (weights, *vectors, slides), elements = numbers_of, parts.astype(np.int64)
+    parts, weights, normals, slips, origins, directions, facings, slides = (
+        np.ascontiguousarray(part) for part in np.split(rows, COLUMNS, axis=1)
+    )
+    vectors, elements = (normals, slips, origins, directions, facings), parts.astype(np.int64)
     return Anchors(elements, weights, *vectors, slides[:, 0] > 0.0, turners_of(elements, triangles_at))
 
 

@@ -6,7 +6,7 @@ offset of each (element, corner, corner) is looked up once, when an element list
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -138,7 +138,7 @@ class SparsityPattern:
         shifted[self._on_diagonal] += amount
         return shifted
 
-    @property
+    @cached_property
     def _on_diagonal(self) -> Ints:
         return (9 * self.starts[:-1, None] + np.array([0, 4, 8])).ravel()
 

@@ -117,7 +117,7 @@ class Potential:
         return self._values.at(x, self._evaluated)
 
     def _evaluated(self, x: Floats) -> tuple[float, ...]:
-        values = []
+        values: list[float] = []
         with self.timers.effects_in_turn() as effects:
             for name, energy in self.acting.items():
                 value = energy.value(x)
