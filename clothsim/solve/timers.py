@@ -124,9 +124,9 @@ class EffectsInTurn(_Measurement):
         self.before, self.charged[-1] = now, 0.0
 
     def __exit__(self, *failure: object) -> None:
-        self.charged.pop()
+        inside = self.charged.pop()  # since the last border, where an error ended the call
         if self.charged:
-            self.charged[-1] += self.before - self.start
+            self.charged[-1] += self.before - self.start + inside
 
 
 @dataclass
