@@ -91,7 +91,7 @@ EXAMPLES = (
     Example("tunic", "Six panels, sewn and worn", "dress tunic --on shirt --size 15mm", "--colour #9c4a36"),
     Example(
         "spin",
-        "A cloth that a ball takes along",
+        "A cloth that a turning ball drags round",
         "run spin --set cloth.cells=[80,80]",
         "--colour teal/linen",
     ),
