@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _DRESS = """\
 Sew a pattern (specification.json of GarmentCode and others, or a DXF of AAMA) on a body under contact,
 weld its seams and drape it.
-Leaves the files of a run, garment.obj with the pattern as texture coordinates, and pictures.
+Writes the files of a run, garment.obj with the pattern as texture coordinates, and pictures.
 
   clothsim dress shirt_specification.json --on body.obj -o worn
   clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
@@ -135,8 +135,8 @@ def add_to(commands: Any) -> None:
 PICTURE_NAME = "fit.png"
 
 _FIT = """\
-Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Leaves what a run
-leaves, fitted.obj, and before and after in fit.png.
+Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Writes the
+files of a run, fitted.obj, and fit.png with the garment before and after.
 
   clothsim fit suit.mhclo --made-for base.obj --to base.obj -o fitted
 """
@@ -176,7 +176,7 @@ def _fit(arguments: argparse.Namespace) -> Report:
 
 def _stage(stage: "Stage") -> str:
     note = f"; {stage.description}" if stage.description else ""
-    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
+    return f"  {stage.name:<9} {stage.seconds:6.1f} CPU s  {stage.counts}{note}"
 
 
 def _fit_verdict(done: "Fit") -> list[str]:
