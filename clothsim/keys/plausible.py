@@ -99,6 +99,8 @@ def plausible_range(section: str, key: SceneKey) -> tuple[float, float, str] | N
 
 ABSURD = 1e6
 """Multiple of the largest plausible number beyond which no unit explains one: a run would end in round-off."""
+OF_MOTION = ("s", "m/s", "degrees/s")
+"""Units of numbers that are never absurd: long times end nothing, and speeds are looked at by themselves."""
 
 
 def doubts(where: str, section: KeyTable) -> Iterator[str]:
@@ -108,9 +110,9 @@ def doubts(where: str, section: KeyTable) -> Iterator[str]:
 
 
 def refuse_absurd(where: str, section: KeyTable) -> None:
-    """InputError for the first number of a section that is beyond ABSURD; of times, which end nothing, for none."""
+    """InputError for the first number of a section that is beyond ABSURD, but for those OF_MOTION."""
     for each in _implausible(where, section):
-        if each.unit != "s" and each.size > ABSURD * each.most:
+        if each.unit not in OF_MOTION and each.size > ABSURD * each.most:
             raise InputError(f"{each.sentence}.", f"Give at most {ABSURD * each.most:g} {each.unit}.")
 
 
