@@ -9,7 +9,7 @@ from tests.reality import causes
 from tests.reality.__main__ import RECORD, main
 from tests.reality.borders import Lays, scatter_of_fitted
 from tests.reality.ensembles import BENDING_LENGTHS, MEMBERS, RATIOS, SOFTENING, fitted, sheet
-from tests.reality.knits import Pulls, compared, table_of
+from tests.reality.knits import Pulls, compared
 from tests.reality.score import energy_score, scored
 
 
@@ -97,17 +97,18 @@ def test_without_data_it_says_so(tmp_path, capsys):
     assert "cusick_borders.npz" in capsys.readouterr().out
 
 
-def test_a_specimen_of_pulls_alike_has_their_force_between_its_clamps():
+@pytest.mark.parametrize("wide", [0.2, 0.06])
+def test_a_specimen_of_pulls_alike_has_their_force_and_their_width_between_its_clamps(wide):
     rng = np.random.default_rng(2)
     strains = np.tile(np.linspace(0, 0.4, 60), (5, 1))
-    forces = 20 * strains**2 * (1 + 0.02 * rng.standard_normal((5, 1)))
-    pulls = Pulls("knit_x", 0.06, 0.1, strains, forces, 1 - 0.5 * strains)
-    found = compared(pulls, table_of(pulls))
-    assert found.simulated == pytest.approx(
-        forces[:3].mean(axis=0)[-1] * (found.strains / 0.4) ** 2, rel=0.02, abs=0.02
-    )
-    assert found.measured_width == pytest.approx(0.81)
-    assert found.width == pytest.approx(1.0, abs=0.01)
+    level = 1 + 0.02 * rng.standard_normal((5, 1))
+    forces = 20 * strains * (0.3 + strains) * level
+    pulls = Pulls("knit_x", wide, 0.1, strains, forces, 1 - 0.3 * strains)
+    (found,) = compared([pulls])
+    expected = 20 * found.strains * (0.3 + found.strains) * level[:3].mean()
+    assert found.simulated == pytest.approx(expected, rel=0.02, abs=0.02)
+    assert found.measured_width == pytest.approx(1 - 0.3 * 0.38)
+    assert found.width == pytest.approx(found.measured_width, abs=0.005)
     assert found.within >= 3
 
 
