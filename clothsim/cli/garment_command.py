@@ -176,7 +176,7 @@ def _fit(arguments: argparse.Namespace) -> Report:
 
 def _stage(stage: "Stage") -> str:
     note = f"; {stage.description}" if stage.description else ""
-    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
+    return f"  {stage.name:<9} {stage.seconds:6.1f} CPU s  {stage.counts}{note}"
 
 
 def _fit_verdict(done: "Fit") -> list[str]:
