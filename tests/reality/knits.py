@@ -21,6 +21,8 @@ LEFT_OUT = ("acrylic_garter_x",)
 """Its width is wrong."""
 FITTED, STRETCHES, ROWS = 3, 5, 12
 """Pulls that a table sees; stretches at which forces are compared; rows of a table."""
+MOST_NARROWING = 0.8
+"""The most that a table may take from the width: where clamps hold it all, the correction knows no end."""
 ROUNDS, DAMPED = 14, 0.5
 """Corrections of the tables, and the power of each: whole ones swing, as force and width depend on one another."""
 COLUMNS = {16: (2, 4, 13, 15), 10: (2, 4, 7, 9)}
@@ -155,7 +157,7 @@ def corrected(pulls: Pulls, own: Tables, forces: Floats, widths: Floats) -> Tabl
     factors, narrower = (np.clip(each, 0.25, 4.0) ** DAMPED for each in (short, wider))
     return Tables(
         _rising(strains, stress * np.interp(strains, ways, factors), 1e-3),
-        _rising(ways, own.narrowing[:, 1] * narrower, 1e-4),
+        _rising(ways, np.minimum(own.narrowing[:, 1] * narrower, MOST_NARROWING), 1e-4),
     )
 
 
