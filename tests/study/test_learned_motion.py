@@ -3,7 +3,6 @@
 import json
 from contextlib import nullcontext
 from dataclasses import replace
-
 from pathlib import Path
 
 import numpy as np
