@@ -2,6 +2,7 @@
 
 import json
 import platform
+import sys
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -15,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from clothsim import __version__
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary
@@ -345,8 +345,7 @@ def _refuse_large(checkpoint: Path) -> None:
 def _versions() -> dict[str, str]:
     """Versions of the installed packages."""
     system = f"{platform.system()} {platform.machine()}"
-    # a clone that is not installed has no metadata
-    versions = {"clothsim": __version__, "python": platform.python_version(), "system": system}
+    versions = {"clothsim": _own_version(), "python": platform.python_version(), "system": system}
     for package in PACKAGES:
         try:
             versions[package] = version(package)
@@ -355,10 +354,15 @@ def _versions() -> dict[str, str]:
     return versions
 
 
+def _own_version() -> str:
+    """Version of clothsim as it says itself: a clone that is not installed has no metadata."""
+    return str(sys.modules["clothsim"].__dict__["__version__"])
+
+
 def _readme(name: str, saved: Checkpoint, summary: dict) -> str:
     failure = summary.get("failure") or {}
     lines = [
-        f"A run of clothsim {__version__}: {summary.get('status', 'interrupted')}.",
+        f"A run of clothsim {_own_version()}: {summary.get('status', 'interrupted')}.",
         summary.get("reason", ""),
         failure.get("remedy", ""),
         "",
