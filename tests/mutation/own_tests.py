@@ -15,11 +15,16 @@ FRICTION = ("gradients/test_past_differences", "physics/contact/test_friction_ag
 STEPS = ("solve/stepping/test_stepping", "solve/stepping/test_rest", "physics/test_time")
 NEWTON = ("solve/newton/test_newton", "solve/linear/test_linear_system")
 FACTORS = ("solve/linear/test_linear_solvers", "solve/linear/test_dissected_factor")
+HISTORIES = ("gradients/test_past_differences", "gradients/test_histories")
 ADJOINT = ("gradients/test_exact_system", "gradients/test_past_differences", "gradients/test_backward_pass")
 
 MORE: dict[str, tuple[str, ...]] = {
     "physics/energies/bending": BENDING,
+    "physics/energies/closures": FORMULAS,
+    "physics/energies/cords": FORMULAS,
     "physics/energies/damping": FORMULAS,
+    "physics/energies/edge_curves": ("physics/energies/test_elastic_bands", "physics/energies/test_stiffeners"),
+    "physics/energies/elastic_bands": FORMULAS,
     "physics/energies/fibre_kernels": ("physics/energies/test_fibres", *FORMULAS),
     "physics/energies/gravity": (*FORMULAS, "physics/test_time"),
     "physics/energies/hessians": ("physics/energies/test_hessians", *FORMULAS),
@@ -38,20 +43,32 @@ MORE: dict[str, tuple[str, ...]] = {
     "physics/energies/midedge_kernels": (*BENDING, "physics/energies/test_midedge_softening", *FORMULAS),
     "physics/energies/midedge_softening": FORMULAS,
     "physics/energies/paired_kernels": ("physics/energies/test_paired_membrane", *FORMULAS),
+    "physics/energies/plastic_bending": (*FORMULAS, "gradients/test_histories"),
+    "physics/energies/pressure": FORMULAS,
+    "physics/energies/protocols": ("scene/assembly/test_material_over_time", *FORMULAS),
     "physics/energies/quadratic_bending": (*BENDING, *FORMULAS),
     "physics/energies/rigid_bodies": ("physics/test_rigid", *FORMULAS),
+    "physics/energies/seams": FORMULAS,
+    "physics/energies/stiffeners": FORMULAS,
+    "physics/energies/targets": FORMULAS,
+    "physics/energies/tension_field": FORMULAS,
     "physics/energies/triangle_kernels": (*TRIANGLES, *FORMULAS),
     "physics/energies/triangle_pairs": ("physics/energies/test_paired_membrane",),
     "physics/energies/woven_membrane": ("physics/energies/test_fibres", "physics/energies/test_measured_membrane"),
-    "physics/contact/anchors": ("physics/contact/test_rigid_motion", "physics/test_static_friction"),
+    "physics/contact/anchors": ("physics/contact/test_rigid_motion", "physics/test_static_friction", *HISTORIES),
     "physics/contact/barrier": ("physics/contact/test_effects", *BARRIER),
-    "physics/contact/barrier_kernels": ("physics/contact/test_barrier", "physics/contact/test_effects", *BARRIER),
+    "physics/contact/barrier_kernels": (
+        "physics/contact/test_barrier",
+        "physics/contact/test_effects",
+        *BARRIER,
+        *HISTORIES,
+    ),
     "physics/contact/bvh": SEARCH,
     "physics/contact/candidates": ("physics/contact/test_effects", *BARRIER),
     "physics/contact/ccd": ("physics/contact/test_candidates", "physics/contact/test_step_against_ipctk"),
     "physics/contact/distance": ("physics/contact/test_barrier_oracle", "physics/contact/test_friction_against_ipctk"),
     "physics/contact/filter": SEARCH,
-    "physics/contact/friction": FRICTION,
+    "physics/contact/friction": (*FRICTION, *HISTORIES),
     "physics/contact/friction_coefficients": ("physics/contact/test_effects", *FRICTION),
     "physics/contact/pair_list": ("physics/contact/test_barrier_oracle",),
     "physics/contact/search": SEARCH,
