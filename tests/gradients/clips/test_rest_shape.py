@@ -42,6 +42,15 @@ def test_cloth_that_follows_its_rest_shape_by_half_comes_to_the_key():
     assert 0 < price.length <= LONGEST
 
 
+def test_the_price_of_a_stretch_is_its_strain():
+    own = sheet()
+    price = own.price(0.07 * own.rest, 1.0, 0.5, 3)
+    assert price.length == pytest.approx(0.07, rel=1e-12)
+    assert price.angle == pytest.approx(0.0, abs=1e-9)
+    away = 0.07 * np.linalg.norm(own.rest - own.rest.mean(axis=0), axis=1)
+    assert price.most == pytest.approx(away.max(), rel=1e-12)
+
+
 def test_nothing_is_added_where_runs_get_no_nearer():
     own = sheet()
     moved, price = fitted_rest(own, [own.rest + bump(own.rest)], own.rest, lambda d: [own.rest - d], 1e-6)
