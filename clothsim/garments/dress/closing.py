@@ -7,7 +7,6 @@ whose gap is small become one vertex where the exact check allows it.
 """
 
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,8 @@ from clothsim.engine import build
 from clothsim.garments.dress.limbs import Wearer, limbs_between
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
+from clothsim.garments.dress.welding import welded_where_closed
 from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.penetration import counted
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
 from clothsim.patterns import Panel, Seam
 from transfer.signed_distance import BodySurface
@@ -193,42 +192,6 @@ def torso(state: SewingState) -> Ints:
     panels = [panel for panel in state.mesh.pattern.panels.values() if not is_of_arm(panel) and not is_on_top(panel)]
     rows = [state.number[state.mesh.vertices[panel.name]] for panel in panels]
     return np.unique(np.concatenate([np.zeros(0, np.int64), *rows]))
-
-
-def welded_where_closed(state: SewingState, limit: float, surface: BodySurface) -> SewingState:
-    """State in which every pair with a gap of at most `limit` [m] is welded, unless its weld would intersect.
-
-    All pairs are tried at one time; pairs that would intersect are halved, seam after seam, down to single ones.
-    """
-    groups = [pairs for k in state.open_seams if len(pairs := _find_closed_pairs(state, k, limit))]
-    if not groups:
-        return state
-    clean = lambda tried: counted(tried.positions, tried.triangles, surface).clean  # noqa: E731
-    whole = state.join(np.concatenate(groups))
-    if clean(whole):
-        return whole
-    for pairs in groups:
-        state = _weld_by_halving(state, pairs, clean)
-    return state
-
-
-def _weld_by_halving(state: SewingState, pairs: Ints, clean: Callable[[SewingState], bool]) -> SewingState:
-    """State with as many of these neighbouring pairs welded as halving finds."""
-    tried = state.join(pairs)
-    if clean(tried):
-        return tried
-    if len(pairs) == 1:
-        return state
-    middle = len(pairs) // 2
-    return _weld_by_halving(_weld_by_halving(state, pairs[:middle], clean), pairs[middle:], clean)
-
-
-def _find_closed_pairs(state: SewingState, seam: int, limit: float) -> Ints:
-    """Pairs of vertices of the panels in a seam that are closed and not welded yet, (k, 2)."""
-    pairs = state.mesh.seams[seam].pairs
-    ends = state.number[pairs]
-    gaps = np.linalg.norm(state.positions[ends[:, 0]] - state.positions[ends[:, 1]], axis=1)
-    return np.asarray(pairs[(ends[:, 0] != ends[:, 1]) & (gaps <= limit)])
 
 
 CLOSED = 1.5

@@ -15,7 +15,7 @@ import numpy as np
 
 from clothsim import Body, Run
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.closing import close, mean_edge, welded_where_closed, worst_gap
+from clothsim.garments.dress.closing import close, mean_edge, worst_gap
 from clothsim.garments.dress.corrections import (
     approached,
     lifted,
@@ -29,6 +29,7 @@ from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.rings import centred
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
+from clothsim.garments.dress.welding import welded_and_untangled, welded_where_closed
 from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import (
@@ -149,7 +150,12 @@ def _close(task: DressTask, done: DressState) -> DressState:
 
 def _weld(task: DressTask, done: DressState) -> DressState:
     """Seams welded; those whose weld would intersect stay springs, and are named."""
-    started, state = perf_counter(), welded_where_closed(done.state, np.inf, done.on.surface)
+    started, surface = perf_counter(), done.on.surface
+    refused = welded_where_closed(done.state, np.inf, surface)
+    state = welded_and_untangled(refused, surface)
+    untangled = [refused.mesh.seams[k].name for k in refused.open_seams if k in state.welded]
+    if untangled:
+        done = replace(done, notes=(*done.notes, f"cloth lay between the sides, moved out: {', '.join(untangled)}"))
     springs = [state.mesh.seams[k].name for k in state.open_seams]
     if springs:
         note = f"stay springs, as their weld would intersect: {', '.join(springs)}"
