@@ -129,8 +129,23 @@ def reason(entry: dict) -> str:
 
 
 def is_open(entry: dict) -> bool:
-    """True for a survivor without a reason."""
-    return bool(entry) and entry["last"]["word"] in (SURVIVED, NOT_RUN) and not reason(entry)
+    """True for a survivor without a reason, whose line is still there."""
+    return bool(entry) and entry["last"]["word"] in (SURVIVED, NOT_RUN) and not (reason(entry) or is_gone(entry))
+
+
+def is_gone(entry: dict) -> bool:
+    """True where the line that was broken has been rewritten since."""
+    file = ROOT / entry["file"]
+    return not file.is_file() or entry["before"] not in file.read_text()
+
+
+def became(entry: dict) -> str:
+    """What became of a survivor of the first run."""
+    if reason(entry):
+        return reason(entry)
+    if entry["last"]["word"] == SURVIVED and is_gone(entry):
+        return "the line has been rewritten"
+    return f"{entry['last']['word']} {entry['last']['by'].removeprefix('tests/')}".strip()
 
 
 def summary(record: Record) -> str:
@@ -155,7 +170,7 @@ def page(record: Record) -> str:
             f"`{each['file'].removeprefix('clothsim/')}`",
             f"`{each['before']}`".replace("|", "\\|"),
             f"`{each['after']}`".replace("|", "\\|"),
-            reason(each) or f"{each['last']['word']} {each['last']['by'].removeprefix('tests/')}".strip(),
+            became(each),
         )
         for each in sorted(survivors, key=lambda each: (each["file"], each["line"]))
     ]
