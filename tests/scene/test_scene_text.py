@@ -3,10 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from clothsim import Air, Pressure, Scene
+from clothsim import Air, Pressure, Scene, examples, load_scene
 from clothsim.base.errors import InputError
+from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.scene.scene import scene_from_text
 from clothsim.study.farm.plan import plan
 from clothsim.study.farm.publication import content_id
@@ -52,3 +54,18 @@ def test_a_scene_of_a_relative_directory_is_the_one_that_its_text_gives():
     assert Scene.from_text(scene.to_text()) == scene
     assert hash(Scene.from_text(scene.to_text())) == hash(scene)
     assert Scene(cloth=CLOTH, effects={"membrane": {}}, directory=Path("there")) != scene
+
+
+@pytest.mark.parametrize("name", sorted(examples()))
+def test_a_scene_as_toml_is_the_same_scene(tmp_path, name):
+    scene = load_scene(name).starting_at(tmp_path)
+    (tmp_path / "again.toml").write_text(scene.to_toml(), encoding="utf-8")
+    assert load_scene(tmp_path / "again.toml") == scene
+
+
+def test_a_mesh_in_memory_is_in_the_toml(tmp_path):
+    triangle = MeshArrays(np.eye(3), np.array([[0, 1, 2]]))
+    scene = Scene(cloth={"mesh": triangle}, effects={"gravity": {}})
+    (tmp_path / "again.toml").write_text(scene.to_toml(), encoding="utf-8")
+    again = load_scene(tmp_path / "again.toml")
+    assert again.cloths[0]["mesh"] == scene.cloths[0]["mesh"]
