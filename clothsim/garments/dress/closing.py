@@ -136,10 +136,11 @@ class SewingPhase:
         return pairs[~crosses_body(state.positions[pairs], surface)] if self.patient and len(pairs) else pairs
 
 
-def sewing_phases(state: SewingState) -> list[SewingPhase]:
+def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]:
     """Phases that draw every open seam together once; springs through the body wait.
 
     A skirt is sewn to a bodice that hangs on its closed shoulders: drawn together with them it would pull them down.
+    A flounce cut as an arc has its ends before and behind the legs: it is sewn to its skirt first.
     """
     seams = [state.mesh.seams[k] for k in state.open_seams]
     order = [order_of(seam, state) for seam in seams]
@@ -147,12 +148,30 @@ def sewing_phases(state: SewingState) -> list[SewingPhase]:
         tuple(seam for seam, place in zip(seams, order, strict=True) if place in places)
         for places in ((DART, WITHIN), (BELOW,), (ONTO,))
     )
+    ends = _ends_to_sew_later(state, within, below, surface)
+    within = tuple(seam for seam in within if seam not in ends)
     planned = (
         SewingPhase(within, patient=True),
         SewingPhase(below, within, patient=True),
-        SewingPhase(onto, within + below, hold=True, patient=True),
+        SewingPhase(ends, within + below, patient=True),
+        SewingPhase(onto, within + ends + below, hold=True, patient=True),
     )
     return [phase for phase in planned if phase.closing]
+
+
+def _ends_to_sew_later(
+    state: SewingState, within: tuple[Seam, ...], below: tuple[Seam, ...], surface: BodySurface
+) -> tuple[Seam, ...]:
+    """Seams of which every spring runs through the body, like those of all seams round the body of both their panels.
+
+    Nothing draws such a piece round the body; one that is sewn to a piece above or below comes round with that.
+    """
+    joining = [seam for seam in within if order_of(seam, state) == WITHIN]
+    through = [bool(crosses_body(state.positions[state.pairs(seam)], surface).all()) for seam in joining]
+    panels = [{side.panel for side in seam.stitch.sides} for seam in joining]
+    passing = set().union(*(pair for pair, crosses in zip(panels, through, strict=True) if not crosses))
+    hung = {side.panel for seam in below for side in seam.stitch.sides}
+    return tuple(seam for seam, pair in zip(joining, panels, strict=True) if not pair & passing and pair <= hung)
 
 
 def stiffer_phases(state: SewingState) -> list[SewingPhase]:
@@ -237,7 +256,7 @@ def close(
     """
     body, surface = wearer.body, wearer.surface
     runs: list[Run] = []
-    waiting, further = deque(sewing_phases(state)), deque(stiffer_phases(state))
+    waiting, further = deque(sewing_phases(state, surface)), deque(stiffer_phases(state))
     largest, name, limit = 0.0, "", np.inf
     while waiting or (state.open_seams and further):
         phase = waiting.popleft() if waiting else further.popleft()
