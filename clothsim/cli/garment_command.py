@@ -176,7 +176,7 @@ def _fit(arguments: argparse.Namespace) -> Report:
 
 def _stage(stage: "Stage") -> str:
     note = f"; {stage.description}" if stage.description else ""
-    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
+    return f"  {stage.name:<9} {stage.seconds:6.1f} CPU s  {stage.counts}{note}"
 
 
 def _fit_verdict(done: "Fit") -> list[str]:
@@ -252,7 +252,7 @@ def _dress(arguments: argparse.Namespace) -> Report:
     several = len(arguments.patterns) > 1 or arguments.over is not None
     if several and (arguments.movie or arguments.seams):
         option = "--movie" if arguments.movie else "--seams"
-        raise InputError(f"{option} is of one garment.", "Leave it out, or dress one garment.")
+        raise InputError(f"{option} is for one garment only.", "Leave it out, or dress one garment.")
     directory = arguments.output or Path("outfit" if several else arguments.patterns[0].stem)
     drawn = [] if arguments.no_picture else [*on_demand.DRESS_PICTURES]
     drawn += [render.movie_file(directory)[0].name] if arguments.movie else []

@@ -60,7 +60,7 @@ def _learn(arguments: argparse.Namespace) -> Report | int:
     given = {"--held-kind": arguments.held_kind, "--kind": arguments.kind, "--model": arguments.model}
     lost = [name for name, value in given.items() if value]
     if lost:
-        raise InputError(f"{lost[0]} is of models of motion.", "Add --motion, or leave it out.")
+        raise InputError(f"{lost[0]} is for models of motion.", "Add --motion, or leave it out.")
     components = 16 if arguments.components is None else arguments.components
     held_out = 0.25 if arguments.held_out is None else arguments.held_out
     made = on_demand.learn(on_demand.open_farm(arguments.directory), held_out, components)
@@ -78,7 +78,7 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     """Learn models of a garment in motion, from a farm or from the recipe of one."""
     directory, seed = arguments.directory, as_count("--seed", arguments.seed, least=0)
     if arguments.held_out is not None:
-        raise InputError("--held-out is of models of drapes.", "With --motion give --held-kind or --held-bodies.")
+        raise InputError("--held-out is for models of drapes.", "With --motion give --held-kind or --held-bodies.")
     if arguments.components is not None and arguments.components < 1:
         raise InputError(f"--components is {arguments.components}.", "Give a whole number from 1.")
     bodies = as_count("--held-bodies", arguments.held_bodies, least=0)

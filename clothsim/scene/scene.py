@@ -193,7 +193,7 @@ class Scene:
     def refuse_without_cloth(self, what: str) -> None:
         """InputError for a scene of rigid bodies alone, where `what` is a measure of cloth."""
         if not self.cloths:
-            raise InputError(f"The scene has no cloth: {what} is of cloth.", "Add a [cloth], or leave it out.")
+            raise InputError(f"The scene has no cloth, and {what} needs one.", "Add a [cloth], or leave it out.")
 
     @property
     def up(self) -> tuple[float, ...]:
