@@ -247,16 +247,11 @@ SANK = 0.03
 """Descent of the top of a garment, as a fraction of the body's height, beyond which it was held by friction alone."""
 
 
-DRAWN = 0.1
-"""Time in which springs that hold what is not welded shorten to nothing [s]: pulled shut in one step, a gap of several
-millimetres with cloth in it stops Newton's iterations."""
-
-
 def open_seam_tables(state: SewingState) -> list[dict[str, Any]]:
     """Tables of `[effects.seams]` for the pairs of seams that are not welded, also where a seam has one alone."""
     lines = [state.pairs(state.mesh.seams[k]).T for k in state.open_seams]
     return [
-        {"from": {"vertices": a.tolist()}, "to": {"vertices": b.tolist()}, "match": "vertices", "end": DRAWN}
+        {"from": {"vertices": a.tolist()}, "to": {"vertices": b.tolist()}, "match": "vertices", "end": 1e-3}
         for a, b in lines
     ]
 
