@@ -84,7 +84,7 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     bodies = as_count("--held-bodies", arguments.held_bodies, least=0)
     if not directory.is_dir():
         recipe = read_recipe(directory)
-        _refuse_unknown_kind(recipe, arguments.held_kind)
+        _refuse_too_few(recipe, arguments.held_kind, bodies, seed)
         directory = arguments.output.with_name(f"{arguments.output.stem}_farm")
         worked, _ = make_drapes(recipe, directory, arguments)
         if not isinstance(worked, Report):
@@ -110,14 +110,15 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     return Report({**document, "errors": made.errors, "inside": made.inside}, text)
 
 
-def _refuse_unknown_kind(recipe: "Recipe", kind: str | None) -> None:
-    """InputError for a kind of motion that no clip of the recipe has, before they are made."""
-    drawn = [
-        values for k in range(recipe.count) for key, values in recipe.values(k).items() if key.endswith("motion.clip")
-    ]
-    kinds = sorted({str(clip).partition(":")[0] for clip in drawn})
-    if kind is not None and kinds and kind not in kinds:
-        raise InputError(f"The recipe has no motion of the kind {kind!r}.", f"It has {', '.join(kinds)}.")
+def _refuse_too_few(recipe: "Recipe", kind: str | None, bodies: int, seed: int) -> None:
+    """InputError where the clips of a recipe, not yet made, cannot be divided into those learned and held out."""
+    labels = []
+    for values in (recipe.values(k) for k in range(recipe.count)):
+        clip = next((str(value) for key, value in values.items() if key.endswith("motion.clip")), "")
+        body = {key: value for key, value in values.items() if key.startswith("body.") and ".motion" not in key}
+        labels.append((str(body), clip, clip.partition(":")[0]))
+    if any(clip for _, clip, _ in labels):
+        on_demand.division(labels, kind, bodies, seed)
 
 
 def _missed(error: float, inside: float) -> str:

@@ -292,12 +292,17 @@ def first_view(points: Floats, up: Floats, fov: float, width: float, height: flo
     return eye @ axes, (eye - [0.0, 0.0, middle]) @ axes
 
 
+def up_direction(up: Any) -> Floats:
+    """Unit vector (3,) of a direction; of any text +z."""
+    return np.array([0.0, 0.0, 1.0]) if isinstance(up, str) else np.array(up) / np.linalg.norm(up)
+
+
 def look_at(server: Any, points: Floats, up: Any) -> float:
     """Let each window begin with all `points (n, 3)` in view; their extent [m].
 
     up: a direction, or any text for +z.
     """
-    direction = np.array([0.0, 0.0, 1.0]) if isinstance(up, str) else np.array(up) / np.linalg.norm(up)
+    direction = up_direction(up)
     server.scene.set_up_direction(tuple(direction))
 
     def frame(client: Any) -> None:
