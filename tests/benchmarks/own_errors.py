@@ -47,7 +47,10 @@ def line(what: str, true: float, stated: float, unit: str) -> list[str]:
 def scenes(given: Namespace) -> list[list[str]]:
     """Rows of the error of scenes [mm]."""
     wanted = Namespace(asked=1e-3, reference=given.reference, by_hand=False, presets=False, study=None)
-    found = [each for name in ERROR_SCENES for each in error_table.rows(name, wanted)]
+    found = []
+    for name in ERROR_SCENES:
+        found += error_table.rows(name, wanted)
+        print(found[-1].cells, file=sys.stderr, flush=True)
     return [line(f"{each.scene}, {each.settings}", 1e3 * each.error, 1e3 * each.estimate, "mm") for each in found]
 
 
