@@ -1,6 +1,5 @@
 """Memo of a function of positions: a line search evaluates it again at the same points."""
 
-from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -14,10 +13,17 @@ Result = TypeVar("Result")
 
 
 class Memo(Generic[Result]):
-    """Results of one function of x alone, for the last CAPACITY arguments."""
+    """Results of one function of x alone, for the last CAPACITY arguments.
 
-    def __init__(self) -> None:
-        self._cached: deque[tuple[Floats, Result]] = deque(maxlen=CAPACITY)
+    Parameters
+    ----------
+    keeps_first : bool
+        Keep the first argument of all, too: the start of a solve, with which its end is compared.
+    """
+
+    def __init__(self, keeps_first: bool = False) -> None:
+        self._cached: list[tuple[Floats, Result]] = []
+        self._oldest = int(keeps_first)
 
     def at(self, x: Floats, compute: Callable[[Floats], Result]) -> Result:
         """Return compute(x), cached.
@@ -33,5 +39,7 @@ class Memo(Generic[Result]):
             if equal(argument, x):
                 return result
         result = compute(x)
+        if len(self._cached) == CAPACITY + self._oldest:
+            del self._cached[self._oldest]
         self._cached.append((x.copy(), result))
         return result

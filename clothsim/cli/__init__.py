@@ -49,30 +49,30 @@ COMMANDS = {
         "`clothsim check FILE` examines a mesh; units are given by --scale.",
     ),
     "dress": Command("garment_command", "sew a pattern on a body", _PATTERN),
-    "body": Command("body_command", "a body by its measures"),
-    "unpose": Command("unpose_command", "garments of a run in the rest pose", _RUN),
+    "body": Command("body_command", "make a body from its measurements"),
+    "unpose": Command("unpose_command", "bring the garments of a run to the rest pose", _RUN),
     "repose": Command(
         "unpose_command",
-        "a canonical garment on another body",
+        "put a canonical garment on another body",
         "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     ),
-    "wrinkle": Command("run_command", "fine wrinkles on a coarse run", _RUN),
+    "wrinkle": Command("run_command", "add fine wrinkles to a coarse run", _RUN),
     "author": Command("author_command", "make a clip from edited frames of a run", _RUN),
     "study": Command("study_command", "measure error against computing time", _SCENE),
     "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
     "sweep": Command("sweep_command", "run a scene with several values of its keys", _SCENE),
-    "learn": Command("learn_command", "learn a model of the drapes of a farm", _FARM),
+    "learn": Command("learn_command", "train a model on the drapes of a farm", _FARM),
     "preview": Command(
         "view_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),
-    "gradient": Command("gradient_command", "derive a loss of a run", _SCENE),
+    "gradient": Command("gradient_command", "differentiate a loss of a run", _SCENE),
     "recover": Command("recover_command", "find numbers of a scene from a drape or pictures", _SCENE),
-    "design": Command("design_command", "find a pattern that hangs as wished", _SCENE),
+    "design": Command("design_command", "find a pattern that hangs as you wish", _SCENE),
     "scenes": Command("info_command", "list the example scenes"),
     "keys": Command("info_command", "list the keys of a scene file"),
     "fabrics": Command("info_command", "list the named fabrics"),
     "test": Command("test_command", "test a fabric", "`clothsim fabrics` lists the named fabrics."),
-    "completion": Command("info_command", "complete words in a shell"),
+    "completion": Command("info_command", "print a script that completes commands in a shell"),
 }
 
 GROUPS = {
@@ -86,8 +86,8 @@ GROUPS = {
 """Commands by group: `clothsim garment fit` is `clothsim fit`; those of daily use have none."""
 
 OF_GARMENTS = {
-    "pattern": ("check", "panels, edges and seams of a sewing pattern"),
-    "penetration": ("check", "what of a garment is inside a body: --on BODY"),
+    "pattern": ("check", "list the panels, edges and seams of a sewing pattern"),
+    "penetration": ("check", "find what part of a garment is inside a body: --on BODY"),
 }
 """Words of the group garment that are cases of another command."""
 
@@ -148,7 +148,7 @@ def _explain_system_error(error: Exception) -> tuple[str, str] | None:
     if isinstance(error, OSError) and error.filename is not None:  # a name that is too long, a folder without rights
         return f"{error.filename} cannot be used: {error.strerror}.", "Choose another name, or change its rights."
     if isinstance(error, MemoryError):
-        return f"The memory does not suffice ({error}).", "Take a coarser mesh, or a part of it."
+        return f"There is not enough memory ({error}).", "Use a coarser mesh, or a part of it."
     return None
 
 
@@ -200,7 +200,7 @@ def _without_command(words: Sequence[str]) -> int:
         prog="clothsim",
         usage=f"clothsim {group or '[--version]'} COMMAND ...",
         description=_DESCRIPTION,
-        epilog=_listing([group] if group else GROUPS),
+        epilog=_listing(group),
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
@@ -221,12 +221,12 @@ def _without_command(words: Sequence[str]) -> int:
     return BAD_INPUT
 
 
-def _listing(groups: Iterable[str]) -> str:
-    """The commands of groups, a line each."""
+def _listing(only: str) -> str:
+    """The commands of all groups, or of one, a line each."""
     parts = []
-    for group in groups:
+    for group in [only] if only else GROUPS:
         summaries = {name: COMMANDS[name].summary for name in GROUPS[group]}
-        if group == "garment":
+        if only == "garment":  # without the group's name these words are no commands
             summaries |= {name: summary for name, (_, summary) in OF_GARMENTS.items()}
         lines = [f"  {name:<11} {summary}" for name, summary in summaries.items()]
         parts.append("\n".join([f"{group or 'commands'}:", *lines]))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from clothsim import Authored, ClipRecovery
 
 _DESCRIPTION = """\
-Make a clip of a run some of whose frames a person edited: what explains the edits is found, and all frames simulated.
+Make a clip from a run and some of its frames that you edited: find what explains the edits, and simulate all frames.
 
   clothsim export walk --frame 10 -o frame10.obj         # move its vertices, and save it as edited10.obj
   clothsim author walk --keys 10=edited10.obj,40=edited40.obj -o clip

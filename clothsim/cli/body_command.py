@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from clothsim import MeasuredBody
 
 _DESCRIPTION = """\
-Make a body by its measures: the mannequin, its proportions fitted to those given; the others follow its height.
+Make a body from measurements: the mannequin with its proportions fitted to those given; the others follow its height.
 
   clothsim body --height 168cm --chest 96cm --waist 80cm --hips 104cm --inside-leg 76cm -o me.obj
-  clothsim dress tunic --on me.obj --size 15mm           # a pattern on it; --cut-for me.obj: one that was cut for it
+  clothsim dress tunic --on me.obj --size 15mm           # a pattern on it
 """
 OPTIONS = (
     ("height", "from the soles to the crown (default 1.7 m)"),

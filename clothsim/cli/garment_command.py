@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _DRESS = """\
 Sew a pattern (specification.json of GarmentCode and others, or a DXF of AAMA) on a body under contact,
 weld its seams and drape it.
-Leaves the files of a run, garment.obj with the pattern as texture coordinates, and pictures.
+Writes the files of a run, garment.obj with the pattern as texture coordinates, and pictures.
 
   clothsim dress shirt_specification.json --on body.obj -o worn
   clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
@@ -135,8 +135,8 @@ def add_to(commands: Any) -> None:
 PICTURE_NAME = "fit.png"
 
 _FIT = """\
-Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Leaves what a run
-leaves, fitted.obj, and before and after in fit.png.
+Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Writes the
+files of a run, fitted.obj, and fit.png with the garment before and after.
 
   clothsim fit suit.mhclo --made-for base.obj --to base.obj -o fitted
 """
@@ -176,7 +176,7 @@ def _fit(arguments: argparse.Namespace) -> Report:
 
 def _stage(stage: "Stage") -> str:
     note = f"; {stage.description}" if stage.description else ""
-    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
+    return f"  {stage.name:<9} {stage.seconds:6.1f} CPU s  {stage.counts}{note}"
 
 
 def _fit_verdict(done: "Fit") -> list[str]:
@@ -252,7 +252,7 @@ def _dress(arguments: argparse.Namespace) -> Report:
     several = len(arguments.patterns) > 1 or arguments.over is not None
     if several and (arguments.movie or arguments.seams):
         option = "--movie" if arguments.movie else "--seams"
-        raise InputError(f"{option} is of one garment.", "Leave it out, or dress one garment.")
+        raise InputError(f"{option} is for one garment only.", "Leave it out, or dress one garment.")
     directory = arguments.output or Path("outfit" if several else arguments.patterns[0].stem)
     drawn = [] if arguments.no_picture else [*on_demand.DRESS_PICTURES]
     drawn += [render.movie_file(directory)[0].name] if arguments.movie else []

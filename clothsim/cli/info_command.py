@@ -81,7 +81,7 @@ def _scenes(arguments: argparse.Namespace) -> Report:
 
 def _keys(arguments: argparse.Namespace) -> Report | int:
     if arguments.section and (arguments.json_schema or arguments.markdown):
-        raise InputError("--json-schema and --markdown are of all sections.", "Leave the section out.")
+        raise InputError("--json-schema and --markdown print all sections.", "Leave the section out.")
     if arguments.json_schema:
         print(engine.reference_text("json"))
         return 0

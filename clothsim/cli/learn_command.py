@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from clothsim.study.farm.recipe import Recipe
 
 _LEARN = """\
-Learn a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model". With --motion it
-is of a garment on moving bodies, from a farm of clips or its recipe; errors are those on what was held out.
+Train a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model". With --motion it
+models a garment on moving bodies, from a farm of clips or its recipe. Errors are those on the data that were held out.
 
   clothsim learn drapes -o model.npz
   clothsim learn shirt_in_motion --motion -o moving.npz     farm and training in one command
@@ -60,7 +60,7 @@ def _learn(arguments: argparse.Namespace) -> Report | int:
     given = {"--held-kind": arguments.held_kind, "--kind": arguments.kind, "--model": arguments.model}
     lost = [name for name, value in given.items() if value]
     if lost:
-        raise InputError(f"{lost[0]} is of models of motion.", "Add --motion, or leave it out.")
+        raise InputError(f"{lost[0]} is for models of motion.", "Add --motion, or leave it out.")
     components = 16 if arguments.components is None else arguments.components
     held_out = 0.25 if arguments.held_out is None else arguments.held_out
     made = on_demand.learn(on_demand.open_farm(arguments.directory), held_out, components)
@@ -78,13 +78,13 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     """Learn models of a garment in motion, from a farm or from the recipe of one."""
     directory, seed = arguments.directory, as_count("--seed", arguments.seed, least=0)
     if arguments.held_out is not None:
-        raise InputError("--held-out is of models of drapes.", "With --motion give --held-kind or --held-bodies.")
+        raise InputError("--held-out is for models of drapes.", "With --motion give --held-kind or --held-bodies.")
     if arguments.components is not None and arguments.components < 1:
         raise InputError(f"--components is {arguments.components}.", "Give a whole number from 1.")
     bodies = as_count("--held-bodies", arguments.held_bodies, least=0)
     if not directory.is_dir():
         recipe = read_recipe(directory)
-        _refuse_unknown_kind(recipe, arguments.held_kind)
+        _refuse_too_few(recipe, arguments.held_kind, bodies, seed)
         directory = arguments.output.with_name(f"{arguments.output.stem}_farm")
         worked, _ = make_drapes(recipe, directory, arguments)
         if not isinstance(worked, Report):
@@ -110,14 +110,15 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     return Report({**document, "errors": made.errors, "inside": made.inside}, text)
 
 
-def _refuse_unknown_kind(recipe: "Recipe", kind: str | None) -> None:
-    """InputError for a kind of motion that no clip of the recipe has, before they are made."""
-    drawn = [
-        values for k in range(recipe.count) for key, values in recipe.values(k).items() if key.endswith("motion.clip")
-    ]
-    kinds = sorted({str(clip).partition(":")[0] for clip in drawn})
-    if kind is not None and kinds and kind not in kinds:
-        raise InputError(f"The recipe has no motion of the kind {kind!r}.", f"It has {', '.join(kinds)}.")
+def _refuse_too_few(recipe: "Recipe", kind: str | None, bodies: int, seed: int) -> None:
+    """InputError where the clips of a recipe, not yet made, cannot be divided into those learned and held out."""
+    labels = []
+    for values in (recipe.values(k) for k in range(recipe.count)):
+        clip = next((str(value) for key, value in values.items() if key.endswith("motion.clip")), "")
+        body = {key: value for key, value in values.items() if key.startswith("body.") and ".motion" not in key}
+        labels.append((str(body), clip, clip.partition(":")[0]))
+    if any(clip for _, clip, _ in labels):
+        on_demand.division(labels, kind, bodies, seed)
 
 
 def _missed(error: float, inside: float) -> str:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from clothsim.study.farm.work import work
     from clothsim.study.goal_report import NamedGoal, goal_lines
     from clothsim.study.learned_drapes import learn
-    from clothsim.study.learned_motion import SETS, learn_motion
+    from clothsim.study.learned_motion import SETS, division, learn_motion
     from clothsim.study.presets import with_preset
     from clothsim.study.report import answer, settings_text
     from clothsim.study.result import UNFINISHED

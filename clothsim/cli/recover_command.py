@@ -48,7 +48,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument("--views", type=Path, metavar="FILE", help="calibrated pictures (TOML), in place of --target")
     recover.add_argument("--on", type=Path, metavar="BODY", help="with --views and --pattern: dress BODY first")
     recover.add_argument("--free", metavar="NAMES", help="youngs_modulus,pattern.front.width")
-    recover.add_argument("--prior", action="store_true", help="weigh bending with 618 measured fabrics")
+    recover.add_argument("--prior", action="store_true", help="combine bending with 618 measured fabrics")
     recover.add_argument("--test", choices=("cusick",), help="outlines of drapes")
     recover.add_argument("--pattern", type=Path, metavar="FILE", help="pattern.json of a cloth of arrays")
     recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
@@ -67,7 +67,7 @@ def add_to(commands: Any) -> None:
 RECOVERY_NAME = "recovery.json"
 
 _RECOVER = """\
-Find numbers of a scene, fabric or pattern for which it hangs as a target or pictures show, with standard errors.
+Find the numbers with which a scene, fabric or pattern hangs as in a target or in pictures, with standard errors.
 
   clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
   clothsim recover skirt.toml --views views.toml --free pattern.front.width -o recovered

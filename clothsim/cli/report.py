@@ -103,8 +103,8 @@ SILENCE = 8.0
 class _Heard:
     """A stream that notes when it was written to; all else is that of the stream itself."""
 
-    def __init__(self, stream: IO[str], heard: deque[float]) -> None:
-        self._stream, self._heard = stream, heard
+    def __init__(self, stream: IO[str], heard: deque[float], over: Event) -> None:
+        self._stream, self._heard, self.over = stream, heard, over
 
     def write(self, text: str) -> int:
         """Write, and note the time."""
@@ -123,7 +123,7 @@ def never_silent(words: Sequence[str]) -> Iterator[None]:
         return
     before, over = (sys.stdout, sys.stderr), Event()
     heard: deque[float] = deque([monotonic()], maxlen=1)
-    sys.stdout, sys.stderr = (cast("TextIO", _Heard(stream, heard)) for stream in before)
+    sys.stdout, sys.stderr = (cast("TextIO", _Heard(stream, heard, over)) for stream in before)
 
     def watch() -> None:
         while not over.wait(1.0):
@@ -137,6 +137,12 @@ def never_silent(words: Sequence[str]) -> Iterator[None]:
     finally:
         over.set()
         sys.stdout, sys.stderr = before
+
+
+def end_watch() -> None:
+    """No further line of `never_silent`: from here on a command waits for a person, as a page does."""
+    if isinstance(sys.stdout, _Heard):  # stderr may be the stream of --json
+        sys.stdout.over.set()
 
 
 @contextmanager

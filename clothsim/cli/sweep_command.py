@@ -35,7 +35,7 @@ def add_to(commands: Any) -> None:
 
 def _sweep(arguments: argparse.Namespace) -> Report | int:
     if not arguments.vary:
-        raise InputError("Nothing varies.", "Write --vary solver.dt=.02,.01.")
+        raise InputError("Nothing varies.", "Write --vary solver.dt=0.02,0.01.")
     scene = scene_of(arguments)
     varied = dict(_values(text) for text in arguments.vary)
     recipe = on_demand.make_recipe(scene, {"until": scene.run_settings.until}, {}, varied)
@@ -53,11 +53,11 @@ def _sweep(arguments: argparse.Namespace) -> Report | int:
 
 
 def _values(text: str) -> tuple[str, Any]:
-    """Key and grid of "solver.dt=.02,.01"; each value is read as a number where it is one."""
+    """Key and grid of "solver.dt=0.02,0.01"; each value is read as a number where it is one."""
     key, equals, values = text.partition("=")
     given = _outside_brackets(values)
     if not equals or not given:
-        raise InputError(f"--vary {text!r} names no values.", "Write --vary solver.dt=.02,.01.")
+        raise InputError(f"--vary {text!r} names no values.", "Write --vary solver.dt=0.02,0.01.")
     return key.strip(), {"grid": [_value(part) for part in given]}
 
 

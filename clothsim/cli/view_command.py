@@ -13,7 +13,7 @@ from clothsim import files
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import add_output_options, as_count
-from clothsim.cli.report import Report
+from clothsim.cli.report import Report, end_watch
 
 if TYPE_CHECKING:
     from clothsim.viewer.served import Served
@@ -87,6 +87,7 @@ def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
     Report({"url": page.url}, f"{page.url} shows {what}. Ctrl-C ends it.").show(arguments)
     if arguments.browser and not webbrowser.open(page.url):
         print(f"No browser was found: open {page.url}.", file=sys.stderr)
+    end_watch()
     page.wait()
     return 0
 

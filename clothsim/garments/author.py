@@ -211,10 +211,11 @@ def _refuse_other_form(quick: bool, free: Sequence[str], rest: bool, rate: float
     """InputError for an option that the form has not: it would change nothing."""
     if quick and (free or not rest):
         raise InputError(
-            f"--quick explains no edit: {'--free' if free else '--no-rest'} changes nothing.", "Leave out one of both."
+            f"--quick explains no edit: {'--free' if free else '--no-rest'} changes nothing.",
+            "Leave out one of the two.",
         )
     if not quick and (space is not None or rate != RATE):
-        raise InputError(f"{'--rate' if space is None else '--space'} is of the quick form.", "Add --quick.")
+        raise InputError(f"{'--rate' if space is None else '--space'} is for the quick form.", "Add --quick.")
 
 
 def _recovered(

@@ -4,7 +4,6 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import renamed
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.base.stopwatch import Stopwatch
 from clothsim.engine import Fabric, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import stretch_range, worst_gap
@@ -124,7 +124,7 @@ def short_name(pattern: str | Path) -> str:
 REMEDY = "Look at the pattern (pattern.svg) and at the panels as placed: `clothsim check` names what intersects."
 
 
-def write_results(done: "Dress", name: str, size: float, seconds: float) -> None:
+def write_results(done: "Dress", name: str, size: float, watch: Stopwatch) -> None:
     """Write the garment, its pattern, the drawing, and the stages in the summary."""
     directory = done.directory
     directory.mkdir(parents=True, exist_ok=True)
@@ -150,7 +150,8 @@ def write_results(done: "Dress", name: str, size: float, seconds: float) -> None
         "stretch_low": low,
         "stretch_high": high,
         "notes": [*done.notes, *previous["notes"]],
-        "dress_seconds": seconds,
+        "dress_seconds": watch.wall_seconds(),
+        "cpu_seconds": watch.cpu_seconds(),
     }
     if done.status == "failed":
         position = done.counts.position
@@ -266,7 +267,7 @@ def dress(
     >>> clothsim.dress("shirt_specification.json", on="body.obj", output="worn").status  # doctest: +SKIP
     'completed'
     """
-    started = perf_counter()
+    watch = Stopwatch()
     chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
     directory = _directory(output, overwrite, (pattern, on, made_for, seams))
     if not isinstance(pattern, str | Path | Pattern):
@@ -310,7 +311,7 @@ def dress(
         grading,
         done.tight,
     )
-    write_results(worn, name, size, perf_counter() - started)
+    write_results(worn, name, size, watch)
     return worn
 
 

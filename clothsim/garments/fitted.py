@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.inputs import refuse_uncallable
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
+from clothsim.base.stopwatch import Stopwatch
 from clothsim.engine import fabric_named, refuse_earlier_run
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
@@ -204,7 +204,7 @@ def fit(
     clothsim.base.errors.InputError: ...
     """
     refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
-    started = perf_counter()
+    watch = Stopwatch()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
     refuse_earlier_run(directory, overwrite, LEFT, (garment, to, made_for, markers))
     named = fabric or (garment.fabric if isinstance(garment, Cloth) else Cloth.fabric)
@@ -236,7 +236,7 @@ def fit(
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory)
     task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress, announce)
-    return _finish_fit(task, run_fit(task), started)
+    return _finish_fit(task, run_fit(task), watch)
 
 
 def _read_body(body: Any, scale: float | None, group: str | Sequence[str] | None) -> BodyMesh:
@@ -255,7 +255,7 @@ def _target(body: Any, scale: float | None, group: str | Sequence[str] | None) -
     return read_body_mesh(body, scale=scale, group=group, option="--scale-to") if in_file else as_body_mesh(body)
 
 
-def _finish_fit(task: Task, state: FitState, started: float) -> Fit:
+def _finish_fit(task: Task, state: FitState, watch: Stopwatch) -> Fit:
     """Check the fitted garment and write the results."""
     assert state.outcome is not None
     status, reason, run, stages, carried = state.outcome
@@ -289,11 +289,11 @@ def _finish_fit(task: Task, state: FitState, started: float) -> Fit:
         carried if answer is stages[-1] else NO_ROWS,
         tight,
     )
-    _write(done, perf_counter() - started)
+    _write(done, watch)
     return done
 
 
-def _write(done: Fit, seconds: float) -> None:
+def _write(done: Fit, watch: Stopwatch) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
     division, positions = done.garment.division, done.complete_positions
     whole = division.whole if division.embedded else done.garment.triangles
@@ -315,7 +315,8 @@ def _write(done: Fit, seconds: float) -> None:
         "tight": tight_entries(done.tight),
         "notes": [*done.notes, *previous["notes"]],
         "pieces": division.as_dict(),
-        "fit_seconds": seconds,
+        "fit_seconds": watch.wall_seconds(),
+        "cpu_seconds": watch.cpu_seconds(),
     }
     if len(done.carried):
         middle = done.positions[done.carried].mean(axis=0).tolist()

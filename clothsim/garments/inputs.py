@@ -397,6 +397,6 @@ def _guess_unit(file: Path, extent: float, option: str) -> tuple[float, tuple[st
             guess = f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
             return factor, () if unit == "m" else (guess,)
     raise InputError(
-        f"{file} is {extent:.3g} units tall, which is a person in no unit of {', '.join(UNITS)}.",
+        f"{file} is {extent:.3g} units tall, which is a person's height in none of the units {', '.join(UNITS)}.",
         f"Give its unit with {option} METRES_PER_UNIT, which may be anything.",
     )

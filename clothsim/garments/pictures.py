@@ -153,11 +153,11 @@ DRESS_PICTURES = PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"
 VIEWS = (("front", (0.3, 0.12, 1.0)), ("back", (0.3, 0.12, -1.0)))
 """View directions along x, up, and the direction that the body faces."""
 ABOVE = 0.25
-"""Height of the body that is shown above and below the garment, as a fraction of the garment's."""
+"""Height of the body above and below the garment in a picture of its stretch, as a fraction of the garment's."""
 
 
 def draw_dress(done: "Dress") -> list[Path]:
-    """Write placed.png, worn.png in plain colour with its seams, and stretch.png; returns their paths."""
+    """Write placed.png and worn.png, in plain colour with the seams, and stretch.png; returns their paths."""
     title = {"completed": "worn", "sewn": "sewn, not draped"}.get(done.status, done.status)
     placed = garment_surface(done.placed, done.placed.positions, fabrics=done.fabrics)
     worn = garment_surface(done.state, done.state.positions, fabrics=done.fabrics)
@@ -182,19 +182,20 @@ def draw_outfit(done: "Outfit") -> Path:
 
 
 def _pair(file: Path, title: str, garments: Sequence[Surface], body: BodyMesh) -> Path:
-    """Write a picture from the front and from the back side by side."""
+    """Write front and back side by side: the whole figure, or the garment's stretch."""
+    whole = not len(garments[0].principal_stretches)
     surfaces = [*garments, body_surface_look(body)]
     panels = []
     for side, view in VIEWS:
         setup = picture_setup(
             [surfaces],
             size=SIZE,
-            colour="stretch" if len(garments[0].principal_stretches) else "plain",
+            colour="plain" if whole else "stretch",
             up=body.up,
             view=view_of(view, body),
             title=f"{title}, {side}",
             renderer="auto",
-            focus=_focus(np.concatenate([each.positions for each in garments]), body),
+            focus=_focus(np.concatenate([each.positions for each in garments]), body, whole),
         )
         panels.append(rendered(setup, surfaces))
     Image.fromarray(np.hstack(panels)).save(file, format="PNG")
@@ -208,8 +209,10 @@ def view_of(view: tuple[float, float, float], body: BodyMesh) -> Floats:
     return np.asarray(left * np.cross(body.up, forward) + up * body.up + front * forward, np.float64)
 
 
-def _focus(positions: Floats, body: BodyMesh) -> Floats:
-    """Points that the picture shows: the garment, and the body beside it."""
+def _focus(positions: Floats, body: BodyMesh, whole: bool) -> Floats:
+    """Points that the picture shows: the garment and the body, from head to feet or beside the garment."""
+    if whole:
+        return np.concatenate([positions, body.positions])
     levels, own = body.positions @ body.up, positions @ body.up
     room = ABOVE * float(np.ptp(own))
     near = (levels > own.min() - room) & (levels < own.max() + room)

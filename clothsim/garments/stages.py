@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any, Generic, Protocol, TypeVar
 
 from clothsim import Gravity, Progress, Run, Scene, simulate
@@ -22,7 +22,7 @@ Announcement = Callable[[Session], None]
 
 @dataclass(frozen=True)
 class Stage:
-    """Stage of a fit: name, seconds, positions (n, 3) [m] after it, their counts on the body; description: one line."""
+    """Stage of a fit: name, CPU seconds, positions (n, 3) [m] after it, their counts on the body; a line of text."""
 
     name: str
     seconds: float
@@ -67,12 +67,12 @@ def staged(
 ) -> Stage:
     """Run a stage: `make` returns its positions and a description; checked on `body`, then `on_stage` is called.
 
-    started: where the stage began before this call, its `perf_counter`; carried: called after `make`, the vertices that
+    started: where the stage began before this call, its `process_time`; carried: called after `make`, the vertices that
     the body carries (`penetrations`).
     """
-    started = perf_counter() if started is None else started
+    started = process_time() if started is None else started
     positions, description = make()
-    seconds = perf_counter() - started
+    seconds = process_time() - started
     stage = Stage(name, seconds, positions, counted(positions, triangles, body, carried()), description)
     on_stage(stage)
     return stage

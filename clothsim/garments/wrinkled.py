@@ -144,7 +144,7 @@ def refuse_unfit(run: "Run", parts: int) -> None:
     if run.status != "completed":
         raise InputError(f"The run {where} {_STATUS.get(run.status, run.status)}.", "Wrinkle one that is completed.")
     if not len(run.triangles):
-        raise InputError(f"The run {where} has no cloth.", "Wrinkles are of cloth.")
+        raise InputError(f"The run {where} has no cloth.", "Wrinkles need cloth.")
     if run.scene.rods:
         raise InputError(f"The run {where} has rods, which get no wrinkles.", "Take a scene without [[rod]].")
     if run.scene.rigid_bodies:

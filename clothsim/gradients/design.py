@@ -147,7 +147,7 @@ def design(
         raise InputError("A design needs aims, and free numbers of the pattern.", "Name some, as pattern.front.height.")
     shaped = shaped_scene(scene, pattern)
     if len(shaped.scene.cloths) != 1:
-        raise InputError(f"The scene has {len(shaped.scene.cloths)} cloths.", "A design is of one.")
+        raise InputError(f"The scene has {len(shaped.scene.cloths)} cloths.", "A design needs exactly one.")
     numbers = shaped.numbers
     origin, sizes = np.array([numbers.value(path) for path in paths]), [numbers.size(path) for path in paths]
     tied = mirrored(numbers, paths) if symmetric else np.eye(len(paths))

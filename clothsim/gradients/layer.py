@@ -453,7 +453,8 @@ def layer(scene: Scene) -> Layer:
     """
     if not isinstance(scene, Scene):
         raise InputError(
-            f"A layer is of a clothsim.Scene, not of {shown(scene)}.", 'Load one: clothsim.load_scene("scene.toml").'
+            f"A layer is made from a clothsim.Scene, not from {shown(scene)}.",
+            'Load one: clothsim.load_scene("scene.toml").',
         )
     scene.refuse_without_cloth("a layer")
     held = pilot(scene)

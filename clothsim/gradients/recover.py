@@ -274,9 +274,9 @@ def recover(
 def _refuse_no_prior(paths: Sequence[str], loss: Loss) -> None:
     """InputError where the prior says nothing, or the loss does not tell how well it knows."""
     if not any(path.rpartition(".")[2] in WEIGHTS and path.startswith("cloth.") for path in paths):
-        raise InputError("The prior is of stiffnesses of bending, and none is free.", f"Free {', '.join(WEIGHTS)}.")
+        raise InputError("The prior covers bending stiffnesses, and none is free.", f"Free {', '.join(WEIGHTS)}.")
     if any(path.endswith(".density") for path in paths):
-        raise InputError("The prior is one for a weight, and the density is free.", "Weigh the cloth.")
+        raise InputError("The prior is for a cloth of known weight, and the density is free.", "Weigh the cloth.")
     if residuals_of(loss) is None:
         raise InputError("The prior needs a loss that is a sum of squares.", "Take a target of points.")
 

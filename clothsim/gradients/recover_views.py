@@ -160,9 +160,9 @@ def _with_prior(fit: ViewFit) -> tuple[ViewFit, str]:
     paths = fit.problem.paths
     bending = [k for k, path in enumerate(paths) if path.startswith("cloth.") and path.rpartition(".")[2] in WEIGHTS]
     if not bending:
-        raise InputError("The prior is of stiffnesses of bending, and none is free.", f"Free {', '.join(WEIGHTS)}.")
+        raise InputError("The prior covers bending stiffnesses, and none is free.", f"Free {', '.join(WEIGHTS)}.")
     if any(path.endswith(".density") for path in paths):
-        raise InputError("The prior is one for a weight, and the density is free.", "Weigh the cloth.")
+        raise InputError("The prior is for a cloth of known weight, and the density is free.", "Weigh the cloth.")
     density = world_of(fit.problem.scene).cloths[0].fabric.density
     before = bending_prior(tuple(paths[k].rpartition(".")[2] for k in bending), density)
     mean, precision = fit.mean.copy(), fit.precision.copy()

@@ -118,7 +118,7 @@ class Trace:
     def _state_of(self, frame: int) -> int:
         states = self.frame_states
         if not -len(states) <= frame < len(states):
-            raise InputError(f"The loss is of frame {frame}, and the run has {len(states)}.")
+            raise InputError(f"The loss is for frame {frame}, and the run has {len(states)}.")
         return states[frame]
 
 

@@ -86,6 +86,11 @@ class Membrane(EffectKeys):
     warp: Annotated[Curve, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
     weft: Annotated[Curve, Key("Measured curve along the weft: rows of strain and stress", "1, N/m")] = ()
     shear: Annotated[Curve, Key("Measured curve in shear: rows of the sine of the angle and stress", "1, N/m")] = ()
+    narrowing_warp: Annotated[
+        Curve,
+        Key("Measured narrowing along the warp: rows of strain and of the strain that it takes from the width", "1"),
+    ] = ()
+    narrowing_weft: Annotated[Curve, Key("The same along the weft", "1")] = ()
     elements: Annotated[
         Literal["triangles", "pairs"], Key("Constant strain per triangle, or per pair of them, which lock less")
     ] = "triangles"

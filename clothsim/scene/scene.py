@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import tomli_w
 
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import shown, table
@@ -193,7 +194,7 @@ class Scene:
     def refuse_without_cloth(self, what: str) -> None:
         """InputError for a scene of rigid bodies alone, where `what` is a measure of cloth."""
         if not self.cloths:
-            raise InputError(f"The scene has no cloth: {what} is of cloth.", "Add a [cloth], or leave it out.")
+            raise InputError(f"The scene has no cloth, and {what} needs one.", "Add a [cloth], or leave it out.")
 
     @property
     def up(self) -> tuple[float, ...]:
@@ -238,6 +239,26 @@ class Scene:
         directory = Path(self.directory).resolve()
         moves = here is not None and here.resolve() == directory
         return json.dumps({**sections, "directory": "." if moves else str(directory)}, default=_plain)
+
+    def to_toml(self) -> str:
+        """The text of a scene file in `directory`, which `load_scene` reads back as the same scene.
+
+        For a file elsewhere: `scene.starting_at(folder).to_toml()`. Meshes in memory are in the text.
+
+        Raises
+        ------
+        InputError
+            For a scene with a Python function.
+
+        Examples
+        --------
+        >>> import clothsim
+        >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "cells": [4, 4]}, effects=[clothsim.Gravity()])
+        >>> "[effects.gravity]" in scene.to_toml()
+        True
+        """
+        sections = json.loads(self.to_text())
+        return tomli_w.dumps({name: _without_none(keys) for name, keys in sections.items() if name != "directory"})
 
     def starting_at(self, directory: Path) -> "Scene":
         """The scene with another folder at which its file names start; the files that it names keep their places.
@@ -364,6 +385,13 @@ def _refuse_functions(where: str, value: Any) -> None:
             f"{where} is the Python function {name!r}: such a scene can be neither printed nor farmed.",
             "Give a number or key frames [[time, value], ...], or simulate in this program.",
         )
+
+
+def _without_none(value: Any) -> Any:
+    """Tables and lists without what is None, which TOML has no word for."""
+    if isinstance(value, Mapping):
+        return {key: _without_none(entry) for key, entry in value.items() if entry is not None}
+    return [_without_none(entry) for entry in value] if isinstance(value, list) else value
 
 
 def _plain(value: Any) -> Any:

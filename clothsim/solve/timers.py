@@ -41,32 +41,92 @@ class EffectCounters:
     parts: dict[str, float] = field(default_factory=dict)
 
 
-class _Call:
-    """Timer of one effect call; a class, as a generator-based context manager is too slow for 60 calls an iteration."""
-
-    __slots__ = ("counter", "counters", "start", "timers")
-
-    def __init__(self, timers: "Timers", counters: EffectCounters, counter: str) -> None:
-        self.timers, self.counters, self.counter = timers, counters, counter
-
-    def __enter__(self) -> EffectCounters:
-        self.start = self.timers._open()
-        return self.counters
-
-    def __exit__(self, *failure: object) -> None:
-        counters, counter = self.counters, self.counter
-        own = self.timers._close(self.start)
-        with self.timers._lock:
-            counters.seconds += own
-            if counter:
-                setattr(counters, counter, getattr(counters, counter) + 1)
-
-
 class _Inside(threading.local):
     """For each open measurement of a thread the seconds that nested ones have been charged."""
 
     def __init__(self) -> None:
         self.charged: list[float] = []
+
+
+class _Measurement:
+    """An open measurement; a class, as a generator-based context manager is too slow for 60 of them an iteration.
+
+    The clock is a system call of a microsecond: it is read once at each border.
+    """
+
+    __slots__ = ("charged", "start", "timers")
+
+    def __init__(self, timers: "Timers") -> None:
+        self.timers, self.charged = timers, timers._inside.charged
+
+    def open(self) -> None:
+        """Begin."""
+        self.charged.append(0.0)
+        self.start = thread_time()
+
+    def close(self) -> float:
+        """Seconds since `open`, less those charged to nested measurements."""
+        elapsed = thread_time() - self.start
+        own = elapsed - self.charged.pop()
+        if self.charged:
+            self.charged[-1] += elapsed
+        return own
+
+
+class _Call(_Measurement):
+    """One call of an effect."""
+
+    __slots__ = ("counter", "name")
+
+    def __init__(self, timers: "Timers", name: str, counter: str) -> None:
+        super().__init__(timers)
+        self.name, self.counter = name, counter
+
+    def __enter__(self) -> None:
+        self.open()
+
+    def __exit__(self, *failure: object) -> None:
+        self.timers.charge(self.name, self.counter, self.close())
+
+
+class _Phase(_Measurement):
+    """A phase that belongs to no effect."""
+
+    __slots__ = ("name",)
+
+    def __init__(self, timers: "Timers", name: str) -> None:
+        super().__init__(timers)
+        self.name = name
+
+    def __enter__(self) -> None:
+        self.open()
+
+    def __exit__(self, *failure: object) -> None:
+        own, phases = self.close(), self.timers.phases
+        with self.timers._lock:
+            phases[self.name] = phases.get(self.name, 0.0) + own
+
+
+class EffectsInTurn(_Measurement):
+    """Calls of one effect after the other, each charged the time since the one before."""
+
+    __slots__ = ("before",)
+
+    def __enter__(self) -> "EffectsInTurn":
+        self.open()
+        self.before = self.start
+        return self
+
+    def done(self, name: str, counter: str) -> None:
+        """Charge an effect with what was done since the last call."""
+        now, inside = thread_time(), self.charged[-1]
+        self.timers.charge(name, counter, now - self.before - inside)
+        self.before, self.charged[-1] = now, 0.0
+
+    def __exit__(self, *failure: object) -> None:
+        inside = self.charged.pop()  # since the last border, where an error ended the call
+        if self.charged:
+            self.charged[-1] += self.before - self.start + inside
 
 
 @dataclass
@@ -82,26 +142,30 @@ class Timers:
     linear_solves: int = 0
     elimination_seconds: float = 0.0
     """Seconds spent on nonlinear elimination; they are counted under effects and phases too."""
-    _open_measurements: "_Inside" = field(default_factory=_Inside, repr=False)
+    _inside: _Inside = field(default_factory=_Inside, repr=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
-    def effect(self, name: str, counter: str) -> "_Call":
+    def effect(self, name: str, counter: str) -> _Call:
         """Time one call of an effect and count it under `counter`."""
+        return _Call(self, name, counter)
+
+    def effects_in_turn(self) -> EffectsInTurn:
+        """Time calls of effects that follow one another: `done` ends each of them."""
+        return EffectsInTurn(self)
+
+    def phase(self, name: str) -> _Phase:
+        """Time a phase that belongs to no effect."""
+        return _Phase(self, name)
+
+    def charge(self, name: str, counter: str, seconds: float) -> None:
+        """Add the seconds of a call to an effect, and count it under `counter` where that is given."""
         counters = self.effects.get(name)
         if counters is None:
             counters = self.effects[name] = EffectCounters()
-        return _Call(self, counters, counter)
-
-    @contextmanager
-    def phase(self, name: str) -> Iterator[None]:
-        """Time a phase that belongs to no effect."""
-        start = self._open()
-        try:
-            yield
-        finally:
-            own = self._close(start)
-            with self._lock:
-                self.phases[name] = self.phases.get(name, 0.0) + own
+        with self._lock:
+            counters.seconds += seconds
+            if counter:
+                setattr(counters, counter, getattr(counters, counter) + 1)
 
     @contextmanager
     def patch(self) -> Iterator[None]:
@@ -109,16 +173,3 @@ class Timers:
         start = thread_time()
         yield
         self.elimination_seconds += thread_time() - start
-
-    def _open(self) -> float:
-        self._open_measurements.charged.append(0.0)
-        return thread_time()
-
-    def _close(self, start: float) -> float:
-        """Seconds since `start`, less those charged to nested measurements."""
-        elapsed = thread_time() - start
-        inside = self._open_measurements.charged
-        own = elapsed - inside.pop()
-        if inside:
-            inside[-1] += elapsed
-        return own

@@ -181,10 +181,10 @@ def recover_drape(
     own = own or {}
     found_here = next((key for key in own if key.startswith(("bending_", "rest_curvature_"))), None)
     if found_here:
-        raise InputError(f"{found_here} is what the outlines are to tell.", "Leave it out.")
+        raise InputError(f"{found_here} is what the outlines are to determine.", "Leave it out.")
     density = as_positive("density", own["density"]) if "density" in own else None
     if prior and density is None:
-        raise InputError("The prior is one for a weight.", "Set density in kg/m2.")
+        raise InputError("The prior is for a cloth of known weight.", "Set density in kg/m2.")
     message = message or (lambda line: None)
     lay = simulate or (lambda cloth, size: [each.shape.coefficient for each in lays(cloth, count, size)])
     sides = [float(coefficients[side == s].mean()) for s in (1, -1) if (side == s).any()]

@@ -66,7 +66,7 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
         For a farm of animated runs, without varied numbers, with too few drapes, or that is not what was verified.
     """
     if not 0 <= held_out <= 0.9:
-        raise InputError(f"The fraction held out is {held_out:g}.", "Give a number from 0 to .9, such as .25.")
+        raise InputError(f"The fraction held out is {held_out:g}.", "Give a number from 0 to 0.9, such as 0.25.")
     if components < 1:
         raise InputError(f"{components} components were asked for.", "Give a whole number from 1.")
     inputs = _inputs(farm)
@@ -110,7 +110,7 @@ def alike(farm: Farm) -> tuple[list[dict[str, Any]], Floats, int]:
     """Usable drapes with the mesh that most have, the areas of its vertices, and the number of others."""
     usable = [row for row in manifest(farm) if row["usable"]]
     if not usable:
-        raise InputError("No drape of the farm is usable.", "`clothsim farm status DIR` tells the causes.")
+        raise InputError("No drape of the farm is usable.", "`clothsim farm status DIR` names the causes.")
     meshes = [_meshes(farm, row) for row in usable]
     keys = [each[0].tobytes() for each in meshes]
     most = Counter(keys).most_common(1)[0][0]

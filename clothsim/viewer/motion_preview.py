@@ -6,17 +6,16 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from clothsim import Scene
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.engine import MovingGarment, judged_motion
 from clothsim.viewer.gate import Gate
+from clothsim.viewer.page import up_direction
 from clothsim.viewer.preview import CLEAR, DRAPED, add_surfaces, put_cloth
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
-
-if TYPE_CHECKING:
-    pass
 
 REPAIRED = (205, 170, 90)
 """Colour of a frame that was repaired."""
@@ -31,6 +30,8 @@ class MotionPreview(Served):
     ----------
     rate : float
         Frames a second of the motion [1/s].
+    up : (3,) array
+        Unit vector; across it the view follows the figure.
     frames : list of JudgedFrame
         Those that are judged so far; all others follow in their order.
     fault : str
@@ -38,6 +39,7 @@ class MotionPreview(Served):
     """
 
     rate: float
+    up: Floats
     frames: list[Any] = field(default_factory=list)
     fault: str = ""
 
@@ -48,9 +50,11 @@ class MotionPreview(Served):
         """Show a frame with its verdict, and return it: the last that is judged, where it is a later one."""
         with self._lock:
             frame = self.frames[min(number, len(self.frames) - 1)]
-            put_cloth(self.nodes, frame.cloth, COLOURS[frame.verdict])
+            way = frame.cloth.mean(axis=0) - self.frames[0].cloth.mean(axis=0)
+            way -= (way @ self.up) * self.up
+            put_cloth(self.nodes, frame.cloth - way, COLOURS[frame.verdict])
             for node, points in zip(self.nodes["bodies"], frame.bodies, strict=True):
-                node.vertices = points.astype("float32")
+                node.vertices = (points - way).astype("float32")
             self.controls["verdict"].content = verdict_text(frame)
             self.controls["counts"].content = self.counts_text()
         return frame
@@ -102,8 +106,9 @@ def preview_motion(
     coming = judged_motion(garment, made)
     first = next(coming)
     gate = Gate(host, trusted)
-    page = MotionPreview(made.rate, [first], server=serve(viser, gate, port), gate=gate)
-    page.nodes |= add_surfaces(page.server, garment.judge, first, scene.up)
+    up = up_direction(scene.up)
+    page = MotionPreview(made.rate, up, [first], server=serve(viser, gate, port), gate=gate)
+    page.nodes |= add_surfaces(page.server, garment.judge, first, up)
     gui = page.server.gui
     gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     page.controls["verdict"] = gui.add_markdown("")

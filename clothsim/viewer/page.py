@@ -247,30 +247,71 @@ def add_body(server: Any, name: str, points: Floats, triangles: Ints) -> Any:
     )
 
 
-PANEL = 0.18
-"""The first camera looks past the middle to the right by this part of the extent: the panel covers that side."""
 BODY = (146, 137, 128)
 """Colour of bodies: darker than the cloth and than the background."""
+PANEL_WIDTH, NARROW = 416.0, 640.0
+"""The panel's part of a window [px], at the right; in a narrower window than this it covers the lower half."""
+FILLED = 0.8
+"""Part of what the panel leaves free that the points fill in the first view."""
+
+
+def first_view(points: Floats, up: Floats, fov: float, width: float, height: float) -> tuple[Floats, Floats]:
+    """Position of a camera and the point that it looks at, both (3,) [m].
+
+    From the front and above, all points are seen beside the panel.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        What is seen [m].
+    up : (3,) array
+        Unit vector.
+    fov : float
+        Vertical angle of view [rad].
+    width, height : float
+        Of the window [px].
+    """
+    across = np.cross(up, [0.0, 1.0, 0.0] if abs(up[1]) < 0.9 else [1.0, 0.0, 0.0])
+    backward = 0.42 * across - 0.95 * np.cross(across, up) + 0.42 * up
+    backward /= np.linalg.norm(backward)
+    right = np.cross(up, backward)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(backward, right), backward])
+    seen = points @ axes.T
+    focal = height / 2 / np.tan(fov / 2)
+    free = np.array([width, height / 2] if width < NARROW else [width - PANEL_WIDTH, height])
+    centre = (free - [width, height]) / [2.0, -2.0]  # the free part begins at the left and at the top
+    # A point (x, y, z) is seen at (x - eye_x) / (eye_z - z): between slopes low and high where
+    # eye_x + low eye_z <= x + low z and x + high z <= eye_x + high eye_z.
+    low, high = (centre - FILLED * free / 2) / focal, (centre + FILLED * free / 2) / focal
+    depths = seen[:, 2:]
+    first, last = np.min(seen[:, :2] + low * depths, axis=0), np.max(seen[:, :2] + high * depths, axis=0)
+    distance = np.max((last - first) / (high - low))
+    eye = np.array([*(first - low * distance + last - high * distance) / 2, distance])
+    middle = distance - depths.mean()
+    return eye @ axes, (eye - [0.0, 0.0, middle]) @ axes
+
+
+def up_direction(up: Any) -> Floats:
+    """Unit vector (3,) of a direction; of any text +z."""
+    return np.array([0.0, 0.0, 1.0]) if isinstance(up, str) else np.array(up) / np.linalg.norm(up)
 
 
 def look_at(server: Any, points: Floats, up: Any) -> float:
-    """Let the first camera see all `points (n, 3)` from the front and above; their extent [m].
+    """Let each window begin with all `points (n, 3)` in view; their extent [m].
 
     up: a direction, or any text for +z.
     """
-    direction = np.array([0.0, 0.0, 1.0]) if isinstance(up, str) else np.array(up) / np.linalg.norm(up)
+    direction = up_direction(up)
     server.scene.set_up_direction(tuple(direction))
-    low, high = points.min(axis=0), points.max(axis=0)
-    size = float(np.linalg.norm(high - low))
-    across = np.cross(direction, [0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0])
-    away = np.cross(across, direction)
-    backward = 0.42 * across - 0.95 * away + 0.42 * direction
-    right = np.cross(direction, backward)
-    middle = (low + high) / 2 + PANEL * size * right / np.linalg.norm(right)
-    server.initial_camera.look_at = middle
-    server.initial_camera.position = middle + size * backward
-    server.initial_camera.up = direction
-    return size
+
+    def frame(client: Any) -> None:
+        own = client.camera
+        position, target = first_view(points, direction, own.fov, own.image_width, own.image_height)
+        own.up_direction, own.position, own.look_at = direction, position, target
+
+    server.on_client_connect(frame)
+    return float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
 
 
 def add_controls(page: Page, names: list[str]) -> None:

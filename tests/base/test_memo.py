@@ -20,6 +20,14 @@ def test_the_last_places_are_known_by_their_numbers():
     assert asked == [0.0, 1.0, 2.0, 0.0]
 
 
+def test_the_first_place_of_a_solve_is_known_at_its_end():
+    asked = []
+    first, x = Memo(keeps_first=True), np.zeros((1, 3))
+    for k in (0.0, 1.0, 2.0, 3.0, 0.0, 3.0, 2.0, 1.0):
+        first.at(np.full_like(x, k), lambda x: asked.append(x[0, 0]))
+    assert asked == [0.0, 1.0, 2.0, 3.0, 1.0]
+
+
 def test_what_is_not_finite_is_asked_again():
     asked = []
     lately = Memo()

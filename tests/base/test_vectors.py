@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.base.vectors import as_rows, equal, taken
+from clothsim.base.vectors import add_to, as_rows, equal, lengths, taken
 
 
 @pytest.mark.parametrize("rows", [[], [3], [0, 1, 2], [2, 3, 4, 5], [0, 2], [0, 1, 3], [1, 2, 3, 5, 6]])
@@ -32,3 +32,16 @@ def test_arrays_of_different_length_are_not_the_same(few, many):
     x = np.arange(3.0 * many).reshape(many, 3)
     assert not equal(x, x[:few].copy())
     assert not equal(x[:few].copy(), x)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 300])
+def test_lengths_have_the_bits_of_numpy_s_norm(count):
+    vectors = np.random.default_rng(count).normal(size=(count, 3)) * 10.0 ** np.arange(-3, 6, 3)
+    assert np.array_equal(lengths(vectors), np.linalg.norm(vectors, axis=1))
+
+
+def test_a_part_is_added_and_its_largest_component_returned():
+    total, part = np.ones((2, 3)), np.array([[0.5, -4.0, 1.0], [3.0, 0.0, 2.0]])
+    assert add_to(total, part) == 4.0
+    assert np.array_equal(total, 1.0 + part)
+    assert add_to(np.zeros((0, 3)), np.zeros((0, 3))) == 0.0

@@ -4,7 +4,7 @@
 Runs the named scenes (all by default) to their end, draws them in the style "studio" with the options of LOOKS, as
 docs/pictures/gallery/NAME.webp, and lists every scene between the marks of the page, with the picture of the example
 of its name where there is one. `--examples` runs those of EXAMPLES on their fine meshes instead, draws them as
-docs/pictures/examples/NAME.webp and writes the table of the README.
+docs/pictures/examples/NAME.webp and writes the table of the README and the cards of the home page.
 """
 
 import argparse
@@ -31,17 +31,25 @@ QUALITY = 90
 
 LOOKS = {
     "cape": "--colour #6b1f2a",
+    "cards": "--size 480x480 --colour firebrick/linen",
     "crease": "--size 480x360 --colour linen",
+    "funnel": "--size 480x360 --colour #3f5f8f/#eef0f4",
     "hanging": "--colour #3f5f8f",
     "hoody": "--colour #5b6f4a",
+    "impact": "--size 480x360 --colour #9c4a36",
     "jacket": "--colour #6a3d2f",
     "needles": "--size 480x360 --view=-0.5,-1,0.25 --colour #3f5f8f",
     "shirt": "--colour firebrick",
     "shirt_large": "--colour #3f5f8f/#eef0f4",
     "skirt": "--colour #2f4a6d",
     "sphere": "--colour #9c4a36",
+    "stack": "--size 480x360 --colour #c8963c",
     "study_cantilever": "--size 480x360 --view=-0.3,-1,0.15 --colour teal",
+    "study_over": "--size 480x360 --colour teal",
+    "study_strip": "--size 360x480 --colour teal",
     "tablecloth": "--size 480x360 --colour firebrick/linen",
+    "tube": "--size 480x360 --colour #35507c",
+    "twist": "--size 480x360 --colour #9c4a36",
 }
 """Options of `clothsim render` beside style and size, by scene; the last --size counts."""
 
@@ -91,7 +99,7 @@ EXAMPLES = (
     Example("tunic", "Six panels, sewn and worn", "dress tunic --on shirt --size 15mm", "--colour #9c4a36"),
     Example(
         "spin",
-        "A cloth that a ball takes along",
+        "A cloth that a turning ball drags round",
         "run spin --set cloth.cells=[80,80]",
         "--colour teal/linen",
     ),
@@ -136,8 +144,20 @@ def examples_text(examples: Sequence[Example]) -> str:
     for first in range(0, len(examples), COLUMNS):
         part = examples[first : first + COLUMNS]
         rows.append([f"![{each.caption}]({EXAMPLE_PICTURES}/{each.name}.webp)" for each in part])
-        rows.append([f"{each.caption}<br>`clothsim {each.command.split(' --set')[0]}`" for each in part])
+        rows.append([f"{each.caption}<br>`{begun(each)}`" for each in part])
     return markdown_table(rows[0], rows[1:])
+
+
+def example_cards(examples: Sequence[Example]) -> str:
+    """The same pictures as cards of the site's home page, which stand below one another on a phone."""
+    folder = EXAMPLE_PICTURES.relative_to("docs")
+    cards = [f"- ![{e.caption}]({folder}/{e.name}.webp)\n\n    {e.caption}\n\n    `{begun(e)}`" for e in examples]
+    return "\n\n".join(['<div class="grid cards" markdown>', *cards, "</div>"])
+
+
+def begun(example: Example) -> str:
+    """The command of an example without its settings."""
+    return f"clothsim {example.command.split(' --set')[0]}"
 
 
 def example_commands(examples: Sequence[Example]) -> str:
@@ -184,6 +204,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             for each in chosen:
                 draw(each, EXAMPLE_SIZE, arguments.runs or Path(scratch), ROOT / EXAMPLE_PICTURES / f"{each.name}.webp")
         write_between(ROOT / "README.md", "examples", examples_text(EXAMPLES))
+        write_between(ROOT / "docs/index.md", "examples", example_cards(EXAMPLES))
         write_between(arguments.page, "examples", example_commands(EXAMPLES))
         return 0
     scenes = sorted(SCENES.glob("*.toml"))

@@ -1,14 +1,15 @@
-"""Rendered truth on a body: the tunic that comes with the package, worn, in four pictures with noise.
+"""Rendered truth on a body: a worn garment, by default the tunic that comes with the package, in pictures with noise.
 
-`python -m tests.benchmarks.worn_views [-o FOLDER] [--size 4cm]`: a tunic with another hem, another length and twice the
-bending stiffness is sewn on the body of the scene `shirt` with a mesh of its own; `clothsim recover --views` sews the
-tunic as it is in its file, and looks for the three numbers.
+`python -m tests.benchmarks.worn_views [-o FOLDER] [--size 4cm] [--pattern FILE --on BODY --true PATH=FACTOR ...]`: a
+garment with another hem, another length and twice the bending stiffness is sewn on a body with a mesh of its own;
+`clothsim recover --views` sews the garment as it is in its file, and looks for these numbers.
 """
 
 import argparse
 import json
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from clothsim.patterns.specification import read_specification
 from tests.benchmarks import views
 
 PATTERN, BODY = "tunic", "shirt"
-TRUTH = {"pattern.front+back.flare": 1.08, "pattern.front+back.height": 0.94}
+TRUTH = ("pattern.front+back.flare=1.08", "pattern.front+back.height=0.94")
 """Factors of the hem's width and of the length."""
 BENDING = "cloth.bending_stiffness"
 
@@ -44,18 +45,20 @@ def cameras(middle, count: int = 4, size: tuple[int, int] = (320, 240)) -> list[
     return made
 
 
-def write_truth(folder: Path, size: float) -> tuple[Path, dict[str, float]]:
-    """Dress the true tunic, write its pictures, and return their file and the true numbers."""
-    file = engine.example_file(Path(PATTERN), "_specification.json")
+def write_truth(
+    folder: Path, size: float, pattern: str, body: str, factors: Mapping[str, float]
+) -> tuple[Path, dict[str, float]]:
+    """Dress the true garment, write its pictures, and return their file and the true numbers."""
+    file = engine.example_file(Path(pattern), "_specification.json")
     numbers = PatternNumbers(mesh_pattern(read_specification(file), 0.1))
-    true = {path: factor * numbers.value(path) for path, factor in TRUTH.items()}
+    true = {path: factor * numbers.value(path) for path, factor in factors.items()}
     folder.mkdir(parents=True, exist_ok=True)
     write_specification(folder / "true_specification.json", numbers.pattern(true))
     worn = clothsim.dress(
-        folder / "true_specification.json", engine.example_file(Path(BODY)), folder / "true", size=size, overwrite=True
+        folder / "true_specification.json", engine.example_file(Path(body)), folder / "true", size=size, overwrite=True
     )
     if worn.run is None:
-        raise SystemExit(f"the true tunic cannot be worn: {worn.reason}")
+        raise SystemExit(f"the true garment cannot be worn: {worn.reason}")
     scene = worn.run.scene
     world = traced(scene).session.built.world
     bending = float(world.cloths[0].fabric.bending_stiffness)
@@ -70,10 +73,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("worn_views_output"))
     parser.add_argument("--size", default="4cm", help="of the mesh of the fit; that of the truth is 35 mm")
+    parser.add_argument("--pattern", default=PATTERN)
+    parser.add_argument("--on", default=BODY)
+    parser.add_argument("--true", action="append", metavar="PATH=FACTOR", help="a number of the true pattern")
     given = parser.parse_args(arguments)
-    file, true = write_truth(given.output, 0.035)
+    pairs = (text.rsplit("=", 1) for text in given.true or TRUTH)
+    factors = {path: float(factor) for path, factor in pairs}
+    file, true = write_truth(given.output, 0.035, given.pattern, given.on, factors)
     before, out = time.process_time(), given.output / "recovered"
-    words = ["recover", "--views", str(file), "--pattern", PATTERN, "--on", BODY, "--size", given.size]
+    words = ["recover", "--views", str(file), "--pattern", given.pattern, "--on", given.on, "--size", given.size]
     code = command([*words, "--free", ",".join(true), "-o", str(out), "--overwrite"])
     found = json.loads((out / "recovery.json").read_text())
     for path, value in true.items():

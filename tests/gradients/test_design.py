@@ -111,6 +111,17 @@ def test_numbers_of_a_pattern(mesh):
     assert not field[mesh.faces["back"]].any()
 
 
+def test_a_pattern_that_is_cut_again_has_its_control_points_where_the_numbers_say(mesh):
+    """In the plane of the panel, though a curve is given relative to its ends; also where an end has moved."""
+    numbers = PatternNumbers(mesh)
+    place = numbers.number(CONTROLS[0])
+    cut = numbers.pattern({CONTROLS[0]: -0.02, "pattern.front.vertex[0].y": -0.01}).panels["front"]
+    edge = cut.edges[place.edge]
+    points = edge.curve.points(cut.vertices[edge.start], cut.vertices[edge.end])
+    assert cut.vertices[0, 1] == pytest.approx(-0.01)
+    assert points[1:-1][place.control, place.axis] == pytest.approx(-0.02, abs=1e-12)
+
+
 def test_mirror_images_change_together(mesh):
     paths = [f"pattern.front.edge[0].control[{k}].{axis}" for k in (0, 1) for axis in "xy"]
     tied = mirrored(PatternNumbers(mesh), [*paths, "pattern.front.flare"])

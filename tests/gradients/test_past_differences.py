@@ -1,8 +1,11 @@
 """Derivatives of each energy of THE table by the start of a step, against differences along directions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from bound_effects import unbound
+from bound_effects import table_world, unbound
+from effect_builders import built
 
 from clothsim.gradients.backward_pass import SLOTS, _replace_slot, _values, past_by_differences
 from clothsim.physics.contact.friction import FrictionEnergy
@@ -23,7 +26,19 @@ def _sensitivity(energy, step, x, a):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_start_of_a_step(name):
-    energy, step, x = unbound(name)
+    _compare(*unbound(name))
+
+
+def test_friction_of_a_contact_with_an_offset():
+    energy, step, x = unbound("friction")
+    keys = EFFECTS["body_contact"].example().keys | {"offset": 0.1}
+    contact = built("body_contact", table_world(), **keys)
+    assert len(energy.begin(replace(step, bound={"body_contact": contact})).elements) > 2
+    _compare(energy, replace(step, bound={"body_contact": contact}), x)
+
+
+def _compare(energy, step, x):
+    """Derivatives by each slot of the start with differences along two directions."""
     a = np.random.default_rng(1).standard_normal(x.shape)
     found = _sensitivity(energy, step, x, a)
     scale = np.linalg.norm(energy.begin(step).gradient(x)) * np.linalg.norm(a)

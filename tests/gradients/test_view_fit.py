@@ -64,6 +64,30 @@ def test_noise_moves_numbers_by_their_stated_errors(skirt, grain):
     assert of_pixels > (2.0 if grain else 0.6)
 
 
+def test_the_hessian_weighs_each_residual_by_its_pull_over_its_size(skirt):
+    """psi(r)/r of Huber's function; and the gradients of all blocks add up to that of the pictures."""
+    fit, x, moves = skirt
+    own, end = seen(fit, x, 0, 0.0)
+    gradient, hessian, blocks = own.linearised(end, moves)
+    wanted = own.precision.copy()
+    for each in end.parts:
+        rows, values = each.jacobian @ moves, each.values
+        pull = each.weights * np.clip(values, -each.huber, each.huber) / values
+        wanted += np.einsum("i,ij,ik->jk", pull, rows, rows)
+    np.testing.assert_allclose(hessian, wanted, rtol=1e-10)
+    of_pictures = gradient - own.precision @ (end.at - own.mean)
+    np.testing.assert_allclose(blocks.sum(axis=0), of_pictures, rtol=1e-9, atol=1e-12 * np.abs(of_pictures).max())
+
+
+def test_normals_that_are_left_out_count_as_those_at_60_degrees(skirt):
+    """|n - m| is 1 there, and the Huber function of it over the noise is h (r - h/2)."""
+    fit, x, _ = skirt
+    own, end = seen(fit, x, 0, 0.0)
+    parts = tuple(replace(each, left_out=1.0) for each in end.parts)
+    h, r = parts[1].huber, 1.0 / np.radians(5.0)
+    assert own.folds_misfit(replace(end, parts=parts)) == pytest.approx(h * (r - h / 2), rel=1e-12)
+
+
 def test_the_folds_that_pictures_show_fit_best(skirt):
     fit, x, _ = skirt
     own, end = seen(fit, x, 0, 0.0)

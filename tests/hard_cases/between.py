@@ -63,9 +63,12 @@ def drawn(run: Run) -> str:
 
 
 def pressed(small: bool) -> Scene:
-    """Four walls close on crumpling sheets, on a floor and under a lid, to a third of the length and the width."""
-    n, count, left = (6, 2, 0.6) if small else (16, 5, 1 / 3)
-    size, gap, speed, height = 0.2, 0.01, 0.2, 0.06
+    """Four walls close on crumpling sheets, on a floor and under a lid, to 0.6 of the length and the width.
+
+    There five sheets, each with a layer of d_hat, take 38 % of the room; at a third of both, 124 %.
+    """
+    n, count = (6, 2) if small else (16, 5)
+    size, gap, speed, height, left = 0.2, 0.01, 0.2, 0.06, 0.6
     inside = size + 2 * gap
     sheets = [
         {"name": f"sheet {k}", "mesh": "rectangle", "size": [size, size], "cells": [n, n]}

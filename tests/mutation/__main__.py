@@ -2,6 +2,7 @@
 
 import argparse
 import hashlib
+import subprocess
 import sys
 import tomllib
 from collections.abc import Sequence
@@ -31,6 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--count", type=int, default=200, help="mutants of all rooms together (200)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (1)")
     parser.add_argument("--only", default="", metavar="TEXT", help="files whose path contains TEXT")
+    parser.add_argument("--since", default="", metavar="COMMIT", help="lines that their file lacked then; rooms alike")
     parser.add_argument("--again", action="store_true", help="only those that the record has as survivors")
     parser.add_argument("--trust", action="store_true", help="do not run the tests as they are before")
     parser.add_argument("--bound", type=int, default=90, help="seconds of the processor for each (90)")
@@ -39,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--folder", type=Path, help="keep compiled kernels here (a temporary folder)")
     arguments = parser.parse_args(argv)
     record: Record = read_record(arguments.record) if arguments.record else {}
-    chosen = [each for each in _chosen(arguments.count, arguments.seed) if arguments.only in each.file]
+    chosen = [each for each in _chosen(arguments) if arguments.only in each.file]
     if arguments.again:
         chosen = [each for each in _all() if is_open(record.get(identity(each), {}))]
     else:
@@ -59,11 +61,23 @@ def _all() -> list[Mutant]:
     return [mutant for file in files for mutant in mutants_of(ROOT, file)]
 
 
-def _chosen(count: int, seed: int) -> list[Mutant]:
-    """The draw: a share for each room, of files that have tests."""
+def _chosen(arguments: argparse.Namespace) -> list[Mutant]:
+    """The draw: a share for each room, of files that have tests; of new lines alone with --since."""
     mutants = [mutant for mutant in _all() if own_tests(ROOT, mutant.file)]
+    shares = SHARES
+    if arguments.since:
+        earlier = {file: _text_at(arguments.since, file) for file in {mutant.file for mutant in mutants}}
+        mutants = [mutant for mutant in mutants if mutant.before not in earlier[mutant.file]]
+        shares = dict.fromkeys(ROOMS, 1 / len(ROOMS))
     by_room = {room: [each for each in mutants if each.file.startswith(f"clothsim/{room}/")] for room in ROOMS}
-    return [each for room in ROOMS for each in drawn(by_room[room], round(SHARES[room] * count), seed)]
+    counts = {room: round(shares[room] * arguments.count) for room in ROOMS}
+    return [each for room in ROOMS for each in drawn(by_room[room], counts[room], arguments.seed)]
+
+
+def _text_at(commit: str, file: str) -> str:
+    """A file's text at a commit; empty where it was not there."""
+    shown = subprocess.run(["git", "show", f"{commit}:{file}"], check=False, cwd=ROOT, capture_output=True, text=True)
+    return shown.stdout if shown.returncode == 0 else ""
 
 
 def _run(mutants: list[Mutant], bench: Bench | None, record: Record, arguments: argparse.Namespace) -> None:
@@ -115,8 +129,23 @@ def reason(entry: dict) -> str:
 
 
 def is_open(entry: dict) -> bool:
-    """True for a survivor without a reason."""
-    return bool(entry) and entry["last"]["word"] in (SURVIVED, NOT_RUN) and not reason(entry)
+    """True for a survivor without a reason, whose line is still there."""
+    return bool(entry) and entry["last"]["word"] in (SURVIVED, NOT_RUN) and not (reason(entry) or is_gone(entry))
+
+
+def is_gone(entry: dict) -> bool:
+    """True where the line that was broken has been rewritten since."""
+    file = ROOT / entry["file"]
+    return not file.is_file() or entry["before"] not in file.read_text()
+
+
+def became(entry: dict) -> str:
+    """What became of a survivor of the first run."""
+    if reason(entry):
+        return reason(entry)
+    if entry["last"]["word"] == SURVIVED and is_gone(entry):
+        return "the line has been rewritten"
+    return f"{entry['last']['word']} {entry['last']['by'].removeprefix('tests/')}".strip()
 
 
 def summary(record: Record) -> str:
@@ -141,7 +170,7 @@ def page(record: Record) -> str:
             f"`{each['file'].removeprefix('clothsim/')}`",
             f"`{each['before']}`".replace("|", "\\|"),
             f"`{each['after']}`".replace("|", "\\|"),
-            reason(each) or f"{each['last']['word']} {each['last']['by'].removeprefix('tests/')}".strip(),
+            became(each),
         )
         for each in sorted(survivors, key=lambda each: (each["file"], each["line"]))
     ]

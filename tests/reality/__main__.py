@@ -11,16 +11,16 @@ import numpy as np
 
 from clothsim.base.file_writing import write_atomically
 from tests.benchmarks.stored_tables import markdown_table, write_between
-from tests.reality import knits
-from tests.reality.borders import NAME, Lays, measured_lays
-from tests.reality.ensembles import BENDING_LENGTHS, of_coefficient, simulated
-from tests.reality.score import Scored, scored
+from tests.reality import causes, knits
+from tests.reality.borders import NAME, Lays, measured_lays, scatter_of_fitted
+from tests.reality.ensembles import BENDING_LENGTHS, RATIOS, Fit, fitted, simulated
+from tests.reality.score import Scored, mean_scores, scored
 
-MARK, KNITS_MARK = "reality", "knits"
+MARK, CAUSES_MARK, KNITS_MARK = "reality", "causes", "knits"
 RECORD = Path(__file__).parents[2] / "docs" / "results" / "reality.json"
 HEADER = (
-    "fabric", "lays", "c [mm]", "coefficient [%]", "n_eff", "sd r [mm]", "simulated", "with spread", "fitted lay",
-    "quadratic", "ceiling", "skill", "with spread",
+    "fabric", "lays", "c [mm]", "ratio", "coefficient [%]", "n_eff", "sd r [mm]", "simulated", "with spread",
+    "fitted lay", "quadratic", "ceiling", "skill", "with spread",
 )  # fmt: skip
 
 
@@ -30,7 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--data", type=Path, required=True, metavar="FOLDER", help=f"folder with {NAME}")
     parser.add_argument("--record", type=Path, default=RECORD, metavar="FILE", help="stored ensembles (JSON)")
     parser.add_argument("--simulate", action="store_true", help="simulate the ensembles again, for minutes")
-    parser.add_argument("--lays", type=int, default=4, metavar="N", help="of each bending length (default 4)")
+    parser.add_argument(
+        "--lays", type=int, default=len(RATIOS), metavar="N", help="of each length (default %(default)s)"
+    )
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the table between FILE's marks")
     arguments = parser.parse_args(argv)
     if not (arguments.data / NAME).is_file():
@@ -38,30 +40,33 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     if arguments.simulate:
         table = simulated(arguments.lays, lambda line: print(line, flush=True))
-        made = {"date": datetime.date.today().isoformat(), "lengths_mm": BENDING_LENGTHS}
+        made = {"date": datetime.date.today().isoformat(), "lengths_mm": BENDING_LENGTHS, "ratios": RATIOS}
         write_atomically(arguments.record, (json.dumps({**made, "lays": table}) + "\n").encode())
     stored = json.loads(arguments.record.read_text(encoding="utf-8"))
     lays = measured_lays(arguments.data)
-    fits = [of_coefficient(stored["lays"], each.centre[0]) for each in lays]
-    scores = scored(lays, [ensemble for _, ensemble in fits])
+    scatter = scatter_of_fitted(lays)
+    fits = [fitted(stored["lays"], each, scatter) for each in lays]
+    scores = scored(lays, [each.ensemble for each in fits])
     text = page(lays, fits, scores, stored)
-    print(text)
+    of_causes = markdown_table(causes.HEADER, causes.rows(stored["lays"], lays))
+    print(f"{text}\n\n{of_causes}")
     of_knits = ""
     if (arguments.data / knits.NAME).is_file():
         of_knits = knits_text(knits.compared_knits(arguments.data))
         print(f"\n{of_knits}")
     if arguments.page:
         write_between(arguments.page, MARK, text)
+        write_between(arguments.page, CAUSES_MARK, of_causes)
         if of_knits:
             write_between(arguments.page, KNITS_MARK, of_knits)
     return 0
 
 
-def page(lays: Sequence[Lays], fits: Sequence[tuple[float, np.ndarray]], scores: Sequence[Scored], stored: dict) -> str:
+def page(lays: Sequence[Lays], fits: Sequence[Fit], scores: Sequence[Scored], stored: dict) -> str:
     """The table in Markdown, and what it comes to."""
     rows, away = [], []
-    for own, (length, ensemble), score in zip(lays, fits, scores, strict=True):
-        cloth, cloud = own.others.mean(axis=0), ensemble.mean(axis=0)
+    for own, fit, score in zip(lays, fits, scores, strict=True):
+        cloth, cloud = own.others.mean(axis=0), fit.ensemble.mean(axis=0)
         away.append((cloud / cloth - 1, cloud[1] - cloth[1]))
         both = [
             f"{100 * cloud[0]:.0f} / {100 * cloth[0]:.0f}",
@@ -71,12 +76,11 @@ def page(lays: Sequence[Lays], fits: Sequence[tuple[float, np.ndarray]], scores:
         numbers = (score.simulated, score.dressed, score.fitted_lay, score.quadratic, score.ceiling)
         skills = [f"{score.skill(value):.1f}" for value in (score.simulated, score.dressed)]
         rows.append(
-            [str(own.fabric), str(score.lays), f"{length:.1f}", *both]
+            [str(own.fabric), str(score.lays), f"{fit.length:.1f}", f"{fit.ratio:.2f}", *both]
             + [f"{value:.2f}" for value in numbers]
             + (skills if score.rival > score.ceiling else ["", ""])
         )
-    means = [np.mean([getattr(each, name) for each in scores]) for name in ("simulated", "dressed", "rival", "ceiling")]
-    skills = [(means[2] - means[k]) / (means[2] - means[3]) for k in (0, 1)]
+    means, skills = mean_scores(scores)
     better = [sum(getattr(each, name) < each.rival for each in scores) for name in ("simulated", "dressed")]
     depth = np.median([100 * each[0][2] for each in away])
     folds = np.median([abs(each[1]) for each in away])
@@ -105,11 +109,14 @@ def knits_text(compared: Sequence[knits.Compared]) -> str:
     within, all_of = sum(each.within for each in compared), sum(len(each.strains) for each in compared)
     off = np.median([abs(a / b - 1) for each in compared for a, b in zip(each.simulated, each.held_out, strict=True)])
     header = ("knit", "stretch [%]", *(f"force {k} [N]" for k in range(1, knits.STRETCHES + 1)), "width at the last")
-    lost = 100 * np.mean([1 - each.measured_width for each in compared])
+    lost = [100 * (1 - np.array([each.measured_width, each.width])) for each in compared]
+    away = np.median([abs(simulated - measured) for measured, simulated in lost])
+    mean = np.mean(lost, axis=0)
     return (
         f"{markdown_table(header, rows)}\n\nSimulated / mean of the pulls that were not fitted +- sd of all. "
         f"{within} of {all_of} simulated forces lie within the spread of the pulls, in the median {100 * off:.0f} % "
-        f"from those not fitted. The width: {lost:.0f} % are lost in the mean, none simulated."
+        f"from those not fitted. The width: {mean[0]:.0f} % are lost in the mean of the pulls that were not fitted, "
+        f"{mean[1]:.0f} % simulated, in the median {away:.1f} points apart."
     )
 
 

@@ -70,6 +70,13 @@ def scored(all_lays: Sequence[Lays], ensembles: Sequence[Floats]) -> list[Scored
     return found
 
 
+def mean_scores(scores: Sequence[Scored]) -> tuple[list[float], list[float]]:
+    """Means over fabrics of simulated, dressed, best rival and ceiling, and the skills of the first two of them."""
+    names = ("simulated", "dressed", "rival", "ceiling")
+    means = [float(np.mean([getattr(each, name) for each in scores])) for name in names]
+    return means, [(means[2] - value) / (means[2] - means[3]) for value in means[:2]]
+
+
 def _thinned(values: Floats) -> Floats:
     """At most `RESIDUALS` rows, evenly over the order in which they are."""
     return values[np.unique(np.linspace(0, len(values) - 1, RESIDUALS).round().astype(int))]

@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from tests.reality import causes
 from tests.reality.__main__ import RECORD, main
-from tests.reality.borders import Lays
-from tests.reality.ensembles import BENDING_LENGTHS, of_coefficient
-from tests.reality.knits import Pulls, compared, table_of
+from tests.reality.borders import Lays, scatter_of_fitted
+from tests.reality.ensembles import BENDING_LENGTHS, MEMBERS, RATIOS, SOFTENING, fitted, sheet
+from tests.reality.knits import Pulls, compared
 from tests.reality.score import energy_score, scored
 
 
@@ -33,13 +34,62 @@ def test_the_cloth_itself_has_the_skill_of_the_ceiling_and_another_cloth_has_non
     assert all(each.skill(each.simulated) < 0 for each in away)
 
 
-def test_an_ensemble_has_the_coefficient_that_was_asked_for():
-    shares = np.linspace(0.2, 0.9, len(BENDING_LENGTHS))
-    table = [[[c - 0.01, 7.0, 0.01], [c + 0.01, 8.0, 0.01]] for c in shares]
-    length, ensemble = of_coefficient(table, 0.5)
-    assert ensemble[:, 0].mean() == pytest.approx(0.5)
-    assert BENDING_LENGTHS[0] < length < BENDING_LENGTHS[-1]
-    assert of_coefficient(table, 0.1)[0] == BENDING_LENGTHS[0]
+SHARES = np.linspace(0.2, 0.9, len(BENDING_LENGTHS))
+TABLE = [[[c + 0.01 * k, 8.0 - k, 0.006 + 0.001 * k] for k in range(len(RATIOS))] for c in SHARES]
+"""Lays of every ratio: the larger it is, the fewer and the deeper the folds."""
+SCATTER = np.array([0.04, 0.2, 3e-4])
+
+
+def fabric_of(ratio, off_axis=0.0):
+    """Fitted lays of two sides like the simulated one of a ratio."""
+    folds, depth = 8.0 - ratio, np.hypot(0.006 + 0.001 * ratio, off_axis)
+    return Lays(1, np.array([[0.55, folds, depth], [0.45, folds, depth]]), np.empty((0, 3)), off_axis)
+
+
+def test_an_ensemble_has_the_coefficients_of_both_sides_and_the_scatter_of_lays():
+    fit = fitted(TABLE, fabric_of(2), SCATTER)
+    assert fit.ensemble.shape == (MEMBERS, 3)
+    assert fit.ensemble[:, 0].mean() == pytest.approx(0.5, abs=1e-3)
+    assert fit.ensemble[::2, 0].mean() - fit.ensemble[1::2, 0].mean() == pytest.approx(0.1, abs=0.01)
+    assert fit.ensemble[::2, 0].std() == pytest.approx(0.02, rel=0.15)
+    assert BENDING_LENGTHS[0] < fit.length < BENDING_LENGTHS[-1]
+
+
+@pytest.mark.parametrize("k", range(len(RATIOS)))
+def test_number_and_depth_of_the_fitted_folds_tell_the_ratio_unless_all_count_alike(k):
+    fit, alike = (fitted(TABLE, fabric_of(k), SCATTER, weigh=weigh) for weigh in (True, False))
+    assert fit.ratio == pytest.approx(RATIOS[k], rel=0.01)
+    assert fit.ensemble[:, 1].mean() == pytest.approx(8.0 - k)
+    assert alike.ratio == pytest.approx(np.exp(np.mean(np.log(RATIOS))))
+    assert alike.ensemble[:, 1].mean() == pytest.approx(6.0, abs=0.15)
+
+
+def test_outlines_lie_as_far_off_the_axis_as_the_fitted_ones():
+    own = fabric_of(1, 3e-3)
+    off, on = (fitted(TABLE, own, SCATTER, centred=centred).ensemble for centred in (False, True))
+    assert off[:, 2] == pytest.approx(np.hypot(0.007, 3e-3))
+    assert (on[:, 2] < off[:, 2]).all()
+
+
+def test_a_coefficient_beyond_the_table_has_its_end():
+    below, above = (Lays(1, np.array([[c, 7.0, 7e-3]]), np.empty((0, 3))) for c in (0.05, 0.99))
+    assert fitted(TABLE, below, SCATTER).length == BENDING_LENGTHS[0]
+    assert fitted(TABLE, above, SCATTER).length == BENDING_LENGTHS[-1]
+
+
+def test_a_sheet_has_the_bending_length_and_the_ratio_that_were_asked_for_and_softens():
+    keys = sheet(0.02, 1.72)
+    mean = (keys["bending_warp"] * keys["bending_weft"]) ** 0.5
+    assert mean == pytest.approx(keys["density"] * 9.81 * 0.02**3)
+    assert keys["bending_warp"] / keys["bending_weft"] == pytest.approx(1.72)
+    assert keys["bending_slope_bias"] == pytest.approx(-SOFTENING * keys["bending_bias"])
+
+
+def test_with_all_three_means_right_nothing_is_lost_but_spread():
+    lays, _ = fabrics(8)
+    rows = {row[0]: float(row[1]) for row in causes.rows(TABLE, lays)}
+    assert rows["right in the mean: all three"] < min(v for k, v in rows.items() if k != "right in the mean: all three")
+    assert scatter_of_fitted(lays)[0] < 0.05
 
 
 def test_without_data_it_says_so(tmp_path, capsys):
@@ -47,23 +97,25 @@ def test_without_data_it_says_so(tmp_path, capsys):
     assert "cusick_borders.npz" in capsys.readouterr().out
 
 
-def test_a_specimen_of_pulls_alike_has_their_force_between_its_clamps():
+@pytest.mark.parametrize("wide", [0.2, 0.06])
+def test_a_specimen_of_pulls_alike_has_their_force_and_their_width_between_its_clamps(wide):
     rng = np.random.default_rng(2)
     strains = np.tile(np.linspace(0, 0.4, 60), (5, 1))
-    forces = 20 * strains**2 * (1 + 0.02 * rng.standard_normal((5, 1)))
-    pulls = Pulls("knit_x", 0.06, 0.1, strains, forces, 1 - 0.5 * strains)
-    found = compared(pulls, table_of(pulls))
-    assert found.simulated == pytest.approx(
-        forces[:3].mean(axis=0)[-1] * (found.strains / 0.4) ** 2, rel=0.02, abs=0.02
-    )
-    assert found.measured_width == pytest.approx(0.81)
-    assert found.width == pytest.approx(1.0, abs=0.01)
+    level = 1 + 0.02 * rng.standard_normal((5, 1))
+    forces = 20 * strains * (0.3 + strains) * level
+    pulls = Pulls("knit_x", wide, 0.1, strains, forces, 1 - 0.3 * strains)
+    (found,) = compared([pulls])
+    expected = 20 * found.strains * (0.3 + found.strains) * level[:3].mean()
+    assert found.simulated == pytest.approx(expected, rel=0.02, abs=0.02)
+    assert found.measured_width == pytest.approx(1 - 0.3 * 0.38)
+    assert found.width == pytest.approx(found.measured_width, abs=0.005)
     assert found.within >= 3
 
 
 def test_the_stored_ensembles_are_those_of_the_lengths_and_stiffer_cloth_covers_more():
     stored = json.loads(RECORD.read_text(encoding="utf-8"))
     assert tuple(stored["lengths_mm"]) == BENDING_LENGTHS
+    assert tuple(stored["ratios"]) == RATIOS
     values = np.array(stored["lays"])
     assert values.shape[0] == len(BENDING_LENGTHS)
     assert (np.diff(values[:, :, 0].mean(axis=1)) > 0).all()

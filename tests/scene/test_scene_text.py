@@ -2,10 +2,12 @@
 
 import json
 
+import numpy as np
 import pytest
 
-from clothsim import Air, Pressure, Scene
+from clothsim import Air, Pressure, Scene, examples, load_scene
 from clothsim.base.errors import InputError
+from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.scene.scene import scene_from_text
 from clothsim.study.farm.plan import plan
 from clothsim.study.farm.publication import content_id
@@ -44,3 +46,18 @@ def test_the_record_of_a_run_has_the_name_of_the_function():
     text = Scene(cloth=CLOTH, effects=[Pressure(value=breath)]).to_text(names_of_functions=True)
     assert json.loads(text)["effects"]["pressure"]["value"] == {"function": "breath"}
     assert json.loads(scene_from_text(text).to_text()) == json.loads(text)
+
+
+@pytest.mark.parametrize("name", sorted(examples()))
+def test_a_scene_as_toml_is_the_same_scene(tmp_path, name):
+    scene = load_scene(name).starting_at(tmp_path)
+    (tmp_path / "again.toml").write_text(scene.to_toml(), encoding="utf-8")
+    assert load_scene(tmp_path / "again.toml") == scene
+
+
+def test_a_mesh_in_memory_is_in_the_toml(tmp_path):
+    triangle = MeshArrays(np.eye(3), np.array([[0, 1, 2]]))
+    scene = Scene(cloth={"mesh": triangle}, effects={"gravity": {}})
+    (tmp_path / "again.toml").write_text(scene.to_toml(), encoding="utf-8")
+    again = load_scene(tmp_path / "again.toml")
+    assert again.cloths[0]["mesh"] == scene.cloths[0]["mesh"]

@@ -42,6 +42,25 @@ def test_seconds_inside_a_phase_are_booked_once(monkeypatch):
     assert timers.effects["inner"].seconds == 2.0
 
 
+def test_effects_in_turn_are_charged_from_one_border_to_the_next(monkeypatch):
+    clock, timers = [0.0], Timers()
+    monkeypatch.setattr(module, "thread_time", lambda: clock[0])
+    with timers.phase("outer"):
+        clock[0] += 1.0
+        with timers.effects_in_turn() as effects:
+            clock[0] += 2.0
+            effects.done("first", "gradients")
+            clock[0] += 4.0
+            with timers.phase("inner"):
+                clock[0] += 8.0
+            effects.done("second", "gradients")
+            clock[0] += 16.0  # after the last one: of nobody within
+        clock[0] += 32.0
+    assert {name: one.seconds for name, one in timers.effects.items()} == {"first": 2.0, "second": 4.0}
+    assert timers.effects["second"].gradients == 1
+    assert timers.phases == {"outer": 49.0, "inner": 8.0}
+
+
 class Slow(Energy):
     """Takes a second of `clock` where its Hessian is added."""
 

@@ -3,6 +3,7 @@
 import json
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -155,6 +156,14 @@ def test_farms_without_clips_are_refused(farm, tmp_path):
 def test_what_a_model_of_motion_has_not_is_refused_before_clips_are_made(wrong, tmp_path, monkeypatch):
     monkeypatch.setattr("clothsim.cli.learn_command.make_drapes", lambda *_: pytest.fail("clips are made"))
     assert main(["learn", "shirt_in_motion", "--motion", *wrong, "-o", str(tmp_path / "m.npz")]) == 2
+
+
+def test_clips_that_leave_too_few_to_learn_from_are_not_made(tmp_path, monkeypatch):
+    monkeypatch.setattr("clothsim.cli.learn_command.make_drapes", lambda *_: pytest.fail("clips are made"))
+    recipe = tmp_path / "few.toml"
+    text = (Path(__file__).parents[2] / "scenes/shirt_in_motion.recipe").read_text(encoding="utf-8")
+    recipe.write_text(text.replace("count = 50", "count = 6"), encoding="utf-8")
+    assert main(["learn", str(recipe), "--motion", "-o", str(tmp_path / "m.npz")]) == 2
 
 
 def test_the_command_offers_the_kinds_of_models():

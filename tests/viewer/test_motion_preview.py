@@ -14,7 +14,7 @@ from clothsim.run.judged_motion import JudgedFrame
 
 def frames_of(garment):
     for k, verdict in enumerate(("certified", "repaired", "simulated")):
-        found = garment.judged(garment.start + np.array([0.0, 0.0, k]), 0.04 * k)
+        found = garment.judged(garment.start + np.array([2.0 * k, 0.0, k]), 0.04 * k)
         yield JudgedFrame(0.04 * k, verdict, found.cloth, found.bodies, found, {"test": 0.01})
     raise InputError("It stops here.")
 
@@ -34,7 +34,7 @@ def test_the_figure_moves_with_its_verdicts(tmp_path, monkeypatch):
         assert [page.show(k).verdict for k in range(3)] == list(motion_preview.COLOURS)
         [cloth] = page.nodes["cloths"]
         assert tuple(cloth.color) == motion_preview.DRAPED
-        assert np.allclose(cloth.vertices, garment.start + np.array([0, 0, 2]), atol=1e-5)
+        assert np.allclose(cloth.vertices, garment.start + np.array([0, 0, 2]), atol=1e-5)  # the view follows it
         assert "1 certified, 1 repaired, 1 simulated" in page.counts_text()
         assert "stops" in page.counts_text()
     finally:

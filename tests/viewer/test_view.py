@@ -16,7 +16,7 @@ from clothsim.run.frames import PLAIN, STRETCH, Colouring
 from clothsim.run.results import open_run
 from clothsim.viewer import page as view_module
 from clothsim.viewer.gate import Gate
-from clothsim.viewer.page import as_glb, picked_vertex
+from clothsim.viewer.page import PANEL_WIDTH, as_glb, first_view, picked_vertex
 from clothsim.viewer.side_texts import legend_html, solver_text, speeds
 
 
@@ -110,6 +110,26 @@ def test_of_two_sheets_the_nearer_one_is_picked():
     for side, corner in ((2.0, 5), (-1.0, 1)):
         direction = np.array([0, 0, -np.sign(side)])
         assert picked_vertex(both, triangles, np.array([0.9, 0.2, side]), direction) == corner
+
+
+@pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0)])
+@pytest.mark.parametrize(("width", "height"), [(390, 800), (1200, 800), (700, 1000)])
+def test_the_first_view_has_all_points_beside_the_panel(width, height, up):
+    points, fov = np.random.default_rng(3).normal(size=(200, 3)) * [2.0, 0.3, 1.0] + [0.0, 5.0, 1.0], 1.3
+    position, target = first_view(points, np.array(up), fov, width, height)
+    ahead = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(ahead, up)
+    right /= np.linalg.norm(right)
+    down, seen = np.cross(ahead, right), points - position
+    pixels = (
+        np.array([width, height]) / 2
+        + height / 2 / np.tan(fov / 2) * np.stack([seen @ right, seen @ down], axis=1) / (seen @ ahead)[:, None]
+    )
+    free = np.array([width, height / 2] if width < 640 else [width - PANEL_WIDTH, height])
+    assert np.all(seen @ ahead > 0.0)
+    assert np.all(pixels > 0.0999 * free)
+    assert np.all(pixels < 0.9001 * free)
+    assert np.isclose(np.max(np.ptp(pixels, axis=0) / free), 0.8)
 
 
 def test_texts(run):

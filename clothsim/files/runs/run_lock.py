@@ -77,7 +77,9 @@ def _taken(path: Path, directory: Path) -> int:
             os.close(handle)
             raise
         return handle
-    raise InputError(f"{directory} is taken and given back all the time.", "Choose another directory.")
+    raise InputError(
+        f"{directory} is locked and unlocked by other processes all the time.", "Choose another directory."
+    )
 
 
 def _exclusive(handle: int) -> bool:

@@ -7,7 +7,6 @@ whose gap is small become one vertex where the exact check allows it.
 """
 
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,8 @@ from clothsim.engine import build
 from clothsim.garments.dress.limbs import Wearer, limbs_between
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
+from clothsim.garments.dress.welding import welded_where_closed
 from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.penetration import counted
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
 from clothsim.patterns import Panel, Seam
 from transfer.signed_distance import BodySurface
@@ -137,10 +136,11 @@ class SewingPhase:
         return pairs[~crosses_body(state.positions[pairs], surface)] if self.patient and len(pairs) else pairs
 
 
-def sewing_phases(state: SewingState) -> list[SewingPhase]:
+def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]:
     """Phases that draw every open seam together once; springs through the body wait.
 
     A skirt is sewn to a bodice that hangs on its closed shoulders: drawn together with them it would pull them down.
+    A flounce cut as an arc has its ends before and behind the legs: it is sewn to its skirt first.
     """
     seams = [state.mesh.seams[k] for k in state.open_seams]
     order = [order_of(seam, state) for seam in seams]
@@ -148,12 +148,30 @@ def sewing_phases(state: SewingState) -> list[SewingPhase]:
         tuple(seam for seam, place in zip(seams, order, strict=True) if place in places)
         for places in ((DART, WITHIN), (BELOW,), (ONTO,))
     )
+    ends = _ends_to_sew_later(state, within, below, surface)
+    within = tuple(seam for seam in within if seam not in ends)
     planned = (
         SewingPhase(within, patient=True),
         SewingPhase(below, within, patient=True),
-        SewingPhase(onto, within + below, hold=True, patient=True),
+        SewingPhase(ends, within + below, patient=True),
+        SewingPhase(onto, within + ends + below, hold=True, patient=True),
     )
     return [phase for phase in planned if phase.closing]
+
+
+def _ends_to_sew_later(
+    state: SewingState, within: tuple[Seam, ...], below: tuple[Seam, ...], surface: BodySurface
+) -> tuple[Seam, ...]:
+    """Seams of which every spring runs through the body, like those of all seams round the body of both their panels.
+
+    Nothing draws such a piece round the body; one that is sewn to a piece above or below comes round with that.
+    """
+    joining = [seam for seam in within if order_of(seam, state) == WITHIN]
+    through = [bool(crosses_body(state.positions[state.pairs(seam)], surface).all()) for seam in joining]
+    panels = [{side.panel for side in seam.stitch.sides} for seam in joining]
+    passing = set().union(*(pair for pair, crosses in zip(panels, through, strict=True) if not crosses))
+    hung = {side.panel for seam in below for side in seam.stitch.sides}
+    return tuple(seam for seam, pair in zip(joining, panels, strict=True) if not pair & passing and pair <= hung)
 
 
 def stiffer_phases(state: SewingState) -> list[SewingPhase]:
@@ -193,42 +211,6 @@ def torso(state: SewingState) -> Ints:
     panels = [panel for panel in state.mesh.pattern.panels.values() if not is_of_arm(panel) and not is_on_top(panel)]
     rows = [state.number[state.mesh.vertices[panel.name]] for panel in panels]
     return np.unique(np.concatenate([np.zeros(0, np.int64), *rows]))
-
-
-def welded_where_closed(state: SewingState, limit: float, surface: BodySurface) -> SewingState:
-    """State in which every pair with a gap of at most `limit` [m] is welded, unless its weld would intersect.
-
-    All pairs are tried at one time; pairs that would intersect are halved, seam after seam, down to single ones.
-    """
-    groups = [pairs for k in state.open_seams if len(pairs := _find_closed_pairs(state, k, limit))]
-    if not groups:
-        return state
-    clean = lambda tried: counted(tried.positions, tried.triangles, surface).clean  # noqa: E731
-    whole = state.join(np.concatenate(groups))
-    if clean(whole):
-        return whole
-    for pairs in groups:
-        state = _weld_by_halving(state, pairs, clean)
-    return state
-
-
-def _weld_by_halving(state: SewingState, pairs: Ints, clean: Callable[[SewingState], bool]) -> SewingState:
-    """State with as many of these neighbouring pairs welded as halving finds."""
-    tried = state.join(pairs)
-    if clean(tried):
-        return tried
-    if len(pairs) == 1:
-        return state
-    middle = len(pairs) // 2
-    return _weld_by_halving(_weld_by_halving(state, pairs[:middle], clean), pairs[middle:], clean)
-
-
-def _find_closed_pairs(state: SewingState, seam: int, limit: float) -> Ints:
-    """Pairs of vertices of the panels in a seam that are closed and not welded yet, (k, 2)."""
-    pairs = state.mesh.seams[seam].pairs
-    ends = state.number[pairs]
-    gaps = np.linalg.norm(state.positions[ends[:, 0]] - state.positions[ends[:, 1]], axis=1)
-    return np.asarray(pairs[(ends[:, 0] != ends[:, 1]) & (gaps <= limit)])
 
 
 CLOSED = 1.5
@@ -274,7 +256,7 @@ def close(
     """
     body, surface = wearer.body, wearer.surface
     runs: list[Run] = []
-    waiting, further = deque(sewing_phases(state)), deque(stiffer_phases(state))
+    waiting, further = deque(sewing_phases(state, surface)), deque(stiffer_phases(state))
     largest, name, limit = 0.0, "", np.inf
     while waiting or (state.open_seams and further):
         phase = waiting.popleft() if waiting else further.popleft()

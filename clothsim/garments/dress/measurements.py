@@ -212,7 +212,8 @@ def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
     heights = state.positions @ body.up
     if np.ptp(heights[edges[chosen]]) > OPEN * np.ptp(heights):  # it goes on along an opening, and round the neck
         rise = np.abs(np.diff(heights[edges], axis=1)[:, 0])
-        chosen &= (levels < heights.min() + OPEN / 2 * np.ptp(heights)) & (rise < LEVEL * lengths)
+        level = chosen & (levels < heights.min() + OPEN / 2 * np.ptp(heights)) & (rise < LEVEL * lengths)
+        chosen = level if level.any() else chosen  # a hem of points has no level part
     return (
         float(lengths[chosen].sum()),
         float(np.average(levels[chosen], weights=lengths[chosen])),

@@ -8,14 +8,14 @@ as the forces that more friction can give include those of less.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
 
 from clothsim import Body, Run
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.closing import close, mean_edge, welded_where_closed, worst_gap
+from clothsim.garments.dress.closing import close, mean_edge, worst_gap
 from clothsim.garments.dress.corrections import (
     approached,
     lifted,
@@ -29,6 +29,7 @@ from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.rings import centred
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
+from clothsim.garments.dress.welding import welded_and_untangled, welded_where_closed
 from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import (
@@ -105,7 +106,7 @@ def _add_stage(
 
 def _place(task: DressTask, done: DressState) -> DressState:
     """Panels as placed; seams that touch are welded."""
-    started, state = perf_counter(), done.state
+    started, state = process_time(), done.state
     touching = touching_seams(state)
     state, tip_notes = parted(state.weld(touching))
     state, lift_note = lifted(state, done.on.body, done.on.surface)
@@ -120,7 +121,7 @@ def _place(task: DressTask, done: DressState) -> DressState:
 
 def _separate(task: DressTask, done: DressState) -> DressState:
     """Panels moved apart where they intersect one another or the body."""
-    started = perf_counter()
+    started = process_time()
     state, description = separated(done.state, done.on.body, done.on.surface)
     done = _add_stage(task, done, "separate", state, description, started)
     counts = done.stages[-1].counts
@@ -132,13 +133,13 @@ def _separate(task: DressTask, done: DressState) -> DressState:
 
 def _approach(task: DressTask, done: DressState) -> DressState:
     """Panels moved toward the body."""
-    started = perf_counter()
+    started = process_time()
     return _add_stage(task, done, "approach", *approached(done.state, done.on.body, done.on.surface), started)
 
 
 def _close(task: DressTask, done: DressState) -> DressState:
     """Seams drawn together under contact."""
-    started = perf_counter()
+    started = process_time()
     try:
         closing = close(done.state, done.on, task.fabrics, task.directory, task.progress)
     except InputError as error:
@@ -149,7 +150,12 @@ def _close(task: DressTask, done: DressState) -> DressState:
 
 def _weld(task: DressTask, done: DressState) -> DressState:
     """Seams welded; those whose weld would intersect stay springs, and are named."""
-    started, state = perf_counter(), welded_where_closed(done.state, np.inf, done.on.surface)
+    started, surface = process_time(), done.on.surface
+    refused = welded_where_closed(done.state, np.inf, surface)
+    state = welded_and_untangled(refused, surface)
+    untangled = [refused.mesh.seams[k].name for k in refused.open_seams if k in state.welded]
+    if untangled:
+        done = replace(done, notes=(*done.notes, f"cloth lay between the sides, moved out: {', '.join(untangled)}"))
     springs = [state.mesh.seams[k].name for k in state.open_seams]
     if springs:
         note = f"stay springs, as their weld would intersect: {', '.join(springs)}"
@@ -162,7 +168,7 @@ def _weld(task: DressTask, done: DressState) -> DressState:
 
 def _return(task: DressTask, done: DressState) -> DressState:
     """The body moved back to its own pose under the garment."""
-    started = perf_counter()
+    started = process_time()
     try:
         run = returned_body(done.state, done.on, task.fabrics, task.directory / "return", task.progress)
     except InputError as error:
@@ -176,7 +182,7 @@ def _return(task: DressTask, done: DressState) -> DressState:
 
 def _drape(task: DressTask, done: DressState) -> DressState:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
-    started, held = perf_counter(), done.state
+    started, held = process_time(), done.state
     if task.waistband:
         held, notes = edges_held(done.state, task.body)
         done = replace(done, notes=(*done.notes, *notes))

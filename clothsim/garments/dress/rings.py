@@ -92,7 +92,12 @@ def centred(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str,
         centre, beside = float(own.mean(axis=0) @ right), trunk
         if names in of_legs:
             beside = trunk[((trunk - middle) @ right > 0) == (centre > middle @ right)]
-        shift = _shift_between(*_lacking_beside(ends.mean(axis=1), centre, beside, body.up, right))
+        at = ends.mean(axis=1)
+        lacking = _lacking_beside(at, centre, beside, body.up, right)
+        if names in of_legs and sum(lacking) > 0:  # narrower than the leg: off its middle, it closes beside it
+            shift = _middle_at(at, beside, body.up, right) - centre
+        else:
+            shift = _shift_between(*lacking)
         if abs(shift) < BESIDE:
             continue
         raised = max(float((trunk @ body.up).min() - (ends @ body.up).min()), 0.0)
@@ -143,6 +148,13 @@ def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: 
         else:
             lacking[1] = max(lacking[1], beside - float(slice_.min()) + BESIDE)
     return lacking[0], lacking[1]
+
+
+def _middle_at(at: Floats, body: Floats, up: Floats, right: Floats) -> float:
+    """Mean of the middles of a leg (n, 3) at the levels of points (k, 3), along `right` [m]."""
+    levels, reach = body @ up, body @ right
+    slices = [reach[np.abs(levels - level) < SLICE] for level in at @ up]
+    return float(np.mean([(part.min() + part.max()) / 2 for part in slices if len(part)]))
 
 
 def _shift_between(right: float, left: float) -> float:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -170,7 +170,7 @@ def _transfer(task: Task, state: FitState) -> FitState:
 
 def _resize(task: Task, state: FitState) -> FitState:
     """The transferred garment in its own or its graded size, and where it was worn."""
-    started, garment = perf_counter(), task.garment
+    started, garment = process_time(), task.garment
     bodies = task.source.closed, task.target.closed
     size = sized(garment, *bodies, state.last.positions, state.body, graded=task.resize)
     if size.kind != "transferred":
@@ -296,7 +296,7 @@ def _untangle(
     name: str = "untangle",
 ) -> Stage | None:
     """The shape of a stage freed of intersections with itself and with the body `beside`; None where that fails."""
-    started, triangles = perf_counter(), task.garment.triangles
+    started, triangles = process_time(), task.garment.triangles
     body = None if beside is None else (beside.positions, beside.triangles)
     faces = facing_away(task.garment.positions, triangles, task.source.positions, np.ones(len(triangles), bool))
     done = untangle(stage.positions, faces, rest, body=body, layers=task.layers)

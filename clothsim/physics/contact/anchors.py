@@ -22,7 +22,8 @@ from typing import Self
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.linalg import unit
+from clothsim.base.jit import kernel, part
+from clothsim.base.vectors import cross, dot, length, lengths, minus, row, unit
 
 SAME_SIDE = 0.5
 """Smallest cosine of the normals before and after of a contact that keeps its anchor."""
@@ -82,14 +83,14 @@ class Anchors:
         One that comes to rest holds with mu_static from then on: its slip shrinks so that its force stays.
         """
         slips, _ = self._trial(x)
-        fractions = np.linalg.norm(slips, axis=1) / elastic_slip
+        fractions = lengths(slips) / elastic_slip
         scale, _ = self._drawn(fractions, ratios)
         return replace(self, slips=slips * scale[:, None], slides=fractions >= 1.0)
 
     def _trial(self, x: Floats) -> tuple[Floats, Floats]:
         """Slips (p, 3) before they yield, and the displacements (p, 3) of the closest points less `turning` [m]."""
         moved = relative_positions(x, self.elements, self.weights) - self.origins - self.turning(x)
-        turned = _rotated(self.slips, self.normals, self.directions, directions_of(x, self.elements, self.turners))
+        turned = _rotated(self.slips, self.normals, self.directions, directions_of(x, self.elements, self.turners), 1.0)
         return turned + tangential(moved, self.normals), moved
 
     def _drawn(self, fractions: Floats, ratios: Floats) -> tuple[Floats, Floats]:
@@ -105,7 +106,7 @@ class Anchors:
     def after_adjoint(self, x: Floats, elastic_slip: float, ratios: Floats, by: Floats) -> tuple[Floats, Floats]:
         """Derivative of by . (slips of `after`) by x (N, 3), and by the numbers of `as_array` (p, 24)."""
         trial, moved = self._trial(x)
-        fractions = np.linalg.norm(trial, axis=1) / elastic_slip
+        fractions = lengths(trial) / elastic_slip
         scale, slope = self._drawn(fractions, ratios)
         along = np.divide(dots(trial, by), fractions, out=np.zeros_like(scale), where=fractions > 0.0)
         by = scale[:, None] * by + (slope * along)[:, None] * trial / elastic_slip**2
@@ -113,7 +114,7 @@ class Anchors:
         end = directions_of(x, self.elements, self.turners)
         by_slips = _rotated(by, self.normals, self.directions, end, -1.0)
         turned = adjoint_by_rows(
-            lambda n, e, e_end: _rotated(self.slips, n, e, e_end), (self.normals, self.directions, end), by
+            lambda n, e, e_end: _rotated(self.slips, n, e, e_end, 1.0), (self.normals, self.directions, end), by
         )
         by_x, by_origins, by_directions, by_facings = self.turning_adjoint(x, -by_moved)
         _add_directions(by_x, self.elements, self.turners, turned[2])
@@ -155,17 +156,8 @@ class Anchors:
         """
         new_keys, keys = (_keys(*each, labels) for each in ((elements, weights), (self.elements, self.weights)))
         order = np.argsort(keys, kind="stable")
-        first, last = (np.searchsorted(keys[order], new_keys, side) for side in ("left", "right"))
-        new = np.repeat(np.arange(len(new_keys)), last - first)
-        before = np.concatenate([[0], np.cumsum(last - first)])[:-1]
-        old = order[np.arange(len(new)) - np.repeat(before - first, last - first)]
-        cosines = (normals[new] * self.normals[old]).sum(axis=1)
-        same = (elements[new] == self.elements[old]).all(axis=1)
-        new, old, score = (each[cosines > SAME_SIDE] for each in (new, old, cosines + 2.0 * same))
-        best = np.lexsort((old, -score, new))
-        found, at = np.unique(new[best], return_index=True)
-        parents = np.full(len(new_keys), -1)
-        parents[found] = old[best][at]
+        parents = _parents(new_keys, keys, order, elements, self.elements, normals, self.normals)
+        found = np.flatnonzero(parents >= 0)
         slips = np.zeros((len(new_keys), 3))
         slips[found] = _turned(self.slips[parents[found]], normals[found])
         return parents, slips
@@ -174,7 +166,9 @@ class Anchors:
 def anchors_from(numbers: object, triangles_at: Ints = NO_TRIANGLES) -> Anchors:
     """Anchors of `Anchors.as_array`, which a file may hold as lists; triangles_at as of `turners_of`."""
     rows = np.asarray(numbers, np.float64).reshape(-1, COLUMNS[-1] + 1)
-    parts, weights, normals, slips, origins, directions, facings, slides = np.split(rows, COLUMNS, axis=1)
+    parts, weights, normals, slips, origins, directions, facings, slides = (
+        np.ascontiguousarray(part) for part in np.split(rows, COLUMNS, axis=1)
+    )
     vectors, elements = (normals, slips, origins, directions, facings), parts.astype(np.int64)
     return Anchors(elements, weights, *vectors, slides[:, 0] > 0.0, turners_of(elements, triangles_at))
 
@@ -205,45 +199,99 @@ def turners_of(elements: Ints, triangles_at: Ints) -> Ints:
     return np.where(last[:, :1] < 0, triangles_at[elements[:, 0]], last)
 
 
+@kernel
 def relative_positions(x: Floats, elements: Ints, weights: Floats) -> Floats:
-    """sum g_i x_i of each contact (p, 3) [m]."""
-    return np.asarray(np.einsum("pk,pkc->pc", weights, x[elements]), np.float64)
+    """Return sum g_i x_i of each contact (p, 3) [m]."""
+    found = np.zeros((len(elements), 3))
+    for p in range(len(elements)):
+        for k in range(4):
+            a, b, c = row(x, elements[p, k])
+            found[p, 0] += weights[p, k] * a
+            found[p, 1] += weights[p, k] * b
+            found[p, 2] += weights[p, k] * c
+    return found
 
 
+@kernel
 def directions_of(x: Floats, elements: Ints, turners: Ints) -> Floats:
-    """An edge of the body of each contact, else of its second surface, (p, 3) [m]; 0 where that is a vertex."""
-    first, second = _edges(elements, turners)
-    return np.asarray(x[second] - x[first], np.float64)
+    """Return an edge of the body of each contact, else of its second surface, (p, 3) [m]; 0 where that is a vertex."""
+    found = np.empty((len(elements), 3))
+    for p in range(len(elements)):
+        first, second = _edge(elements[p], turners[p])
+        found[p, 0], found[p, 1], found[p, 2] = minus(row(x, second), row(x, first))
+    return found
 
 
-def _edges(elements: Ints, turners: Ints) -> tuple[Ints, Ints]:
-    of_body = turners[:, 0] >= 0
-    first = np.where(elements[:, 2] == elements[:, 3], elements[:, 1], elements[:, 2])
-    second = np.where(elements[:, 2] == elements[:, 3], elements[:, 2], elements[:, 3])
-    return np.where(of_body, turners[:, 0], first), np.where(of_body, turners[:, 1], second)
+@part
+def _edge(element: Ints, turner: Ints) -> tuple[int, int]:
+    if turner[0] >= 0:
+        return turner[0], turner[1]
+    return (element[1], element[2]) if element[2] == element[3] else (element[2], element[3])
 
 
+@kernel
 def facings_of(x: Floats, elements: Ints, weights: Floats, turners: Ints) -> Floats:
-    """Normal of the body of a contact, else of its face or its two edges, (p, 3) [m2].
+    """Return the normal of the body of a contact, else of its face or its two edges, (p, 3) [m2].
 
     0 where it has none or the edges are parallel.
     """
-    rows, has_one = _sides(elements, weights, turners)
-    first, second = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
-    normals = np.cross(first, second)
-    least = LEAST_TANGENT * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
-    has_one = has_one & (np.linalg.norm(normals, axis=1) > least)
-    return np.where(has_one[:, None], normals, 0.0)
+    found = np.zeros((len(elements), 3))
+    for p in range(len(elements)):
+        a, b, c, d, has_one = _sides(elements[p], weights[p], turners[p])
+        first, second = minus(row(x, b), row(x, a)), minus(row(x, d), row(x, c))
+        normal = cross(first, second)
+        if has_one and length(normal) > LEAST_TANGENT * length(first) * length(second):
+            found[p, 0], found[p, 1], found[p, 2] = normal
+    return found
 
 
-def _sides(elements: Ints, weights: Floats, turners: Ints) -> tuple[tuple[Ints, ...], np.ndarray]:
-    """Rows of the ends of the two sides that span a contact's facing, and where it has one (p,)."""
-    of_edges, of_body = (weights[:, 0] > 0.0) & (weights[:, 0] < 1.0), turners[:, 0] >= 0
-    a, b, c, d = elements.T
-    sides = np.where(of_edges, a, b), np.where(of_edges, b, c), c, d
-    bodies = (turners[:, k] for k in (0, 1, 0, 2))
-    rows = tuple(np.where(of_body, *each) for each in zip(bodies, sides, strict=True))
-    return rows, of_body | of_edges | (weights[:, 1] < 0.0)
+@part
+def _sides(element: Ints, weights: Floats, turner: Ints) -> tuple[int, int, int, int, bool]:
+    """Rows of the ends of the two sides that span a contact's facing, and whether it has one."""
+    if turner[0] >= 0:
+        return turner[0], turner[1], turner[0], turner[2], True
+    a, b, c, d = element[0], element[1], element[2], element[3]
+    if 0.0 < weights[0] < 1.0:
+        return a, b, c, d, True
+    return b, c, c, d, weights[1] < 0.0
+
+
+@kernel
+def _ends(elements: Ints, weights: Floats, turners: Ints) -> Ints:
+    """Rows of the two ends of `directions_of`, then of the four of the sides of `facings_of`, (6, p)."""
+    ends = np.empty((6, len(elements)), np.int64)
+    for p in range(len(elements)):
+        ends[0, p], ends[1, p] = _edge(elements[p], turners[p])
+        ends[2, p], ends[3, p], ends[4, p], ends[5, p], _ = _sides(elements[p], weights[p], turners[p])
+    return ends
+
+
+@kernel
+def _parents(
+    new_keys: Ints, keys: Ints, order: Ints, elements: Ints, old_elements: Ints, normals: Floats, old_normals: Floats
+) -> Ints:
+    """Return the contact with the key of each new one whose normal is nearest, of the same elements first; -1 for none.
+
+    order: of `keys`, ascending.
+    """
+    parents = np.full(len(new_keys), -1)
+    for new in range(len(new_keys)):
+        low, high = 0, len(order)
+        while low < high:
+            middle = (low + high) // 2
+            low, high = (middle + 1, high) if keys[order[middle]] < new_keys[new] else (low, middle)
+        best = -np.inf
+        while low < len(order) and keys[order[low]] == new_keys[new]:
+            old = order[low]
+            cosine = dot(row(normals, new), row(old_normals, old))
+            same = True
+            for k in range(4):
+                same &= elements[new, k] == old_elements[old, k]
+            score = cosine + 2.0 * same
+            if cosine > SAME_SIDE and score > best:
+                parents[new], best = old, score
+            low += 1
+    return parents
 
 
 def rigid_displacements(x: Floats, displacements: Floats, labels: Ints) -> Floats:
@@ -299,36 +347,67 @@ def _rigid(x: Floats, displacements: Floats) -> tuple[Floats, Floats]:
     return mean + np.cross(rotation, offsets), rotation
 
 
+@kernel
 def _turning(
     origins: Floats, directions: Floats, facings: Floats, directions_end: Floats, facings_end: Floats
 ) -> Floats:
-    e, m, e_end, m_end = (unit(each) for each in (directions, facings, directions_end, facings_end))
-    axes, along = np.cross(e, e_end), (e * e_end).sum(axis=1, keepdims=True)
-    across = np.cross(axes, origins)
-    shortest = across + np.cross(axes, across) / np.maximum(1.0 + along, 1.0)
-    start, end = (np.stack([u, v, np.cross(u, v)], axis=2) for u, v in ((e, m), (e_end, m_end)))
-    full = np.einsum("pij,pkj,pk->pi", end - start, start, origins)
-    known = ((m * m_end).sum(axis=1) > SAME_SIDE) & (along[:, 0] > SAME_SIDE)
-    return np.where(known[:, None], full, np.where(along > SAME_SIDE, shortest, 0.0))
+    found = np.zeros((len(origins), 3))
+    for p in range(len(origins)):
+        origin = row(origins, p)
+        e, m = unit(row(directions, p)), unit(row(facings, p))
+        e_end, m_end = unit(row(directions_end, p)), unit(row(facings_end, p))
+        along = dot(e, e_end)
+        if not along > SAME_SIDE:
+            continue
+        if dot(m, m_end) > SAME_SIDE:
+            start, end = (e, m, cross(e, m)), (e_end, m_end, cross(e_end, m_end))
+            for i in range(3):
+                for k in range(3):
+                    for j in range(3):
+                        found[p, i] += (end[j][i] - start[j][i]) * start[j][k] * origin[k]
+        else:  # the shortest way
+            axis = cross(e, e_end)
+            across = cross(axis, origin)
+            further = cross(axis, across)
+            for i in range(3):
+                found[p, i] = across[i] + further[i] / max(1.0 + along, 1.0)
+    return found
 
 
-def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats, sign: float = 1.0) -> Floats:
+@kernel
+def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats, sign: float) -> Floats:
     """Tangential vectors (p, 3) turned about the normals as the directions turned from `before` to `after` (p, 3).
 
     With the sign -1 they are turned back.
     """
-    start, end = tangential(before, normals), tangential(after, normals)
-    known = (start**2).sum(axis=1) > LEAST_TANGENT**2 * (before**2).sum(axis=1)
-    sine = np.where(known, (np.cross(start, end) * normals).sum(axis=1), 0.0)
-    cosine = np.where(known, (start * end).sum(axis=1), 1.0)
-    size = np.hypot(sine, cosine)
-    sine, cosine = (np.divide(each, size, out=np.zeros_like(size), where=size > 0.0) for each in (sine, cosine))
-    return np.asarray(cosine[:, None] * vectors + sign * sine[:, None] * np.cross(normals, vectors), np.float64)
+    found = np.empty((len(vectors), 3))
+    for p in range(len(vectors)):
+        vector, normal, direction = row(vectors, p), row(normals, p), row(before, p)
+        start, end = _across(direction, normal), _across(row(after, p), normal)
+        sine, cosine = 0.0, 1.0
+        if dot(start, start) > LEAST_TANGENT**2 * dot(direction, direction):
+            sine, cosine = dot(cross(start, end), normal), dot(start, end)
+        size = np.hypot(sine, cosine)
+        sine, cosine = (sine / size, cosine / size) if size > 0.0 else (0.0, 0.0)
+        turned = cross(normal, vector)
+        for k in range(3):
+            found[p, k] = cosine * vector[k] + sign * sine * turned[k]
+    return found
 
 
+@part
+def _across(vector, normal):
+    along = vector[0] * normal[0] + vector[2] * normal[2] + vector[1] * normal[1]  # added as np.einsum does
+    return vector[0] - along * normal[0], vector[1] - along * normal[1], vector[2] - along * normal[2]
+
+
+@kernel
 def tangential(vectors: Floats, normals: Floats) -> Floats:
-    """Components of vectors (p, 3) perpendicular to unit normals."""
-    return np.asarray(vectors - np.einsum("pc,pc->p", vectors, normals)[:, None] * normals, np.float64)
+    """Return the components of vectors (p, 3) perpendicular to unit normals."""
+    found = np.empty((len(vectors), 3))
+    for p in range(len(vectors)):
+        found[p, 0], found[p, 1], found[p, 2] = _across(row(vectors, p), row(normals, p))
+    return found
 
 
 def _keys(elements: Ints, weights: Floats, labels: Ints) -> Ints:
@@ -343,7 +422,7 @@ def _keys(elements: Ints, weights: Floats, labels: Ints) -> Ints:
 def _turned(vectors: Floats, normals: Floats) -> Floats:
     """Tangential components of vectors (p, 3) for unit normals, with the lengths of the vectors."""
     turned = tangential(vectors, normals)
-    before, after = (np.linalg.norm(each, axis=1, keepdims=True) for each in (vectors, turned))
+    before, after = lengths(vectors)[:, None], lengths(turned)[:, None]
     return np.asarray(turned * np.divide(before, after, out=np.ones_like(after), where=after > 0.0), np.float64)
 
 
@@ -381,7 +460,7 @@ def tangential_adjoint(vectors: Floats, normals: Floats, by: Floats) -> tuple[Fl
 def turned_adjoint(vectors: Floats, normals: Floats, by: Floats) -> tuple[Floats, Floats]:
     """Adjoints of `_turned` by the vectors and by the normals."""
     turned = tangential(vectors, normals)
-    before, after = (np.linalg.norm(each, axis=1, keepdims=True) for each in (vectors, turned))
+    before, after = lengths(vectors)[:, None], lengths(turned)[:, None]
     scale, along = np.divide(before, after, out=np.ones_like(after), where=after > 0.0), dots(turned, by)[:, None]
     by_length = np.divide(along, before * after, out=np.zeros_like(after), where=before * after > 0.0)
     by_turned = scale * by - scale * np.divide(along, after**2, out=np.zeros_like(after), where=after > 0.0) * turned
@@ -396,18 +475,18 @@ def _add_relative(out: Floats, x: Floats, elements: Ints, weights: Floats, by: F
 
 
 def _add_directions(out: Floats, elements: Ints, turners: Ints, by: Floats) -> None:
-    first, second = _edges(elements, turners)
+    first, second = _ends(elements, np.zeros((len(elements), 4)), turners)[:2]
     np.add.at(out, second, by)
     np.subtract.at(out, first, by)
 
 
 def _add_facings(out: Floats, x: Floats, elements: Ints, weights: Floats, turners: Ints, by: Floats) -> None:
-    rows, _ = _sides(elements, weights, turners)
+    rows = _ends(elements, weights, turners)[2:]
     first, second = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
     by = np.where(np.any(facings_of(x, elements, weights, turners), axis=1, keepdims=True), by, 0.0)
-    for ends, part in ((rows[:2], np.cross(second, by)), (rows[2:], np.cross(by, first))):
-        np.add.at(out, ends[1], part)
-        np.subtract.at(out, ends[0], part)
+    for ends, added in ((rows[:2], np.cross(second, by)), (rows[2:], np.cross(by, first))):
+        np.add.at(out, ends[1], added)
+        np.subtract.at(out, ends[0], added)
 
 
 def dots(a: Floats, b: Floats) -> Floats:

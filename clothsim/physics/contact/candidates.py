@@ -97,6 +97,8 @@ class Candidates:
         """Pairs closer than `distance` [m] at x, at most activation_distance + skin."""
         displacement = self._ensure_covers(x, x, distance)
         pairs = self._pairs
+        if not len(pairs):
+            return pairs
         return pairs.subset(active_among(x, pairs.elements, pairs.n_points, self._distances, displacement, distance))
 
     def minimum_gap(self, x: Floats) -> float:
@@ -152,6 +154,8 @@ class Candidates:
 
     def _limit_of_listed(self, displacement: Floats, x: Floats, dx: Floats, most: float) -> float:
         """Collision-free fraction over the listed pairs."""
+        if not len(self._pairs):
+            return most
         return self.collision_free_fraction(self._pairs.subset(self._may_reach_floor(displacement)), x, dx, most)
 
     def collision_free_fraction(self, pairs: Pairs, x: Floats, dx: Floats, most: float = 1.0) -> float:

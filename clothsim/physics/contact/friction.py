@@ -8,6 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import inlined, kernel, natural
+from clothsim.base.vectors import lengths
 from clothsim.physics.contact.anchors import (
     COLUMNS,
     NO_ANCHORS,
@@ -171,7 +172,7 @@ class FrictionEnergy(
         held = (self.static[objects] * forces) > 0.0
         elements, weights, differences, forces = (each[held] for each in (elements, weights, differences, forces))
         kinetic, static = self.kinetic[objects][held] * forces, self.static[objects][held] * forces
-        normals = differences / np.linalg.norm(differences, axis=1, keepdims=True)
+        normals = differences / lengths(differences)[:, None]
         slips, turns, slides = self._inherited(elements, weights, normals)
         limits = np.where(slides, kinetic, static)
         geometry = {"elements": elements, "weights": weights, "normals": normals, "slips": slips, "turns": turns}
@@ -188,7 +189,7 @@ class FrictionEnergy(
         at_start = anchors_at(start, elements, weights, normals, none, still, self.triangles_at)
         turns = tangential(at_start.turning(start + self._predictable(at_start)), normals)
         moves = tangential(relative_positions(displacements, elements, weights), normals) - turns
-        slides = np.linalg.norm(moves, axis=1) > self.elastic_slip
+        slides = lengths(moves) > self.elastic_slip
         known = parents >= 0
         slides[known] = self.anchors.slides[parents[known]]
         return slips, turns, slides
@@ -220,17 +221,13 @@ class FrictionEnergy(
             return 0.0
         displacements = relative_positions(x - self.contacts.start, self.elements, self.weights)
         slips = self.slips - self.turns + tangential(displacements, self.normals)
-        fractions = np.minimum(np.linalg.norm(slips, axis=1) / self.elastic_slip, 1.0)
+        fractions = np.minimum(lengths(slips) / self.elastic_slip, 1.0)
         return float(self.elastic_slip * (self.limits * fractions**2 * (1.0 - fractions / 3.0)).sum())
 
     def grip(self) -> Grip:
         """Limits mu F and normals of the lagged contacts, by the rows that they touch."""
-        rows, shares = self.elements.ravel(), (self.limits[:, None] * np.abs(self.weights)).ravel()
-        limits = np.bincount(rows, shares, len(self.labels)).astype(np.float64)
-        normals = np.zeros((len(limits), 3, 3))
-        for i, j in np.ndindex(3, 3):
-            products = np.repeat(self.normals[:, i] * self.normals[:, j], 4)
-            normals[:, i, j] = np.bincount(rows, shares * products, len(limits))
+        limits, normals = np.zeros(len(self.labels)), np.zeros((len(self.labels), 3, 3))
+        _add_grips(limits, normals, self.elements, self.weights, self.normals, self.limits)
         normals /= np.where(limits > 0.0, limits, 1.0)[:, None, None]
         return Grip(limits, normals, self.labels)
 
@@ -368,6 +365,18 @@ def _sliding(x, start, rows, g, n, z, u):
         u[k] += z[k] - normal_part * n[k]
         norm_squared += u[k] * u[k]
     return np.sqrt(norm_squared)
+
+
+@kernel
+def _add_grips(of_rows, products, elements, weights, normals, limits):
+    """Add the shares L |g_i| of each pair to its rows, (N,), and their products with n n', (N, 3, 3)."""
+    for p in range(len(elements)):
+        for i in range(4):
+            row, share = natural(elements[p, i]), limits[p] * abs(weights[p, i])
+            of_rows[row] += share
+            for k in range(3):
+                for q in range(3):
+                    products[row, k, q] += share * (normals[p, k] * normals[p, q])
 
 
 @kernel

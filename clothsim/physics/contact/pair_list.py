@@ -39,6 +39,8 @@ class Pairs:
 
     def subset(self, indices: Ints) -> "Pairs":
         """The pairs with these indices, ascending."""
+        if len(indices) == len(self):
+            return self
         n_points = int(np.searchsorted(indices, self.n_points))
         taken = {name: getattr(self, name).take(indices, axis=0) for name in ARRAY_FIELDS}
         return Pairs(n_points=n_points, **taken)

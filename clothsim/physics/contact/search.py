@@ -31,7 +31,7 @@ from clothsim.physics.contact.ccd import (
     separated_by_centroids,
     vertex_rows,
 )
-from clothsim.physics.contact.pair_list import Pairs, concatenated_rows
+from clothsim.physics.contact.pair_list import NO_PAIRS, Pairs, concatenated_rows
 from clothsim.physics.contact.surface import ContactSurface, Primitives
 
 FoundPairs = tuple[Ints, Ints, Floats]
@@ -339,6 +339,8 @@ class Search:
 
         The triangles of a point follow one another.
         """
+        if not any(len(each) for each, _, _ in found):
+            return NO_PAIRS, np.zeros(0)
         first, second = self.surface.first, self.surface.second
         orders = [lexicographic_order(a, b) for a, b, _ in found]
         points, others, edges = ((a[order], b[order]) for (a, b, _), order in zip(found, orders, strict=True))

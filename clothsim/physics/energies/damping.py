@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -80,6 +81,10 @@ class MassDamping(Elementwise, Energy, PastSensitivity):
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """rate m / h on the diagonal [N/m]."""
+        return self._hessian
+
+    @cached_property
+    def _hessian(self) -> ElementHessian:
         return diagonal_hessian(self.rows, self.rate * self.masses / self.dt)
 
 

@@ -15,6 +15,8 @@ from clothsim.physics.energies.example import Example
 from clothsim.physics.energies.hessians import ElementHessian, diagonal_hessian, every_vertex
 from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, StartDerivatives
 
+NO_BLOCKS = diagonal_hessian(every_vertex(0), np.zeros(0))
+
 
 @dataclass(frozen=True)
 class GravityEnergy(Elementwise, Energy, PastSensitivity):
@@ -67,7 +69,7 @@ class GravityEnergy(Elementwise, Energy, PastSensitivity):
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """No blocks: the energy is linear."""
-        return diagonal_hessian(every_vertex(0), np.zeros(0))
+        return NO_BLOCKS
 
 
 def gravity(world: World, keys: Gravity) -> Energy | Off:

@@ -15,7 +15,7 @@ from clothsim.physics.energies.key_values import over_cloth
 MATERIALS: Mapping[str, tuple[str, ...]] = {
     "neo_hookean": ("elements", "compression"),
     "orthotropic": ("angle_degrees", "compression"),
-    "measured": ("angle_degrees", "warp", "weft", "shear"),
+    "measured": ("angle_degrees", "warp", "weft", "shear", "narrowing_warp", "narrowing_weft"),
 }
 """Materials, and the keys that each of them takes."""
 
@@ -43,7 +43,8 @@ def membrane(world: World, keys: Membrane) -> Energy | Off:
     by_fabric, material = keys.material == AUTO, str(keys.material)
     if by_fabric:
         material = "orthotropic" if world.per_triangle("has_threads").any() else "neo_hookean"
-    tables = {"warp": keys.warp, "weft": keys.weft, "shear": keys.shear}
+    names = "warp", "weft", "shear", "narrowing_warp", "narrowing_weft"
+    tables = {name: getattr(keys, name) for name in names}
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
     given = {"angle_degrees": turned, "elements": keys.elements != "triangles", "compression": keys.compression < 1}
     _refuse_others(material, given | {key: np.size(table) > 0 for key, table in tables.items()})

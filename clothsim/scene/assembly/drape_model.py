@@ -169,7 +169,7 @@ def _refuse_other_shapes(content: Mapping[str, NDArray[Any]]) -> None:
 
 def _number(key: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"The model needs {key}, which the scene has not as a number.", f"Write {key} in the scene.")
+        raise InputError(f"The model needs {key}, which is not a number in the scene.", f"Write {key} in the scene.")
     return float(value)
 
 

@@ -153,8 +153,9 @@ class System:
     ) -> tuple[Floats, Floats | None]:
         """Assemble beside one another the Hessians, as `assemble`, and others: None where these need more blocks."""
         hessians = self._own(given)
+        known = self._offsets
         offsets = self._known_offsets(hessians)
-        if any((at == OUTSIDE).any() for _, at in offsets.values()):
+        if any((at == OUTSIDE).any() for key, (_, at) in offsets.items() if key not in known):
             offsets = self._extended(hessians)
         pattern = self.pattern
 

@@ -79,8 +79,8 @@ class DissectedFactor:
 
     def back_solve(self, b: Floats) -> Floats:
         """Solve with the matrix last factorised; numbers that overflow single precision come back as inf or NaN."""
-        scaled, scale = in_range(b, self._kind)
-        x = np.empty_like(scaled)
+        scaled = np.empty(len(b), self._kind)
+        scale, x = in_range(b, scaled), np.empty_like(scaled)
         if not len(self._separator):
             self._each([partial(domain.write_solution, scaled, x) for domain in self._domains])
         else:

@@ -64,7 +64,10 @@ class Factor:
         self._indptr += 1  # PARDISO counts from one
         self._indices += 1
         self._no_right_side = np.zeros(3 * pattern.n_vertices, kind)
+        self._right, self._solution = np.empty_like(self._no_right_side), np.empty_like(self._no_right_side)
+        self._error = np.zeros(1, integer)
         self._fixed_arguments = self._arguments()
+        self._back_solve_arguments = self._arguments_of(SOLUTION, self._right, self._solution)
         self._call(ANALYSIS, self._no_right_side)
 
     def factorise(self, data: Floats) -> None:
@@ -76,8 +79,9 @@ class Factor:
 
     def back_solve(self, b: Floats) -> Floats:
         """Solve with the matrix last factorised; numbers that overflow single precision come back as inf or NaN."""
-        scaled, scale = in_range(b, self._kind)
-        return np.multiply(self.solve(scaled), scale, dtype=np.float64)
+        scale = in_range(b, self._right)
+        self._run(self._back_solve_arguments)
+        return np.multiply(self._solution, scale, dtype=np.float64)
 
     def solve(self, b: NDArray[Any]) -> NDArray[Any]:
         """Solve for b of this precision; none may be left."""
@@ -117,17 +121,23 @@ class Factor:
         return ctypes.byref(counts(value))
 
     def _call(self, phase: int, b: NDArray[Any], x: NDArray[Any] | None = None) -> NDArray[Any]:
-        x, error = np.empty_like(b) if x is None else x, np.zeros(1, self._library.integer)
+        x = np.empty_like(b) if x is None else x
+        self._run(self._arguments_of(phase, b, x))
+        return x
+
+    def _arguments_of(self, phase: int, b: NDArray[Any], x: NDArray[Any]) -> tuple[Any, ...]:
         before, after = self._fixed_arguments
+        return *before, self._integer(phase), *after, _address(b), _address(x), _address(self._error)
+
+    def _run(self, arguments: tuple[Any, ...]) -> None:
         given = self._library.set_threads(self.threads)
-        self._library.pardiso(*before, self._integer(phase), *after, _address(b), _address(x), _address(error))
+        self._library.pardiso(*arguments)
         self._library.set_threads(given)
-        code = int(error[0])
+        code = int(self._error[0])
         if code == NOT_POSITIVE:
             raise NotPositiveDefiniteError
         if code:
-            raise _failure(code, len(b))
-        return x
+            raise _failure(code, len(self._no_right_side))
 
     def close(self) -> None:
         """Free MKL's memory; the factor is unusable afterwards. The end of the process frees it too."""
@@ -140,11 +150,12 @@ class Factor:
             self.close()
 
 
-def in_range(b: Floats, kind: type[np.floating]) -> tuple[NDArray[Any], float]:
-    """Return b in another precision over a power of two, so that nothing is rounded or underflows, and that power."""
+def in_range(b: Floats, out: NDArray[Any]) -> float:
+    """Write b in another precision over a power of two, so that nothing is rounded or underflows; return that power."""
     largest = max(float(b.max(initial=0.0)), -float(b.min(initial=0.0)))
     scale = math.ldexp(1.0, math.frexp(largest)[1] - 1)
-    return np.divide(b, scale, out=np.empty(len(b), kind), casting="same_kind"), scale
+    np.divide(b, scale, out=out, casting="same_kind")
+    return scale
 
 
 def _failure(code: int, rows: int) -> ClothsimError:

@@ -6,6 +6,7 @@ offset of each (element, corner, corner) is looked up once, when an element list
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -137,7 +138,7 @@ class SparsityPattern:
         shifted[self._on_diagonal] += amount
         return shifted
 
-    @property
+    @cached_property
     def _on_diagonal(self) -> Ints:
         return (9 * self.starts[:-1, None] + np.array([0, 4, 8])).ravel()
 
@@ -148,13 +149,19 @@ def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
         return assembly.add_low_rank(data, at, hessian.first, hessian.count, hessian.factors)
     if isinstance(hessian, ElementHessian):
         size = hessian.blocks.shape[1]
-        rows, columns = np.triu_indices(size // 3)
         numbers = np.ascontiguousarray(hessian.blocks).reshape(len(at), size * size)
-        return assembly.add_blocks(data, at, 0, numbers, 1, 3 * (rows * size + columns), size, 1)
+        return assembly.add_blocks(data, at, 0, numbers, 1, _offsets_in_dense(size), size, 1)
     outside, offsets = 0, 9 * LANES * np.arange(at.shape[1])
     for first, lanes in hessian.chunks():
         outside += assembly.add_blocks(data, at, first, lanes, LANES, offsets, 3 * LANES, LANES)
     return outside
+
+
+@cache
+def _offsets_in_dense(size: int) -> Ints:
+    """Positions of the first entries of the blocks of corners a <= b in a dense block of `size` rows."""
+    rows, columns = np.triu_indices(size // 3)
+    return np.asarray(3 * (rows * size + columns), np.int64)
 
 
 def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Explicit]) -> SparsityPattern:

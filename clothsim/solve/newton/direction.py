@@ -263,10 +263,14 @@ def without_net_force(times: Product, b: Floats, x: Floats) -> Floats:
     A Krylov space holds no translations, so what a solution in it leaves has a net force: momentum out of nothing. x
     itself where the translations have no positive stiffness T'A T, or would no longer lead downhill.
     """
-    images = [times(np.tile(axis, len(x) // 3)).copy() for axis in np.eye(3)]
+    images = []
+    for axis in range(3):
+        translation = np.zeros_like(x)
+        translation[axis::3] = 1.0
+        images.append(times(translation).copy())
     stiffness = np.array([image.reshape(-1, 3).sum(axis=0) for image in images])
     force = b.reshape(-1, 3).sum(axis=0) - np.array([dot(image, x) for image in images])
     if not np.isfinite(stiffness).all() or np.linalg.eigvalsh(stiffness)[0] <= 0.0:
         return x
-    moved = np.asarray(x + np.tile(np.linalg.solve(stiffness, force), len(x) // 3), np.float64)
+    moved = (x.reshape(-1, 3) + np.linalg.solve(stiffness, force)).ravel()
     return moved if dot(b, moved) > 0.0 else x

@@ -3,9 +3,10 @@
 # mypy: disable-error-code="type-abstract"
 # (an abstract protocol is asked for by isinstance, never made)
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy import sparse
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
+from clothsim.base.vectors import add_to
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import Hessian, ImplicitHessian, LanesHessian, SumHessian
 from clothsim.physics.energies.protocols import (
@@ -28,7 +30,7 @@ from clothsim.physics.energies.protocols import (
     report_of,
     restricted,
 )
-from clothsim.solve.timers import Timers
+from clothsim.solve.timers import EffectsInTurn, Timers
 
 P = TypeVar("P")
 
@@ -50,7 +52,9 @@ class Potential:
 
     energies: Mapping[str, Energy]
     timers: Timers
-    _values: Memo[tuple[float, ...]] = field(default_factory=Memo, init=False, repr=False, compare=False)
+    _values: Memo[tuple[float, ...]] = field(
+        default_factory=partial(Memo, keeps_first=True), init=False, repr=False, compare=False
+    )
     _gradients: Memo[tuple[Floats, float]] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def begin(self, step: Step) -> Self:
@@ -113,12 +117,14 @@ class Potential:
         return self._values.at(x, self._evaluated)
 
     def _evaluated(self, x: Floats) -> tuple[float, ...]:
-        values = []
-        for name, energy in self.acting.items():
-            with self.timers.effect(name, "evaluations"):
-                values.append(energy.value(x))
-            if not np.isfinite(values[-1]):
-                return (*values[:-1], np.inf)
+        values: list[float] = []
+        with self.timers.effects_in_turn() as effects:
+            for name, energy in self.acting.items():
+                value = energy.value(x)
+                effects.done(name, "evaluations")
+                if not math.isfinite(value):
+                    return (*values, np.inf)
+                values.append(value)
         return tuple(values)
 
     def gradient(self, x: Floats) -> Floats:
@@ -131,16 +137,17 @@ class Potential:
 
     def _derived(self, x: Floats) -> tuple[Floats, float]:
         total, largest = np.zeros_like(x), 0.0
-        for name, energy in self.acting.items():
-            with self.timers.effect(name, "gradients"):
-                part = energy.gradient(x)
-                total += part
-                largest = max(largest, float(part.max(initial=0.0)), -float(part.min(initial=0.0)))
+        with self.timers.effects_in_turn() as effects:
+            for name, energy in self.acting.items():
+                part = np.ascontiguousarray(energy.gradient(x), np.float64)
+                largest = max(largest, add_to(total, part))
+                effects.done(name, "gradients")
         return total, largest
 
     def hessians(self, x: Floats) -> list[Hessian]:
         """Return the projected Hessian of each acting energy [N/m], in their order."""
-        return [self._hessian(name, x, True) for name in self.acting]
+        with self.timers.effects_in_turn() as effects:
+            return [self._hessian(effects, name, x, True) for name in self.acting]
 
     def exact_hessians(self, x: Floats, projected: list[Hessian] | None = None) -> list[Hessian]:
         """Return the exact Hessian of each acting energy [N/m], or the projected one for Newton (friction).
@@ -148,15 +155,18 @@ class Potential:
         projected: the result of `hessians` at x, if it is known.
         """
         known = projected or [None] * len(self.acting)
-        return [
-            self._hessian(name, x, not energy.exact_in_newton) if energy.exact_in_newton or one is None else one
-            for (name, energy), one in zip(self.acting.items(), known, strict=True)
-        ]
+        with self.timers.effects_in_turn() as effects:
+            return [
+                self._hessian(effects, name, x, not energy.exact_in_newton)
+                if energy.exact_in_newton or one is None
+                else one
+                for (name, energy), one in zip(self.acting.items(), known, strict=True)
+            ]
 
-    def _hessian(self, name: str, x: Floats, project: bool) -> Hessian:
-        with self.timers.effect(name, "hessians") as counters:
-            hessian = self.energies[name].hessian(x, project)
-            counters.hessian_nonzeros = int(hessian.nnz)
+    def _hessian(self, effects: EffectsInTurn, name: str, x: Floats, project: bool) -> Hessian:
+        hessian = self.energies[name].hessian(x, project)
+        effects.done(name, "hessians")
+        self.timers.effects[name].hessian_nonzeros = int(hessian.nnz)
         if isinstance(hessian, SumHessian):
             return SumHessian(tuple(self._timed_part(name, part) for part in hessian.parts))
         return hessian if isinstance(hessian, sparse.csr_array) else self._timed_part(name, hessian)
@@ -164,8 +174,10 @@ class Potential:
     def _timed_part(self, name: str, part: Any) -> Any:
         """A part of a Hessian whose later work is timed as its energy's."""
         if isinstance(part, LanesHessian):
-            return replace(part, fill=self._timed(name, part.fill))
-        return replace(part, apply=self._timed(name, part.apply)) if isinstance(part, ImplicitHessian) else part
+            return LanesHessian(part.elements, self._timed(name, part.fill))
+        if isinstance(part, ImplicitHessian):
+            return ImplicitHessian(part.elements, self._timed(name, part.apply), part.explicit)
+        return part
 
     def _timed(self, name: str, work: Callable[..., Any]) -> Callable[..., Any]:
         """A function of a Hessian, timed as work of its energy."""

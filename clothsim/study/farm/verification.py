@@ -77,7 +77,7 @@ def verify(farm: Farm, fraction: float = 0.01, seed: int = 0) -> Verified:
     A farm in which all holds is signed off in `verified.json`, which `demand_verified` asks for.
     """
     if not 0 <= fraction <= 1:
-        raise InputError(f"The fraction is {fraction:g}.", "Give a number from 0 to 1, such as .01.")
+        raise InputError(f"The fraction is {fraction:g}.", "Give a number from 0 to 1, such as 0.01.")
     found = faults(farm)
     torn, hashes = found.torn, found.hashes
     jobs = [job for job in farm.jobs if job.id in hashes]

@@ -223,20 +223,21 @@ def test_sleeves_turn_to_the_arms(body):
         assert np.allclose(*lengths, atol=1e-12), name
 
 
-def test_order_of_seams():
+def test_order_of_seams(body):
+    surface = body_surface(body.positions, body.triangles)
     state = as_placed(mesh_pattern(pattern_of(shirt()), SPACING))
     assert {order_of(seam, state) for seam in state.mesh.seams} == {WITHIN}
     entries = shirt()
     entries["pattern"]["stitches"].append(stitch(("front", 0), ("left_sleeve_f", 1)))
     state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
     assert order_of(state.mesh.seams[-1], state) == ONTO
-    assert [len(turn.closing) for turn in sewing_phases(state)] == [len(state.mesh.seams) - 1, 1]
+    assert [len(turn.closing) for turn in sewing_phases(state, surface)] == [len(state.mesh.seams) - 1, 1]
     entries["pattern"]["panels"]["skirt"] = panel([[-25, -40], [25, -40], [25, 0], [-25, 0]], translation=[0, 80, 22])
     entries["pattern"]["stitches"].append(stitch(("back", 0), ("skirt", 2)))
     state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
     assert order_of(state.mesh.seams[-1], state) == BELOW
-    assert [len(turn.closing) for turn in sewing_phases(state)] == [len(state.mesh.seams) - 2, 1, 1]
-    assert [turn.hold for turn in sewing_phases(state)] == [False, False, True]
+    assert [len(turn.closing) for turn in sewing_phases(state, surface)] == [len(state.mesh.seams) - 2, 1, 1]
+    assert [turn.hold for turn in sewing_phases(state, surface)] == [False, False, True]
     dart = panel([[0, 0], [4, 0], [5, 8], [6, 0], [10, 0], [10, 20], [0, 20]])
     state = as_placed(mesh_pattern(pattern_of(specification({"a": dart}, [stitch(("a", 1), ("a", 2))])), 0.02))
     assert order_of(state.mesh.seams[0], state) == DART
@@ -260,7 +261,7 @@ def test_panels_approach_the_body(body):
 def test_springs_through_the_body_wait_for_a_second_phase(body):
     surface = body_surface(body.positions, body.triangles)
     state = as_placed(placed_on(mesh_pattern(pattern_of(shirt()), SPACING), body)[0])
-    first = sewing_phases(state)[0]
+    first = sewing_phases(state, surface)[0]
     through = sum(count_crossing_body(state.positions[state.pairs(seam)], surface) for seam in first.closing)
     drawn = sum(len(first.drawn_pairs(state, seam, surface)) for seam in first.closing)
     assert through > 0
@@ -270,6 +271,27 @@ def test_springs_through_the_body_wait_for_a_second_phase(body):
     second = replace(first, patient=False)
     assert not second.is_partial(state, surface)
     assert sum(len(second.drawn_pairs(state, seam, surface)) for seam in first.closing) == every
+
+
+@pytest.mark.parametrize(("inner", "later"), [(8, 2), (40, 0)])
+def test_a_flounce_whose_ends_lie_before_the_legs_is_sewn_to_its_skirt_first(body, inner, later):
+    """A flounce of two U-shaped pieces, the ends of the U `inner` to `inner` + 8 cm from the middle."""
+    low, outer = [[-inner - 8, -10], [inner + 8, -10]], [[inner + 8, 20], [inner, 20]]
+    flounce = [*low, *outer, [inner, 0], [-inner, 0], [-inner, 20], [-inner - 8, 20]]
+    panels, sides = {}, []
+    for name, outline, level, edges in (
+        ("skirt", [[-35, 0], [35, 0], [30, 40], [-30, 40]], 45, (1, 3)),
+        ("flounce", flounce, 30, (2, 6)),
+    ):
+        for part, depth in (("front", 20), ("back", -20)):
+            panels[f"{name}_{part}"] = panel(outline, translation=[0, level, depth])
+        sides += [stitch((f"{name}_front", k), (f"{name}_back", k), "right_wrong") for k in edges]
+    onto = [stitch((f"skirt_{part}", 0), (f"flounce_{part}", 4)) for part in ("front", "back")]
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, [*sides, *onto])), SPACING))
+    phases = sewing_phases(state, body_surface(body.positions, body.triangles))
+    assert [len(phase.closing) for phase in phases] == ([2, 2, 2] if later else [4, 2])
+    if later:
+        assert all(side.panel.startswith("flounce") for seam in phases[-1].closing for side in seam.stitch.sides)
 
 
 def test_low_shoulders_are_lifted(body):

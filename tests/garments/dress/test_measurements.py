@@ -223,6 +223,20 @@ def test_a_slit_is_no_part_of_the_hem(body):
     assert hem_of(state, body)[0] == pytest.approx(2 * 0.29 + np.hypot(0.6, 0.2), abs=1e-3)
 
 
+def test_a_hem_of_points_is_measured_along_them(body):
+    """Of a skirt so short that its points, of 50 degrees, make more than half of its height."""
+    points = [[5 * k - 30, 6 * (k % 2)] for k in range(13)]
+    panels = {
+        name: panel([[way * x, y] for x, y in (*points, [30, 10], [-30, 10])], translation=[0, 100, 20 * way])
+        for name, way in (("front", 1), ("back", -1))
+    }
+    sides = [stitch(("front", 12), ("back", 14)), stitch(("front", 14), ("back", 12))]
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, sides)), 0.03)).weld(range(2))
+    length, level = hem_of(state, body)
+    assert length == pytest.approx(24 * np.hypot(0.05, 0.06), abs=1e-3)
+    assert level == pytest.approx(1.03, abs=2e-3)
+
+
 def test_only_darts_that_open_upward_hide_cloth_from_a_level_line():
     at_the_side = [[0, 0], [40, 0], [40, 20], [30, 22], [40, 24], [40, 44], [0, 44]]
     upright = [[0, 0], [18, 0], [20, 12], [22, 0], [40, 0], [40, 44], [0, 44]]

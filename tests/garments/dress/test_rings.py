@@ -1,5 +1,7 @@
 """Tubes move to the side until they are round the legs; trousers are lowered to the crotch; bodices stay."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from capsule_bodies import person
@@ -7,7 +9,7 @@ from sewing_patterns import panel, specification, stitch
 
 from clothsim.garments.dress.corrections import lifted
 from clothsim.garments.dress.limbs import Wearer, limb_names
-from clothsim.garments.dress.rings import arms_between, centred, lowered_to_crotch, rings
+from clothsim.garments.dress.rings import arms_between, centred, lowered_to_crotch, open_pairs_of, rings
 from clothsim.garments.dress.sewing_state import SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
@@ -73,13 +75,15 @@ def test_what_is_round_the_legs_stays(body):
     assert np.array_equal(moved.positions, state.positions)
 
 
-def trousers_with_cuffs(aside: float) -> SewingState:
-    """Trousers, and a cuff below each leg that is `aside` cm farther out than the leg."""
+def trousers_with_cuffs(aside: float, half: float = 20) -> SewingState:
+    """Trousers, and a cuff below each leg, 2 `half` cm wide, that is `aside` cm farther out than the leg."""
     panels, stitches = {}, []
     for part, z in (("front", 20), ("back", -20)):
         panels[f"top_{part}"] = panel(TROUSERS, translation=[0, 45, z])
         for side, x in (("left", 20 + aside), ("right", -20 - aside)):
-            panels[f"{side}_{part}"] = panel([[-20, 0], [20, 0], [17.5, 10], [-17.5, 10]], translation=[x, 30, z])
+            panels[f"{side}_{part}"] = panel(
+                [[-half, 0], [half, 0], [half - 2.5, 10], [2.5 - half, 10]], translation=[x, 30, z]
+            )
     stitches = [stitch(("top_front", k), ("top_back", k), "right_wrong") for k in (1, 2, 4, 6)]
     for side, edge in (("left", 3), ("right", 0)):
         stitches += [stitch((f"{side}_front", k), (f"{side}_back", k), "right_wrong") for k in (1, 3)]
@@ -100,6 +104,21 @@ def test_trousers_stay_and_their_cuffs_go_round_one_leg_each(body, aside, count)
             leg = body.positions[np.abs(body.positions[:, 1] - 0.35) < 0.05, 0]
             assert reach.min() < leg[leg > 0].min()
             assert leg.max() < reach.max()
+
+
+def test_a_cuff_narrower_than_its_leg_goes_to_the_middle_of_the_leg(body):
+    """The leg slants, and its outer side lacks most at the upper end, its inner side at the lower one."""
+    slanting = body.positions.copy()
+    slanting[:, 0] += np.sign(slanting[:, 0]) * np.maximum(0.6 - slanting[:, 1], 0.0) ** 2
+    legs = replace(body, positions=slanting)
+    state = trousers_with_cuffs(12, half=8)
+    moved, notes = centred(state, legs)
+    assert len(notes) == 2
+    at = moved.positions[open_pairs_of(state, ("left_front", "left_back"))].mean(axis=1)
+    slices = [slanting[(slanting[:, 0] > 0) & (np.abs(slanting[:, 1] - point[1]) < 0.04), 0] for point in at]
+    middles = [(part.min() + part.max()) / 2 for part in slices]
+    cuff = moved.positions[state.mesh.vertices["left_front"], 0]
+    assert (cuff.min() + cuff.max()) / 2 == pytest.approx(np.mean(middles), abs=1e-3)
 
 
 def test_skirts_are_not_lifted(body):

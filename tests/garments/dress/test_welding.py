@@ -5,8 +5,8 @@ import pytest
 from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
-from clothsim.garments.dress.closing import welded_where_closed
 from clothsim.garments.dress.sewing_state import SewingState, as_placed
+from clothsim.garments.dress.welding import welded_and_untangled, welded_where_closed
 from clothsim.garments.penetration import counted
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
@@ -75,3 +75,36 @@ def test_pairs_whose_weld_would_meet_the_body_stay_open(surface):
     assert counted(tried.positions, tried.triangles, surface).clean
     assert tried.open_seams == (0,)
     assert len(tried.pairs(tried.mesh.seams[0])) >= 1
+
+
+def with_a_flap_between(reach: float) -> SewingState:
+    """Two squares 1 cm apart, and a flap that stands between them and reaches through by `reach` [m]."""
+    square = [[0, 0], [50, 0], [50, 50], [0, 50]]
+    panels = {
+        "left": panel(square),
+        "right": panel([[x + 51, y] for x, y in square]),
+        "flap": panel([[0, 5], [8, 5], [8, 45], [0, 45]]),
+    }
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, [stitch(("left", 1), ("right", 3))])), SPACING))
+    positions, flap = state.positions + np.array([5.0, 0.0, 0.0]), state.mesh.vertices["flap"]
+    across = positions[flap, 0] - 5.0
+    positions[flap, 0], positions[flap, 2] = 5.505, across - reach
+    return state.moved_to(positions)
+
+
+def test_cloth_between_the_sides_is_moved_out(surface):
+    state = with_a_flap_between(0.01)
+    assert counted(state.positions, state.triangles, surface).clean
+    refused = welded_where_closed(state, np.inf, surface)
+    assert refused.open_seams == (0,)
+    welded = welded_and_untangled(refused, surface)
+    assert welded.welded == (0,)
+    assert counted(welded.positions, welded.triangles, surface).clean
+    flap = welded.number[state.mesh.vertices["flap"]]
+    assert welded.positions[flap, 2].min() > 0.0
+    assert np.percentile(welded.stretches(), 1) > 0.5
+
+
+def test_a_state_without_open_seams_stays(surface):
+    whole = welded_where_closed(side_by_side(), np.inf, surface)
+    assert welded_and_untangled(whole, surface) is whole

@@ -106,6 +106,7 @@ def test_a_fit_leaves_what_a_run_leaves_and_its_stages(files, tmp_path, monkeypa
     assert summary["certificate"]["intersection_free"]
     assert set(summary["cost"]) == {"stretch_low", "stretch_high", "displacement"}
     assert {"reason", "wall_seconds", "newton_iterations", "fit_seconds"} <= set(summary)
+    assert summary["cpu_seconds"] >= sum(stage["seconds"] for stage in summary["stages"]) > 0.0
     np.testing.assert_allclose(read_mesh(out / "fitted.obj").positions, done.positions, atol=1e-6)
     assert done.counts.clean
     assert done.cost.high > 1.2

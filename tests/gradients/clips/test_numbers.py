@@ -6,9 +6,10 @@ from small_scenes import EFFECTS, small_scene
 
 from clothsim import Cloth, InputError, Scene
 from clothsim.garments.authoring.arrays import scene_of_arrays
-from clothsim.gradients.clips.numbers import clip_numbers
+from clothsim.gradients.clips.numbers import RestShape, clip_numbers
 from clothsim.gradients.losses import Distance
 from clothsim.gradients.run import traced
+from clothsim.mesh.generators.shapes import rectangle
 from clothsim.scene.assembly.scene_world import build
 
 ON = EFFECTS | {"friction": {"coefficient": 0.2}}
@@ -56,6 +57,15 @@ def test_panels_of_a_flat_pattern_have_lengths_of_their_own():
     before = numbers.scene.cloths[0].mesh.rest
     np.testing.assert_array_equal(after[:16], before[:16])
     assert np.ptp(after[16:, :, 0]) == pytest.approx(1.2 * np.ptp(before[16:, :, 0]))
+
+
+@pytest.mark.parametrize(("count", "panels"), [(4, 4), (5, 1)])
+def test_a_flat_cloth_of_more_than_four_panels_is_one(count, panels):
+    points, triangles = rectangle((1.0, 1.0), (5, 2))
+    groups = {str(k): np.flatnonzero(np.arange(len(triangles)) % count == k) for k in range(count)}
+    shape = RestShape.of(Cloth(points, triangles, groups=groups), points[:, :2])
+    assert len(shape.panels) == panels
+    assert not shape.alike
 
 
 def test_pins_by_a_side_stay_where_the_rest_shape_bends():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.gradients.clips.rest_shape import LONGEST, Sheet, fitted_rest
+from clothsim.gradients.clips.rest_shape import LONGEST, Sheet, _mixed, fitted_rest
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import rectangle
 
@@ -40,6 +40,22 @@ def test_cloth_that_follows_its_rest_shape_by_half_comes_to_the_key():
     assert price.displacement == pytest.approx(np.sqrt(((moved - moved.mean(axis=0)) ** 2).sum(axis=1).mean()))
     assert 0 < price.angle < np.pi / 4
     assert 0 < price.length <= LONGEST
+
+
+def test_the_price_of_a_stretch_is_its_strain():
+    own = sheet()
+    price = own.price(0.07 * own.rest, 1.0, 0.5, 3)
+    assert price.length == pytest.approx(0.07, rel=1e-12)
+    assert price.angle == pytest.approx(0.0, abs=1e-9)
+    away = 0.07 * np.linalg.norm(own.rest - own.rest.mean(axis=0), axis=1)
+    assert price.most == pytest.approx(away.max(), rel=1e-12)
+
+
+def test_two_steps_along_a_line_end_where_the_third_one_would_have_to():
+    """Steps of 0.4 of the way that is left: Anderson's mixing is the secant method there, which is exact."""
+    wanted = np.random.default_rng(0).normal(size=(5, 3))
+    tried = [(at, 0.4 * (wanted - at)) for at in (np.zeros((5, 3)), 0.4 * wanted)]
+    np.testing.assert_allclose(_mixed(tried), wanted, rtol=1e-12)
 
 
 def test_nothing_is_added_where_runs_get_no_nearer():

@@ -8,7 +8,7 @@ import pytest
 from contacts import sheet_on_ball
 
 from clothsim import Friction, Scene, simulate
-from clothsim.physics.contact.anchors import Anchors, anchors_at, anchors_from
+from clothsim.physics.contact.anchors import Anchors, adjoint_by_rows, anchors_at, anchors_from
 from clothsim.physics.contact.friction_coefficients import coefficient_tables
 
 E = 1e-3
@@ -48,6 +48,16 @@ def test_a_contact_that_comes_to_rest_keeps_its_force(fraction):
     q = rests.slips[0, 0] / E
     assert not rests.slides[0]
     assert static * (2 * q - q**2) == pytest.approx(kinetic * (2 * fraction - fraction**2), rel=1e-12)
+
+
+def test_adjoints_of_a_function_of_rows_are_exact_to_the_fourth_order():
+    """Of |a|^2 b + a, whose derivatives by a and b are known; a row of zeros has none."""
+    a, b, by = np.random.default_rng(0).standard_normal((3, 5, 3))
+    a[2] = 0.0
+    by_a, by_b = adjoint_by_rows(lambda a, b: (a * a).sum(axis=1, keepdims=True) * b + a, (a, b), by)
+    along = (by * b).sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(by_a, np.where(a.any(axis=1, keepdims=True), 2 * a * along + by, 0.0), rtol=1e-9)
+    np.testing.assert_allclose(by_b, (a * a).sum(axis=1, keepdims=True) * by, rtol=1e-9)
 
 
 def test_slip_turns_with_the_second_surface():

@@ -38,6 +38,11 @@ def test_two_rods_touch_at_two_radii():
     assert contact.value(crossing(2 * R + 0.051).start()) == 0.0
 
 
+def test_the_offset_of_a_scene_comes_on_top_of_the_radii():
+    contact = self_contact(crossing(2 * R + 0.02), d_hat=0.05, stiffness=1.0, offset=0.004)
+    assert contact.offset == pytest.approx(2 * R + 0.004, rel=1e-12)
+
+
 def test_the_weight_of_a_contact_is_length_times_radius():
     """Twice the length at the same radius: twice the energy of the middle edges."""
     energies = []

@@ -10,7 +10,7 @@ from small_scenes import SHEET, SOLVER
 
 from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
-from clothsim.physics.energies.measured_membrane import Curve
+from clothsim.physics.energies.measured_membrane import Curve, Narrowing
 
 WARP = [[0.02, 4.0], [0.05, 20.0], [0.10, 60.0]]
 WEFT = [[0.10, 3.0], [0.30, 30.0]]
@@ -88,6 +88,80 @@ class TestAPulledStrip:
         strains = [np.interp(level, curve.at(e := np.linspace(0, 0.3, 100001))[1], e) for level in levels]
         longer = np.ptp(run.positions(-1)[:, 2]) - 0.6
         assert longer == pytest.approx(0.1 * np.sum(strains), rel=3e-3)  # corners of one row weigh differently
+
+
+NARROWING = {"narrowing_warp": [[0.04, 0.01], [0.10, 0.05]], "narrowing_weft": [[0.1, 0.02], [0.3, 0.08]]}
+
+
+class TestNarrowing:
+    @pytest.mark.parametrize(("strain", "lost"), NARROWING["narrowing_warp"])
+    def test_a_free_strip_along_the_warp_narrows_by_its_table_and_returns_the_other(self, strain, lost):
+        world, energy = sheet(**NARROWING)
+        stress = nominal_stress(*sheet(), 1 + strain)[0]
+        assert nominal_stress(world, energy, 1 + strain, 1 - lost) == pytest.approx([stress, 0], rel=1e-12, abs=1e-12)
+
+    @pytest.mark.parametrize(("strain", "lost"), NARROWING["narrowing_weft"])
+    def test_and_along_the_weft(self, strain, lost):
+        world, energy = sheet(**NARROWING)
+        stress = nominal_stress(*sheet(), 1, 1 + strain)[1]
+        assert nominal_stress(world, energy, 1 - lost, 1 + strain) == pytest.approx([0, stress], rel=1e-12, abs=1e-12)
+
+    def test_a_strip_whose_width_is_held_has_the_stress_of_what_it_cannot_lose(self):
+        """W2'(g) across, and g' of it along besides the table."""
+        world, energy = sheet(**NARROWING)
+        weft = Curve.through(*np.array([[0, 0], *WEFT]).T)
+        law = Narrowing.through(*np.array([[0, 0], *NARROWING["narrowing_warp"]]).T)
+        g, slope, _ = law.at(np.array([0.1]))
+        across = weft.at(g)[1]
+        along = 60.0 + across * slope
+        assert g == pytest.approx(0.05)
+        assert nominal_stress(world, energy, 1.1) == pytest.approx([along[0], across[0]], rel=1e-12)
+
+    def test_it_is_level_at_rest_and_straight_beyond_its_last_row(self):
+        law = Narrowing.through(np.array([0.0, 0.1, 0.3]), np.array([0.0, 0.02, 0.08]))
+        g, slope, curvature = law.at(np.array([-0.2, 0.0, 0.3, 0.4, 0.5]))
+        assert (g[:2] == 0).all()
+        assert (slope[:2] == 0).all()
+        assert g[4] - g[3] == pytest.approx(g[3] - g[2])
+        assert (curvature[[0, 1, 3, 4]] == 0).all()
+
+    @pytest.mark.parametrize("stretch", [[1.06, 1.1, 1], [1.2, 0.97, 1], [0.97, 1.15, 1], [1.06, 1.5, 1]])
+    def test_derivatives(self, stretch):
+        world, energy = sheet(angle_degrees=25, **NARROWING)
+        x = deformed(world, 2, 0.01) * stretch
+        assert gradient_error(energy, x) < 1e-7
+        assert hessian_error(energy, x, step=1e-7) < 1e-4
+        projected = dense_hessian(energy, x, project=True)
+        assert np.linalg.eigvalsh(projected)[0] > -1e-12 * np.abs(projected).max()
+
+    def test_a_slender_strip_between_clamps_narrows_in_its_middle(self, tmp_path):
+        strip = SHEET | {"size": [0.3, 0.06], "cells": [30, 6]}
+        pins = {"group": [{"select": "left"}, {"select": "right", "motion": {"velocity": [0.03, 0, 0]}}]}
+        stiff = {"warp": WARP, "shear": [[0.2, 60.0]]}  # in shear, lest the clamps be felt in the middle
+        keys = {"material": "measured"} | stiff | NARROWING
+        scene = Scene(
+            cloth=strip,
+            effects={"membrane": keys, "pins": pins},
+            solver={"dt": 0.25, "unstable_equilibrium": "keep"},
+            run={"duration": 1.0, "frames_per_second": 4},
+        )
+        run = simulate(scene, tmp_path)
+        assert run.status == "completed", run.reason
+        x = run.positions(-1)
+        middle = np.abs(x[:, 0] - x[:, 0].mean()) < 0.01
+        assert 1 - np.ptp(x[middle, 1]) / 0.06 == pytest.approx(0.05, abs=0.004)
+
+    @pytest.mark.parametrize(
+        ("tables", "output"),
+        [
+            ({"narrowing_warp": [[0.5, 1.0]]}, r"narrowing_warp takes 1 of the width"),
+            ({"narrowing_weft": [[0.1, 0.02], [0.2, 0.01]]}, r"narrowing_weft\[1\] has narrowing 0\.01, not above"),
+            ({"narrowing_warp": [[0.1, 0.12]], "narrowing_weft": [[0.1, 0.09]]}, "slopes multiply to"),
+        ],
+    )
+    def test_what_leaves_no_width_or_no_stable_sheet_is_refused(self, tables, output):
+        with pytest.raises(InputError, match=output):
+            sheet(**tables)
 
 
 class TestTheEnergy:

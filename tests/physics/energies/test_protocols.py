@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from effect_builders import friction, gravity, membrane
-from meshes import small_world
+from meshes import deformed, small_world
 from solving import step_at
 
 from clothsim.physics.energies.links import Links
 from clothsim.physics.energies.protocols import (
     NO_REPORT,
+    ChangingMaterial,
     ContactGap,
     is_driven,
     is_idle,
@@ -74,6 +75,22 @@ def test_contact_begins_at_offset_and_d_hat():
             return 0.0
 
     assert Gap(0.25, 0.5).activation_distance == 0.75
+
+
+def test_a_material_of_a_step_is_that_of_its_end_and_its_change_works():
+    """A stiffness that grows as 1 + t: from 1.3 to 2 in the step from 0.3 s to 1 s."""
+    world = small_world()
+    first, x = membrane(world), deformed(world, 2, 0.08)
+
+    def made(numbers):
+        factor = numbers[0][0]
+        return replace(first, mu=factor * first.mu, lam=factor * first.lam)
+
+    changing = ChangingMaterial(first, lambda time: ((1.0 + time,),), made)
+    bound = changing.begin(replace(step_at(world.start(), dt=0.7), time=0.3))
+    np.testing.assert_allclose(bound.gradient(x), 2.0 * first.gradient(x), rtol=1e-12)
+    assert first.value(x) > 0
+    assert changing.work_of_change(x, 0.3, 1.0, bound) == pytest.approx((2.0 - 1.3) * first.value(x), rel=1e-12)
 
 
 def test_a_protocol_without_its_method_cannot_be_made():

@@ -107,6 +107,23 @@ def test_the_strings_are_shortened_from_start_to_end():
     assert energy.final_notes(world.start(), 1.0) == ("seam[0] gapes by 1e+03 mm at most",)
 
 
+def test_with_a_gap_of_contact_the_strings_depend_on_the_start_as_differences_say():
+    """Fractions of what the start gapes beyond the gap, of the derivative of the force by the start."""
+    world = two()
+    energy = sewn(world, **{"from": {"cloth": "a", "side": "right"}, "to": {"cloth": "b", "side": "left"}, "end": 2.0})
+    energy = replace(energy, gap=0.2)
+    rng = np.random.default_rng(0)
+    start, x, a, d = (world.start() + 0.05 * rng.standard_normal(world.start().shape) for _ in range(4))
+    step = replace(step_at(start, dt=0.3), time=0.4)
+
+    def power(h):
+        return np.vdot(a, energy.begin(replace(step, positions=start + h * d)).gradient(x))
+
+    found = np.vdot(energy.begin(step).past_sensitivity(step, x, a).positions, d)
+    assert abs(found) > 1e-3
+    assert found == pytest.approx((power(1e-6) - power(-1e-6)) / 2e-6, rel=1e-7)
+
+
 def test_a_closed_seam_bends_where_a_region_holds_none_of_its_stitches():
     """The far corner of a hinge over the seam moves alone: no stitch is around it."""
     world = sheet()

@@ -304,6 +304,10 @@ def test_every_end_has_its_name_and_place(scene, ending, rows, numbers):
     assert np.isfinite(result.x).all()
 
 
+def test_a_solve_that_ends_at_its_limit_took_as_many_iterations():
+    assert iteration_limit().iterations == 2
+
+
 def test_no_end_was_forgotten():
     assert {ending for _, ending, *_ in ENDS} | {Ending.CONVERGED} == set(Ending)
 

@@ -1,12 +1,37 @@
 """Energy of BDF2 at impacts: steps that would gain are repeated with backward Euler, smooth motion is not."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+from effect_builders import gravity, inertia, membrane
+from meshes import deformed, small_world
 from small_scenes import SHEET, small_scene, without
+from solving import step_at
 
 from clothsim import simulate
-from clothsim.solve.stepping.mechanical_energy import ALLOWED
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.stepping.mechanical_energy import ALLOWED, mechanical_energy
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.timers import Timers
 
 PLATE = {"mesh": "slab", "size": [3.0, 3.0, 0.1], "name": "plate"}
+
+
+def test_the_energy_of_a_thrown_sheet_is_that_of_its_speed_height_and_stretch():
+    """Gravity as -m g z; the incremental potential has the energy of inertia besides, which is stored nowhere."""
+    world = small_world()
+    energies = {"membrane": membrane(world), "inertia": inertia(world), "gravity": gravity(world)}
+    x, v = deformed(world, 2, 0.05), np.tile([0.3, -0.2, 1.5], (len(world.start()), 1))
+    potential = Potential(energies, Timers()).begin(step_at(world.start(), v, 0.1))
+    found = mechanical_energy(world, potential, replace(first_state(world, 0.1), positions=x, velocities=v))
+    mass = world.masses[: world.n_cloth]
+    kinetic = 0.5 * mass.sum() * (v[0] @ v[0])
+    height = 9.81 * float(mass @ x[: world.n_cloth, 2])
+    assert found.kinetic == pytest.approx(kinetic, rel=1e-12)
+    assert found.total == pytest.approx(kinetic + height + energies["membrane"].value(x), rel=1e-12)
+    assert found.incremental == pytest.approx(potential.value(x), rel=1e-12)
+    assert found.incremental != pytest.approx(found.total, rel=0.1)
 
 
 def thrown(**solver):

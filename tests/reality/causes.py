@@ -1,0 +1,55 @@
+"""What the score would be if one thing or another were right, or left out of the model: where it is lost."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from tests.reality.borders import Lays, scatter_of_fitted
+from tests.reality.ensembles import fitted
+from tests.reality.score import mean_scores, scored
+
+HEADER = ("", "simulated", "with spread", "skill", "with spread")
+RIGHT: dict[str, tuple[int, ...]] = {
+    "nothing": (),
+    "coefficient": (0,),
+    "n_eff": (1,),
+    "sd r": (2,),
+    "n_eff and sd r": (1, 2),
+    "all three": (0, 1, 2),
+}
+"""Coordinates whose mean is replaced by that of the cloth."""
+
+
+def rows(table: Sequence[Sequence[Sequence[float]]], lays: Sequence[Lays]) -> list[list[str]]:
+    """Mean scores and skills with means that are right, with spreads that are, and with parts of the fit left out."""
+    scatter = scatter_of_fitted(lays)
+    whole = [fitted(table, each, scatter).ensemble for each in lays]
+
+    def corrected(change: Callable[[Floats, Lays], Floats]) -> list[Floats]:
+        return [change(ensemble, own) for ensemble, own in zip(whole, lays, strict=True)]
+
+    cases = {
+        f"right in the mean: {name}": corrected(lambda e, own, at=at: _moved(e, own, at)) for name, at in RIGHT.items()
+    }
+    cases["each spread that of the fabric"] = corrected(_spread_as)
+    cases["every ratio alike likely"] = [fitted(table, each, scatter, weigh=False).ensemble for each in lays]
+    cases["outlines on the axis"] = [fitted(table, each, scatter, centred=True).ensemble for each in lays]
+    cases["both"] = [fitted(table, each, scatter, weigh=False, centred=True).ensemble for each in lays]
+    found = []
+    for name, ensembles in cases.items():
+        means, skills = mean_scores(scored(lays, ensembles))
+        found.append([name, *(f"{value:.2f}" for value in means[:2]), *(f"{value:.1f}" for value in skills)])
+    return found
+
+
+def _moved(ensemble: Floats, own: Lays, coordinates: tuple[int, ...]) -> Floats:
+    """The ensemble with the cloth's means of some coordinates."""
+    moved, which = ensemble.copy(), list(coordinates)
+    moved[:, which] += (own.others.mean(axis=0) - ensemble.mean(axis=0))[which]
+    return moved
+
+
+def _spread_as(ensemble: Floats, own: Lays) -> Floats:
+    """The cloth's lays about the mean of the ensemble."""
+    return np.asarray(ensemble.mean(axis=0) + own.others - own.others.mean(axis=0))
