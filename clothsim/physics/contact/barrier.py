@@ -6,7 +6,7 @@ from typing import Self, cast
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.vectors import equal
+from clothsim.base.vectors import equal, lengths
 from clothsim.physics.contact import barrier_kernels as kernels
 from clothsim.physics.contact.candidate_subsets import CandidateSubset
 from clothsim.physics.contact.candidates import Candidates
@@ -90,7 +90,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         force = -self.gradient(step.positions)[:n]
         inward, in_contact = _contact_directions(force)
         loads = -(step.gradient[:n] * inward).sum(axis=1) / self.areas
-        speeds = np.linalg.norm(step.velocities[:n], axis=1)
+        speeds = lengths(step.velocities[:n])
         approach = np.where(in_contact, (step.velocities[:n] * inward).sum(axis=1), speeds)
         stiffness = barrier_stiffness(
             float(loads[in_contact].max(initial=0.0)),
@@ -222,7 +222,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
 
 def _contact_directions(force: Floats) -> tuple[Floats, np.ndarray]:
     """Unit vectors (n, 3) opposite to the contact forces, zero without; and the mask (n,) of vertices in contact."""
-    length = np.linalg.norm(force, axis=1)
+    length = lengths(force)
     in_contact = length > 0
     return -force / np.where(in_contact, length, 1.0)[:, None], in_contact
 

@@ -117,6 +117,8 @@ class Candidates:
         change = 0.0
         for positions in (x + dx, x):
             active = self.active(positions)
+            if not len(active):
+                continue
             before, after = (
                 np.sqrt(pairs_within(at, active.elements, active.n_points, np.inf)[1]) for at in (x, x + dx)
             )

@@ -183,7 +183,8 @@ class ImplicitHessian:
     elements : (m, k) int array
         Rows of x that each element couples.
     apply : function
-        apply(v) is the product with v (N, 3), (N, 3) [N/m times the unit of v].
+        apply(v) is the product with v (N, 3), (N, 3) [N/m times the unit of v]. That with a translation of all
+        vertices is 0, and is not asked for (`direction.without_net_force`).
     explicit : function
         explicit() is the same Hessian by element, for where a matrix is needed.
     """

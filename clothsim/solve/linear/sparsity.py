@@ -123,6 +123,10 @@ class SparsityPattern:
         """Return v -> A v for the matrix of `data`."""
         return lambda v: _times(data, self.starts, self.columns, v)
 
+    def translated(self, data: Floats) -> Floats:
+        """Return A t for the translations t of all vertices by 1 along x, y and z, (3, 3 n): read once, A is long."""
+        return _translated(data, self.starts, self.columns)
+
     def fix(self, data: Floats, fixed: np.ndarray) -> None:
         """Set the rows and columns of `fixed` vertices ((n,) bool) to those of the identity, in place (Dirichlet)."""
         if fixed.any():
@@ -321,6 +325,28 @@ def _times(data, starts, columns, v):
         product[3 * i + 1] += r
         product[3 * i + 2] += s
     return product
+
+
+@kernel
+def _translated(data, starts, columns):
+    """A t for the three translations: sums of the blocks of each row, added as `_times` does."""
+    products = np.zeros((3, 3 * (len(starts) - 1)))
+    for i in range(len(starts) - 1):
+        for axis in range(3):
+            k = 9 * starts[i] + axis
+            u, r, s = data[k], data[k + 3], data[k + 6]
+            for block in range(starts[i] + 1, starts[i + 1]):
+                k, j = 9 * block, 3 * columns[block]
+                u += data[k + axis]
+                r += data[k + axis + 3]
+                s += data[k + axis + 6]
+                products[axis, j] += data[k + 3 * axis]
+                products[axis, j + 1] += data[k + 3 * axis + 1]
+                products[axis, j + 2] += data[k + 3 * axis + 2]
+            products[axis, 3 * i] += u
+            products[axis, 3 * i + 1] += r
+            products[axis, 3 * i + 2] += s
+    return products
 
 
 @kernel

@@ -107,11 +107,10 @@ class QuadraticModel:
             return Direction(displacement, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
         if trust.exact and len(self.fixed) >= MIN_VERTICES and cached.solver is not None and cached.usable:
             formed, implicit = split(self.potential.exact_hessians(x))
-            curved = self._products(self._assembled(formed)[0], implicit, len(x))
-            right = -self._free(gradient)
+            data, right = self._assembled(formed)[0], -self._free(gradient)
             with self.potential.timers.phase("linear solve"):
                 first = cached.solver.back_solve(right)
-            return self._curved(curved, right, first, gradient, trust, replace(cached, age=cached.age + 1))
+            return self._curved(data, implicit, right, first, gradient, trust, replace(cached, age=cached.age + 1))
         hessians = self.potential.hessians(x)
         right = -self._free(gradient + times(explicit(hessians), displacement) if displacement.any() else gradient)
         exact: list[Hessian] = []
@@ -134,19 +133,31 @@ class QuadraticModel:
             return Direction(self._fill_free(displacement, solution), gradient)
         formed, implicit = split(exact)
         formed_data = self._assembled(formed)[0] if formed_data is None else formed_data
-        curved = self._products(formed_data, implicit, len(x))
-        return self._curved(curved, right, solution, gradient, trust, CachedFactor(solver))
+        return self._curved(formed_data, implicit, right, solution, gradient, trust, CachedFactor(solver))
 
     def _curved(
-        self, curved: Product, right: Floats, first: Floats, gradient: Floats, trust: Trust, cached: CachedFactor
+        self,
+        data: Floats,
+        implicit: list[ImplicitHessian],
+        right: Floats,
+        first: Floats,
+        gradient: Floats,
+        trust: Trust,
+        cached: CachedFactor,
     ) -> Direction:
-        """Direction of the exact Hessian v -> `curved` v; first: the preconditioner applied to the right-hand side."""
+        """Direction of the exact Hessian, the matrix of `data` and implicit parts.
+
+        first: the preconditioner applied to the right-hand side.
+        """
+        curved = self._products(data, implicit, len(gradient))
         with self.potential.timers.phase("linear solve"):
             assert cached.solver is not None
             precondition = cached.solver.back_solve
             solution = saddle_free_solve(curved, precondition, right, trust.radius, first, above=cached.age == 0)
             moves_as_a_whole = solution.products > 0 and self.system.patch is None and not self.fixed.any()
-            found = without_net_force(curved, right, solution.x) if moves_as_a_whole else solution.x
+            found = solution.x
+            if moves_as_a_whole:
+                found = without_net_force(self.system.pattern.translated(data), right, found)
         dx = self._fill_free(np.zeros_like(gradient), found)
         cached = replace(cached, products=solution.products) if solution.products else NO_FACTOR
         return Direction(dx, gradient, solution.negative_curvature, cached)
@@ -257,19 +268,15 @@ def _first_not_finite(vectors: Floats) -> int:
     return int(np.argmax(~np.isfinite(vectors).all(axis=1)))
 
 
-def without_net_force(times: Product, b: Floats, x: Floats) -> Floats:
+def without_net_force(translated: Floats, b: Floats, x: Floats) -> Floats:
     """x (3 n,), an inexact solution of A x = b, with the translation of all vertices after which T'(b - A x) = 0.
 
     A Krylov space holds no translations, so what a solution in it leaves has a net force: momentum out of nothing. x
-    itself where the translations have no positive stiffness T'A T, or would no longer lead downhill.
+    itself where the translations have no positive stiffness T'A T, or would no longer lead downhill. translated
+    (3, 3 n): A T, to which implicit parts add nothing, as a translation bends no cloth.
     """
-    images = []
-    for axis in range(3):
-        translation = np.zeros_like(x)
-        translation[axis::3] = 1.0
-        images.append(times(translation).copy())
-    stiffness = np.array([image.reshape(-1, 3).sum(axis=0) for image in images])
-    force = b.reshape(-1, 3).sum(axis=0) - np.array([dot(image, x) for image in images])
+    stiffness = np.array([image.reshape(-1, 3).sum(axis=0) for image in translated])
+    force = b.reshape(-1, 3).sum(axis=0) - np.array([dot(image, x) for image in translated])
     if not np.isfinite(stiffness).all() or np.linalg.eigvalsh(stiffness)[0] <= 0.0:
         return x
     moved = (x.reshape(-1, 3) + np.linalg.solve(stiffness, force)).ravel()

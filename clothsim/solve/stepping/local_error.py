@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.vectors import lengths as lengths_of
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import CONTACT_TIME_SCALE
 from clothsim.solve.newton.convergence import ErrorBalance, MotionStop
@@ -63,7 +64,7 @@ def vertex_errors(integrator: str, formula: Formula, before: State, after: Float
     if formula.order == 2 and before.previous is not None:
         last_change = before.velocities[: len(after)] - before.previous.velocities[: len(after)]
         change = change - formula.ratio * last_change
-    lengths = VELOCITY_ERROR_FACTOR * h / (formula.order + 1) * np.linalg.norm(change, axis=1)
+    lengths = VELOCITY_ERROR_FACTOR * h / (formula.order + 1) * lengths_of(change)
     lengths[held] = 0.0
     if integrator == BDF2 and formula.order == 1:
         lengths *= STARTUP_FACTOR

@@ -14,6 +14,7 @@ from clothsim.mesh.cloth import dihedral_angles
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off, Step
+from clothsim.physics.energies.hessians import split
 from clothsim.physics.energies.quadratic_bending import folded
 
 MODELS = ["hinge", "quadratic", "midedge"]
@@ -192,6 +193,16 @@ def test_a_limp_cloth_drops_its_hinges_and_a_limp_world_the_effect(model):
     )
     assert not energy.gradient(x)[both.cloth_slices[0]].any()
     assert bending(make_world([limp]), model=model) == Off("bending stiffness is zero")
+
+
+def test_the_implicit_hessian_is_0_for_a_translation():
+    world = small_world()
+    x = deformed(world)
+    _, implicit = split([bending(world, model="midedge").hessian(x, project=False)])
+    assert len(implicit) == 1
+    largest = np.abs(implicit[0].apply(np.random.default_rng(3).standard_normal(x.shape))).max()
+    for axis in np.eye(3):
+        assert np.abs(implicit[0].apply(np.tile(axis, (len(x), 1)))).max() < 1e-13 * largest
 
 
 def test_no_interior_edge_is_off():

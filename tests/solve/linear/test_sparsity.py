@@ -220,6 +220,14 @@ def test_times_covers_all_rows():
     assert np.abs(times(parts, vector).ravel() - expected).max() < 1e-12 * np.abs(expected).max()
 
 
+def test_products_with_translations_have_the_bits_of_single_ones():
+    parts = hessians()
+    pattern = make_pattern(N, TRIANGLES, parts)
+    data, _ = pattern.assemble(parts)
+    single = [pattern.times(data)(np.tile(axis, N)) for axis in np.eye(3)]
+    assert np.array_equal(pattern.translated(data), single)
+
+
 def test_a_vertex_without_a_triangle_has_its_diagonal():
     sheet = cloth(*grid(1, 1))
     pattern = make_pattern(6, sheet.triangles, [])
