@@ -8,12 +8,16 @@ from typing import Any, ParamSpec, TypeVar
 
 from clothsim.base.errors import ClothsimError, InputError
 
+SYNONYMS = {"border": "boundary", "edge": "boundary", "edges": "boundary", "upper": "top", "lower": "bottom"}
+"""Words that mean a known name whose letters are not like theirs."""
 LONGEST = 120
 """Letters of a value in a message."""
 
 
 def nearest(name: Any, known: Iterable[str], least: float = 0.5) -> str:
     """A question for the nearest known name; empty where none is at least that similar, from 0 to 1."""
+    if SYNONYMS.get(str(name)) in (known := list(known)):
+        return f"Did you mean {SYNONYMS[str(name)]!r}?"
     close = difflib.get_close_matches(str(name), list(known), n=1, cutoff=least)
     return f"Did you mean {close[0]!r}?" if close else ""
 

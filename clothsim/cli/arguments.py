@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from clothsim.patterns import PatternMesh
 
 VECTORS = ("--view", "--up", "--range")
-LENGTHS = {"mm": 1e-3, "um": 1e-6, "cm": 1e-2, "m": 1.0}
+LENGTHS = {"mm": 1e-3, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "m": 1.0}
 """Units of a length [m], the longer names first."""
 UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
@@ -186,8 +186,8 @@ def as_range(option: str, text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def as_length(name: str, text: str) -> float:
-    """A positive length with its unit [m]: "1mm", "0.5 mm", "2cm", "1e-3" (m).
+def as_length(name: str, text: str, example: str = "1mm") -> float:
+    """A positive length with its unit [m]: "1mm", "0.5 mm", "2cm", "38in", "1e-3" (m); example: for the remedy.
 
     Examples
     --------
@@ -199,7 +199,7 @@ def as_length(name: str, text: str) -> float:
     try:
         return float(f"{as_positive_number(name, number) * LENGTHS.get(unit, 1.0):.12g}")
     except InputError as error:
-        raise InputError(f"{name} {text!r} is no positive length.", f"Write it as {name} 1mm.") from error
+        raise InputError(f"{name} {text!r} is no positive length.", f"Write it as {name} {example}.") from error
 
 
 def as_frame(text: str) -> int:

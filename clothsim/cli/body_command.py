@@ -33,6 +33,8 @@ OPTIONS = (
     ("waist_height", "from the ground to the waist"),
 )
 """Measures in the order in which they are printed; a test compares them with those of `clothsim.measured_body`."""
+EXAMPLE = "96cm"
+"""Of a measure, for the remedy."""
 POSES = ("a", "t", "walk", "reach", "arms_down")
 MET = 5e-4
 """Residual [m] below which a measure is met."""
@@ -51,7 +53,8 @@ def add_to(commands: Any) -> None:
 
 def _body(arguments: argparse.Namespace) -> Report:
     given = {name: getattr(arguments, name) for name, _ in OPTIONS}
-    wanted = {name: as_length(f"--{name.replace('_', '-')}", text) for name, text in given.items() if text is not None}
+    texts = {name: text for name, text in given.items() if text is not None}
+    wanted = {name: as_length(f"--{name.replace('_', '-')}", text, EXAMPLE) for name, text in texts.items()}
     refuse_output(arguments.output, arguments)
     if arguments.output.suffix.lower() != ".obj":
         raise clothsim.InputError(f"{arguments.output} is no OBJ file.", "Name it with .obj: -o me.obj.")

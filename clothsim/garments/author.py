@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -179,16 +180,20 @@ def author(
     directory = Path(output)
     engine.refuse_earlier_run(directory, overwrite, (TARGETS_NAME, AUTHORED_NAME), inputs)
     edited = edited_frames(run, keys)
-    noise = floor_of(run).rms(set(keys)) if floor else UNKNOWN
+
+    @cache
+    def noise() -> tuple[float, float]:
+        return floor_of(run).rms(set(keys)) if floor else UNKNOWN
+
     if not quick:
         found = _recovered(run, edited, free, noise, rest)
         new = clothsim.simulate(found.scene, directory, progress=progress, overwrite=overwrite)
         (directory / TARGETS_NAME).unlink(missing_ok=True)  # of an earlier clip there
-        return _written(new, run, edited, "", noise, found)
+        return _written(new, run, edited, "", noise(), found)
     chosen = space or ("canonical" if any("model" in each.as_table() for each in scene.bodies) else "world")
     made = guided(scene, targets(run, edited, chosen), directory, rate)
     new = clothsim.simulate(made, directory, progress=progress, overwrite=overwrite)
-    return _written(new, run, edited, chosen, noise, None)
+    return _written(new, run, edited, chosen, noise(), None)
 
 
 def _written(
@@ -219,7 +224,11 @@ def _refuse_other_form(quick: bool, free: Sequence[str], rest: bool, rate: float
 
 
 def _recovered(
-    run: "Run", edited: tuple[EditedFrame, ...], free: Sequence[str], noise: tuple[float, float], rest: bool
+    run: "Run",
+    edited: tuple[EditedFrame, ...],
+    free: Sequence[str],
+    noise: "Callable[[], tuple[float, float]]",
+    rest: bool,
 ) -> "ClipRecovery":
     """What explains edited frames; without lengths where the scene cannot be of arrays, as with labels of a pattern."""
     scene = run.scene
@@ -229,8 +238,11 @@ def _recovered(
             engine.build(of_arrays)
             scene = of_arrays
     keys = {key.frame: key.positions for key in edited}
-    known = [each for each in noise if np.isfinite(each)]
-    return clothsim.recover_clip(scene, keys, free, floor=max(known, default=0.0), rest=rest)
+
+    def floor() -> float:  # found after the names of what is free were looked at
+        return max((each for each in noise() if np.isfinite(each)), default=0.0)
+
+    return clothsim.recover_clip(scene, keys, free, floor=floor, rest=rest)
 
 
 def explained(recovery: "ClipRecovery") -> dict[str, Any]:

@@ -30,6 +30,7 @@ from clothsim.gradients.run import Trace, begun, traced
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build, world_of
 from clothsim.scene.scene import Scene
+from clothsim.solve.stepping.time_loop import frame_count
 
 FINEST = 1e-4
 """Least noise of an edited frame: what a hand and a file of it leave [m]."""
@@ -175,7 +176,7 @@ def recover_clip(
     scene: Scene,
     keys: Mapping[int, Floats],
     free: Sequence[str] = (),
-    floor: float = 0.0,
+    floor: float | Callable[[], float] = 0.0,
     rest: bool = True,
     progress: Callable[[int, Evaluation], None] | None = None,
 ) -> ClipRecovery:
@@ -190,8 +191,8 @@ def recover_clip(
     free : sequence of str
         Numbers: "stretch", "bending", "friction", "pressure", "damping", "width", "height", "hem". Empty: all that the
         scene has.
-    floor : float
-        Noise of a run [m], root mean square.
+    floor : float or callable
+        Noise of a run [m], root mean square; or a function that finds it, called when all else is checked.
     rest : bool
         Find a residual rest shape where the numbers leave more than the noise.
     progress : callable, optional
@@ -215,7 +216,9 @@ def recover_clip(
     for frame, each in zip(frames, points, strict=True):
         if len(each) != n:
             raise InputError(f"The key of frame {frame} has {len(each)} vertices, the cloths have {n}.")
-    noise = as_positive("floor", floor, zero=True) if floor else 0.0
+    settings = scene.run_settings
+    _refuse_beyond(frames, frame_count(settings.duration, settings.frames_per_second))
+    noise = as_positive("floor", floor() if callable(floor) else floor, zero=True)
     fit = _Fit(numbers, frames, np.array(points), *[max(noise, FINEST)] * 2)
     count = [0]
 
@@ -225,9 +228,7 @@ def recover_clip(
             values = dict(zip(numbers.names, np.exp(seen.at).tolist(), strict=True))
             progress(stage, Evaluation(values, seen.total, np.zeros(len(values)), failure=seen.failure))
 
-    first = fit.run(np.zeros(len(numbers.names)))
-    if not len(first.positions):
-        raise ClothsimError(f"The scene itself cannot be run: {first.failure}")
+    first = _first(fit)
     tell(first)
     last, moves = _explained(fit, first, tell)
     found = _identified(fit, first, last, moves)
@@ -236,6 +237,23 @@ def recover_clip(
     if found.misfits[1] > LARGEST_MODEL * fit.noise and rest:
         found = _with_rest(fit, last, found, tell)
     return replace(found, runs=count[0])
+
+
+def _refuse_beyond(frames: Sequence[int], last: int) -> None:
+    """InputError for a frame that the run of the scene has not."""
+    if frames[-1] > last:
+        raise InputError(f"There is no frame {frames[-1]} to pass by.", f"The run of the scene has frames 1 to {last}.")
+
+
+def _first(fit: _Fit) -> _Seen:
+    """The run of the scene as it was. ClothsimError where it cannot be taken."""
+    at = np.zeros(len(fit.numbers.names))
+    try:
+        return fit.at(_Seen(at, 0.0, _positions(fit.numbers.scene_at(at), fit.frames)))
+    except InputError:
+        raise
+    except ClothsimError as error:
+        raise ClothsimError(f"The scene itself cannot be run: {error.sentence}") from error
 
 
 def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[_Seen, Floats]:
@@ -275,6 +293,7 @@ def _positions(scene: Scene, frames: Sequence[int]) -> Floats:
     """Positions of the cloth in frames of a run, one after the other, (f n, 3) [m]."""
     session = prepare(scene, build(scene, affordable=True))
     trace = Trace(session, tuple(forward(session, begun(session, {}))))
+    _refuse_beyond(frames, len(trace.frame_states) - 1)  # it may come to rest before
     return np.concatenate([trace.cloth_positions(frame) for frame in frames])
 
 

@@ -4,10 +4,12 @@ A scene is simulated with any number that its key allows; one beyond these range
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from clothsim.base.errors import InputError
 from clothsim.keys.key_table import KeyTable
 from clothsim.keys.schema import SceneKey, keys_of
 
@@ -95,8 +97,37 @@ def plausible_range(section: str, key: SceneKey) -> tuple[float, float, str] | N
     return low, high, f"{low:g} to {high:g} is usual"
 
 
+ABSURD = 1e6
+"""Multiple of the largest plausible number beyond which no unit explains one: a run would end in round-off."""
+OF_MOTION = ("s", "m/s", "degrees/s")
+"""Units of numbers that are never absurd: long times end nothing, and speeds are looked at by themselves."""
+
+
 def doubts(where: str, section: KeyTable) -> Iterator[str]:
     """A question on each number of a section, and of its nested ones, that looks like one in another unit."""
+    for each in _implausible(where, section):
+        yield f"{each.sentence}: is it in another unit?"
+
+
+def refuse_absurd(where: str, section: KeyTable) -> None:
+    """InputError for the first number of a section that is beyond ABSURD, but for those OF_MOTION."""
+    for each in _implausible(where, section):
+        if each.unit not in OF_MOTION and each.size > ABSURD * each.most:
+            raise InputError(f"{each.sentence}.", f"Give at most {ABSURD * each.most:g} {each.unit}.")
+
+
+@dataclass(frozen=True)
+class _Implausible:
+    """A number beyond its range: what it is, its magnitude, the largest plausible one, their unit."""
+
+    sentence: str
+    size: float
+    most: float
+    unit: str
+
+
+def _implausible(where: str, section: KeyTable) -> Iterator[_Implausible]:
+    """The numbers of a section, and of its nested ones, that are beyond their ranges."""
     known = keys_of(type(section))
     of_a_board = _keys_of_a_plate(section)
     for name in section:
@@ -108,12 +139,13 @@ def doubts(where: str, section: KeyTable) -> Iterator[str]:
         for number, each in enumerate(nested):
             if isinstance(each, KeyTable):
                 place = f"{where}.{name}[{number}]" if isinstance(value, list | tuple) else f"{where}.{name}"
-                yield from doubts(place, each)
+                yield from _implausible(place, each)
         found = next(filter(None, (plausible_range(own, key) for own in _declaring(section, name))), None)
         size = _magnitude(value)
         if found is not None and size and not found[0] <= size <= found[1]:
             given = f"{value:g}" if isinstance(value, int | float) else f"of {size:.4g}"
-            yield f"{where}.{name} is {given} {key.key.unit}, where {found[2]}: is it in another unit?"
+            unit = key.key.unit
+            yield _Implausible(f"{where}.{name} is {given} {unit}, where {found[2]}", size, found[1], unit)
 
 
 def _keys_of_a_plate(section: KeyTable) -> set[str]:

@@ -2,6 +2,7 @@
 
 import json
 import platform
+import sys
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -212,7 +213,7 @@ TOP = (README_NAME, SCENE_NAME, VERSIONS_NAME, CHECKPOINT_NAME, RECORD_NAME, SUM
 """The files that an archive may hold beside FOLDER."""
 
 PACKAGES = (
-    *("clothsim", "numpy", "scipy", "numba", "h5py", "meshio", "trimesh"),
+    *("numpy", "scipy", "numba", "h5py", "meshio", "trimesh"),
     *("pypardiso", "mkl", "py-mkl-pardiso", "scikit-sparse"),
 )
 """Distributions whose versions an archive states."""
@@ -343,7 +344,8 @@ def _refuse_large(checkpoint: Path) -> None:
 
 def _versions() -> dict[str, str]:
     """Versions of the installed packages."""
-    versions = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
+    system = f"{platform.system()} {platform.machine()}"
+    versions = {"clothsim": _own_version(), "python": platform.python_version(), "system": system}
     for package in PACKAGES:
         try:
             versions[package] = version(package)
@@ -352,10 +354,15 @@ def _versions() -> dict[str, str]:
     return versions
 
 
+def _own_version() -> str:
+    """Version of clothsim as it says itself: a clone that is not installed has no metadata."""
+    return str(sys.modules["clothsim"].__dict__["__version__"])
+
+
 def _readme(name: str, saved: Checkpoint, summary: dict) -> str:
     failure = summary.get("failure") or {}
     lines = [
-        f"A run of clothsim {_versions().get('clothsim', '(not installed)')}: {summary.get('status', 'interrupted')}.",
+        f"A run of clothsim {_own_version()}: {summary.get('status', 'interrupted')}.",
         summary.get("reason", ""),
         failure.get("remedy", ""),
         "",

@@ -146,7 +146,8 @@ class Scene:
     @property
     def _content(self) -> tuple[Any, ...]:
         settings = (self.solver, self.contact, self.run, self.seed)
-        return (self.cloths, self.bodies, self.rigid_bodies, self.rods, self.effects, *settings, self.directory)
+        directory = Path(self.directory).resolve()
+        return (self.cloths, self.bodies, self.rigid_bodies, self.rods, self.effects, *settings, directory)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, ({name: _tables(getattr(self, name)) for name in SECTIONS}, self.directory)

@@ -20,7 +20,8 @@ def test_points_come_back_as_contiguous_float64():
         ([[0, 0, 0], [0, np.nan, 0]], r"p\[1, 1\] is nan"),
         ([[0, 0, -np.inf]], r"p\[0, 2\] is -inf"),
         ([["a", "b", "c"]], "p must be numbers"),
-        ([[1, 2, 3], [4, 5]], "p must be numbers"),
+        ([[1, 2, 3], [4, 5]], r"p\[1\] has 2 entries, the first has 3"),
+        ([[1, 2, 3], 4], r"p\[1\] is a number, the first has 3"),
     ],
 )
 def test_bad_points_are_named(points, message):

@@ -5,9 +5,11 @@ import json
 import pytest
 from small_scenes import EFFECTS, small_scene
 
+import clothsim
 from clothsim import InputError, simulate
 from clothsim.cli import main
 from clothsim.cli.author_command import as_keys
+from clothsim.garments import author as garments_author
 
 
 @pytest.mark.parametrize("text", ["", ",", "5", "x=a.obj", "-1=a.obj", "5=", "5=a.obj,5=b.obj", "1.5=a.obj"])
@@ -47,3 +49,13 @@ def test_author_prints_what_explains_the_edit(tmp_path, capsys):
     assert ("targets.npy" in printed) is (tmp_path / "clip" / "targets.npy").exists()
     assert json.loads((tmp_path / "clip" / "author.json").read_text())["explained"]["misfit"]["before"] < 1e-6
     assert main([*words[:4], "--free", "colour", "-o", str(tmp_path / "other")]) == 2
+
+
+def test_an_unknown_number_is_refused_before_the_twins_run(tmp_path, monkeypatch):
+    def no_floor(run):
+        raise AssertionError
+
+    monkeypatch.setattr(garments_author, "floor_of", no_floor)
+    run = simulate(small_scene(effects=EFFECTS), tmp_path / "run")
+    with pytest.raises(InputError, match="colour"):
+        clothsim.author(run, {3: run.positions(3)}, tmp_path / "clip", free=["colour"])

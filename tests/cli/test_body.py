@@ -33,3 +33,11 @@ def test_a_body_is_written_once(tmp_path, capsys):
 def test_bad_words_are_refused(tmp_path, wrong, capsys):
     assert main(["body", "-o", str(tmp_path / "me.obj"), *wrong]) == 2
     assert not list(tmp_path.iterdir())
+
+
+def test_a_measure_in_inches(tmp_path, capsys):
+    words = ["body", "-o", str(tmp_path / "me.obj"), "--height", "66in", "--json"]
+    assert main(words) == 0
+    assert json.loads(capsys.readouterr().out)["measures"]["height"] == pytest.approx(66 * 0.0254, abs=1e-3)
+    assert main([*words, "--overwrite", "--chest", "38 inches"]) == 2
+    assert "--chest 96cm" in capsys.readouterr().err

@@ -86,3 +86,23 @@ def test_frames_that_are_none_are_refused(change, word):
 def test_keys_and_names_of_the_wrong_type_are_refused(keys, options, word):
     with pytest.raises(InputError, match=word):
         clothsim.recover_clip(strip(), keys, **options)
+
+
+@pytest.mark.parametrize("until", ["time", "rest"])
+def test_a_frame_beyond_the_run_is_named(keys, until):
+    """Of a run that may rest before its time, too: frame 40 of a run of 4, or of one that rests before."""
+    settings = {"duration": 0.16, "frames_per_second": 25}
+    if until == "rest":
+        settings = {"duration": 1.6, "frames_per_second": 25, "until": "rest", "rest_speed": 0.5}
+    with pytest.raises(InputError, match="no frame 40 "):
+        clothsim.recover_clip(replace(strip(), run=settings), {40: keys[2]}, ["stretch"])
+
+
+def test_the_floor_is_found_when_all_else_is_checked(keys):
+    def floor():
+        raise AssertionError
+
+    with pytest.raises(InputError, match="colour"):
+        clothsim.recover_clip(strip(), keys, ["colour"], floor=floor)
+    with pytest.raises(AssertionError):
+        clothsim.recover_clip(strip(), keys, ["stretch"], floor=floor)

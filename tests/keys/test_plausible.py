@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from clothsim.keys.plausible import ANY, OF_KEY, UNITS_OF_ANY, doubts, plausible_range
+from clothsim.base.errors import InputError
+from clothsim.keys.plausible import ABSURD, ANY, OF_KEY, UNITS_OF_ANY, doubts, plausible_range
 from clothsim.keys.settings import RunSettings
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.reference import sections
 from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene
@@ -50,6 +52,21 @@ def test_no_example_is_asked_about(file):
 def test_the_thickness_of_a_board_explains_its_density_and_its_bending(board, doubted):
     found = asked(Scene(cloth=SHEET | board, effects={"membrane": {}}))
     assert [text.split(" ")[0] for text in found] == [f"cloth.{key}" for key in doubted]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "most"),
+    [("youngs_modulus", 1e30, 1e16), ("density", 1e9, 5e6), ("bending_stiffness", 1e8, 1e4)],
+)
+def test_a_number_that_no_unit_explains_is_refused(key, value, most):
+    assert OF_KEY[f"cloth.{key}"][1] * ABSURD == most
+    with pytest.raises(InputError, match=key):
+        build(Scene(cloth={**SHEET, key: value}, effects={"membrane": {}}))
+    build(Scene(cloth={**SHEET, key: 0.9 * most}, effects={"membrane": {}}))  # asked about
+
+
+def test_a_time_is_asked_about_however_long():
+    build(Scene(cloth=SHEET, effects={"membrane": {}}, solver={"dt": 1e9}))
 
 
 def asked(scene):

@@ -20,6 +20,7 @@ from tests.known_answers import (
     a12_sheets,
     a13_rigid_scenes,
     a14_rods,
+    a15_bending_scenes,
 )
 from tests.known_answers.row import Outcome, Row, Seen
 
@@ -38,6 +39,7 @@ ROWS: tuple[Row, ...] = (
     *a12_sheets.ROWS,
     *a13_rigid_scenes.ROWS,
     *a14_rods.ROWS,
+    *a15_bending_scenes.ROWS,
 )
 
 HEADER = ("row", "what", "ours", "exact", "off", "coarser", "bar", "order", "hinges off", "CPU s", "passed")

@@ -126,3 +126,22 @@ def test_rods_beside_cloth_are_checked_drawn_and_get_no_wrinkles(tmp_path):
     assert [len(each.values) for each in drawn] == [4, 0, 0]
     with pytest.raises(InputError, match="rods"):
         refuse_unfit(run, 4)
+
+
+BALL = {"name": "ball", "mesh": "sphere", "radius": 0.4, "subdivisions": 2}
+
+
+def test_a_rod_that_starts_inside_a_body_is_one_piece_and_warned_of_or_refused():
+    inside = scene([WIRE], {"inertia": {}}, body=BALL)
+    [finding] = examined(inside).findings
+    assert (finding.severity, finding.kind) == ("warning", "start")
+    assert "wire starts inside ball, all of it" in finding.sentence
+    with pytest.raises(InputError, match="all of it"):
+        build(scene([WIRE], {"inertia": {}, "body_contact": {}}, body=BALL))
+    beside = {**WIRE, "points": [[-0.2, 0, 0.5], [0.2, 0, 0.5]]}
+    assert examined(scene([beside], {"inertia": {}}, body=BALL)).findings == ()
+
+
+def test_rows_of_different_lengths_are_named():
+    with pytest.raises(InputError, match=r"points\[1\] has 2 entries, the first has 3"):
+        build(scene([{**WIRE, "points": [[0, 0, 0], [0.1, 0]]}]))

@@ -1,6 +1,7 @@
 """Scenes as text: what cannot be written says so."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,6 +47,13 @@ def test_the_record_of_a_run_has_the_name_of_the_function():
     text = Scene(cloth=CLOTH, effects=[Pressure(value=breath)]).to_text(names_of_functions=True)
     assert json.loads(text)["effects"]["pressure"]["value"] == {"function": "breath"}
     assert json.loads(scene_from_text(text).to_text()) == json.loads(text)
+
+
+def test_a_scene_of_a_relative_directory_is_the_one_that_its_text_gives():
+    scene = Scene(cloth=CLOTH, effects={"membrane": {}}, directory=Path("here"))
+    assert Scene.from_text(scene.to_text()) == scene
+    assert hash(Scene.from_text(scene.to_text())) == hash(scene)
+    assert Scene(cloth=CLOTH, effects={"membrane": {}}, directory=Path("there")) != scene
 
 
 @pytest.mark.parametrize("name", sorted(examples()))

@@ -10,7 +10,7 @@ from clothsim.base.errors import InputError
 from clothsim.geometry.held_inside import HeldInside, held_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.plausible import doubts
+from clothsim.keys.plausible import doubts, refuse_absurd
 from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding import is_inside
@@ -71,13 +71,17 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     return tuple(sentences)
 
 
-def _implausible(world: World, scene: Scene) -> list[str]:
-    """A question on each number that looks like one in another unit."""
+def _sections(world: World, scene: Scene) -> list[tuple[str, KeyTable]]:
+    """The sections of a scene with their names."""
     tables = [*scene.cloths, *scene.rods, *scene.bodies, *scene.rigid_bodies]
     sections: list[tuple[str, KeyTable]] = list(zip(world.names, tables, strict=True))
     sections += [(f"effects.{name}", keys) for name, keys in scene.effects.items()]
-    sections += [("solver", scene.solver), ("run", scene.run), ("seed", scene.seed)]
-    sentences = [sentence for where, keys in sections for sentence in doubts(where, keys)]
+    return [*sections, ("solver", scene.solver), ("run", scene.run), ("seed", scene.seed)]
+
+
+def _implausible(world: World, scene: Scene) -> list[str]:
+    """A question on each number that looks like one in another unit."""
+    sentences = [sentence for where, keys in _sections(world, scene) for sentence in doubts(where, keys)]
     size = float(np.ptp(world.start(), axis=0).max())
     if (scene.solver_settings.error or 0.0) > 0.1 * size:
         error = f"{scene.solver_settings.error:g} m"
@@ -153,10 +157,12 @@ def _skipped_frames(world: World, dt: float) -> list[str]:
 
 
 def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
-    """Pieces of cloth that start inside a body without intersecting it: contact keeps them there."""
-    if "body_contact" not in energies:
-        return []
-    return held_sentences(held_inside(world, world.start()), "starts")
+    """Pieces of cloth that start inside a body without intersecting it: contact keeps them there, or they pass out."""
+    found = held_inside(world, world.start())
+    if "body_contact" in energies:
+        return held_sentences(found, "starts")
+    without = "without [effects.body_contact] it passes through the surface"
+    return [f"{each.cloth} starts inside {each.body}, {each.where}: {without}." for each in found]
 
 
 def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
@@ -170,6 +176,12 @@ def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
                 f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
                 "meant to hold it, give run.allow_inside = true, or --force.",
             )
+
+
+def refuse_absurd_numbers(world: World, scene: Scene) -> None:
+    """Raise an InputError for a number that no material has, in any unit."""
+    for where, keys in _sections(world, scene):
+        refuse_absurd(where, keys)
 
 
 def refuse_large_error(world: World, scene: Scene) -> None:

@@ -17,7 +17,13 @@ from clothsim.mesh.world import World, make_world, with_local_origin, with_mater
 from clothsim.physics.energies.base import Constraint, Energy, Off, PinsConstraint
 from clothsim.physics.energies.key_values import Schedule, over_cloth, selected_vertices
 from clothsim.physics.energies.protocols import ChangingMaterial, report_of
-from clothsim.scene.assembly.checks import refuse_large_error, refuse_start_inside, scene_warnings, size_warnings
+from clothsim.scene.assembly.checks import (
+    refuse_absurd_numbers,
+    refuse_large_error,
+    refuse_start_inside,
+    scene_warnings,
+    size_warnings,
+)
 from clothsim.scene.assembly.holds import hold_notes, holds, missed_bodies, refuse_unsupported
 from clothsim.scene.assembly.initial_positions import initial_positions, untangled
 from clothsim.scene.assembly.meshes import (
@@ -147,6 +153,7 @@ def build_effects(
             "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
         )
     settings = scene.run_settings
+    refuse_absurd_numbers(world, scene)
     refuse_large_error(world, scene)
     held = holds(world, energies, constraints.values(), settings.duration)
     refuse_unsupported(held, world, energies)

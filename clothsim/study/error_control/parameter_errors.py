@@ -195,8 +195,8 @@ def from_three(difference: float, coarser_difference: float, parameters: Collect
     >>> from_three(1e-3, 1.1e-3, ("dt", "cells")).reason
     'a run coarser by two moves the result by 1 mm, one by four by another 1.1 mm: no order of convergence'
     """
-    order, (least, most) = (ORDER_IN_CONTACT, FALL_IN_CONTACT) if D_HAT in parameters else (ORDER, FALL)
-    error = difference / (2.0**order - 1)
+    least, most = FALL_IN_CONTACT if D_HAT in parameters else FALL
+    error = difference / (2.0 ** _order_of_all(parameters) - 1)
     if least * difference <= coarser_difference <= most * difference:
         return ThreeRuns(error)
     moved, further = (f"{1e3 * each:.2g} mm" for each in (difference, coarser_difference))
@@ -204,3 +204,18 @@ def from_three(difference: float, coarser_difference: float, parameters: Collect
         error,
         f"a run coarser by two moves the result by {moved}, one by four by another {further}: no order of convergence",
     )
+
+
+def after_halving(error: float, parameters: Collection[str]) -> float:
+    """Error that `from_three` expects where all of the parameters are halved, of a run with that error.
+
+    Examples
+    --------
+    >>> after_halving(1.0, ("dt", "cells")) == 2**-1.5
+    True
+    """
+    return error / 2.0 ** _order_of_all(parameters)
+
+
+def _order_of_all(parameters: Collection[str]) -> float:
+    return ORDER_IN_CONTACT if D_HAT in parameters else ORDER

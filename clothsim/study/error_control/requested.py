@@ -4,10 +4,12 @@ Two runs that lie near one another may both be wrong: a strip pushed together by
 away. Errors of single steps, too, say nothing of what a scene makes of them: one tilted by a degree ended 11 mm away
 where every step was solved to a hundredth. So an error is called known only where
 
-1. runs coarser by two and by four in everything differ as an order of convergence demands (`from_three`); else the run
-   is refined in everything, at most MOST_LEVELS times and within the budget, and looked at again;
+1. runs coarser by two and by four in everything differ as an order of convergence demands (`from_three`);
 2. a twin of the run with TWIN of its Newton stop ends where it does; their distance is Newton's part of the error.
    Where that misses the request, the run takes the twin's stop once, and has a new twin.
+
+Where the first fails, or leaves more than what is asked, the run is refined in everything, at most MOST_LEVELS times
+and within the budget, and looked at again.
 """
 
 from collections.abc import Mapping
@@ -17,7 +19,7 @@ from typing import Any
 
 from clothsim import Run, Scene
 from clothsim.base.errors import InputError
-from clothsim.study.error_control.parameter_errors import COARSER, from_three
+from clothsim.study.error_control.parameter_errors import COARSER, after_halving, from_three
 from clothsim.study.error_control.resolution import (
     Resolution,
     Runs,
@@ -118,28 +120,36 @@ def _why(search: ResolutionSearch, found: Found) -> str:
 
 
 MOST_LEVELS = 2
-"""Further refinements in everything of a run whose coarser ones show no order of convergence."""
+"""Further refinements in everything of a run whose coarser ones show no order of convergence, or miss the request."""
 REFINED_COST = 10.0
 """Processor time of a run refined by two in everything, over that of the run."""
 
 
 def confirmed(search: ResolutionSearch, found: Found) -> Found:
-    """Return the last run of a search with what three resolutions and a twin say of its error."""
+    """Return the last run of a search with what three resolutions and a twin say of its error.
+
+    Where they say nothing, or more than what is asked, the run is refined in everything and looked at again.
+    """
+    parameters = search.refinable.parameters
     for left in reversed(range(MOST_LEVELS + 1)):
         if not found.known or found.run.status != "completed":
             return found
         error, reason = _estimate_from_three(search, found)
-        if not reason:
-            if found.resolution_error < error:
-                found = replace(found, parts={"all": error, "newton": found.parts["newton"]})
-            return _compared_with_twins(search, found)
-        if not left or search.spent + REFINED_COST * found.trial.seconds > search.budget:
-            return replace(found, known=False)
-        finer = search.refinable.refined(found.trial.resolution, search.refinable.parameters)
-        run, trial = search.run(finer, error)
+        if not reason and found.resolution_error < error:
+            found = replace(found, parts={"all": error, "newton": found.parts["newton"]})
+        room = left > 0 and search.spent + REFINED_COST * found.trial.seconds <= search.budget
+        if not reason and (found.resolution_error <= search.asked or not room):
+            found = _compared_with_twins(search, found)
+            if not found.known or found.met(search.asked):
+                return found
+        if not room:
+            return replace(found, known=not reason)
+        expected = error if reason else after_halving(found.resolution_error, parameters)
+        finer = search.refinable.refined(found.trial.resolution, parameters)
+        run, trial = search.run(finer, expected)
         if run.status != "completed":
             return replace(repeated(search, found), known=False)
-        found = Found(run, trial, parts_of(run, {"all": error}), True)
+        found = Found(run, trial, parts_of(run, {"all": expected}), True)
     return replace(found, known=False)
 
 

@@ -71,7 +71,10 @@ def test_cloth_wholly_inside_a_body_is_reported():
     assert "cloth starts inside ball, all of it, such as vertex 0: contact keeps it in" in inside
     above = {**SMALL, "position": [0, 0, 0.6]}
     assert "starts inside" not in contact_notes(above, {"body_contact": {}}, BALL)
-    assert "starts inside" not in contact_notes(SMALL, {}, BALL)
+    without = contact_notes(SMALL, {}, BALL)
+    assert "starts inside ball, all of it" in without
+    assert "without [effects.body_contact]" in without
+    assert "keeps it in" not in without
 
 
 def nested(rigid, body=()):

@@ -87,6 +87,20 @@ def test_an_error_out_of_reach_of_the_budget_is_missed_and_said_so(tmp_path):
     assert "solver.budget" in run.summary["notes"][-1]
 
 
+def test_a_search_goes_on_where_three_runs_find_more_than_what_is_asked(tmp_path):
+    """Two runs leave .8 mm by the assumed order, three 1.04 mm: the run is refined once more, and meets 1 mm."""
+    scene = replace(strip(error=1e-3), cloth={**STRIP, "cells": [8, 2]}, run={**RUN, "duration": 0.16})
+    estimate = simulate(scene, tmp_path).summary["certificate"]["error_estimate"]
+    assert [each["dt"] for each in estimate["runs"]] == pytest.approx([0.01, 0.005, 0.02, 0.0025, 0.0025])
+    assert estimate["met"]
+    assert estimate["total"] < 1e-3
+    short = simulate(paths.replace(scene, "solver.budget", 1e-3), tmp_path, overwrite=True)
+    estimate = short.summary["certificate"]["error_estimate"]
+    assert (estimate["known"], estimate["met"]) == (True, False)
+    assert estimate["total"] == pytest.approx(1.041e-3, rel=0.01)
+    assert estimate["parts"]["newton"] > 0
+
+
 def test_meshes_without_cells_keep_theirs():
     triangle = Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     scene = Scene(cloth=triangle, effects={"inertia": {}, "membrane": {}}, solver={"error": 1e-3}, run=RUN)
