@@ -148,9 +148,9 @@ class Bending(EffectKeys):
         Key("Curvature by triangle, which converges on any mesh; hinge angles; or a constant Hessian"),
     ] = "midedge"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
-    curvature_jumps: Annotated[
+    short_waves: Annotated[
         float,
-        Key("Weight of the jumps of curvature between triangles: 0.25 is right down to 4 cells a wave", least=0),
+        Key("Weight of the bending of waves of a few cells that the mean of curvature loses: 1 puts it back", least=0),
     ] = 0.0
 
 

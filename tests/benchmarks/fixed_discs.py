@@ -1,6 +1,6 @@
 """Fixed tests of an element: drape coefficients of discs at garment resolution, beside their limits.
 
-`python -m tests.benchmarks.fixed_discs [--rings 10,20] [--elements pairs] [--jumps 0.25]`
+`python -m tests.benchmarks.fixed_discs [--rings 10,20] [--elements pairs] [--short-waves 1]`
 
 A disc of 150 mm, clamped on a plate of 90 mm, E t 300 N/m, isotropic, in 5 or 7 folds as posed, on rings of equilateral
 triangles and on a Delaunay mesh of points off by chance. An element passes where both meshes of 331 vertices are within
@@ -65,7 +65,7 @@ def mesh(name: str, rings: int, seed: int = 0) -> tuple[Floats, Ints]:
     return points, found[np.abs(area) > 1e-3 * (RADIUS / rings) ** 2]
 
 
-def coefficient(case: Case, name: str, rings: int, elements: str = "triangles", jumps: float = 0.0) -> float:
+def coefficient(case: Case, name: str, rings: int, elements: str = "triangles", short_waves: float = 0.0) -> float:
     """Drape coefficient at rest [points] of a posed disc."""
     flat, triangles = mesh(name, rings)
     r, turn = np.hypot(flat[:, 0], flat[:, 1]), np.arctan2(flat[:, 1], flat[:, 0])
@@ -84,7 +84,7 @@ def coefficient(case: Case, name: str, rings: int, elements: str = "triangles", 
     effects: dict[str, Any] = {
         "inertia": {},
         "membrane": {"elements": elements},
-        "bending": {"curvature_jumps": jumps},
+        "bending": {"short_waves": short_waves},
         "gravity": {},
         "damping": {"rate": 8.0},
         "pins": {"select": np.flatnonzero(r < PLATE + 1e-9).tolist(), "clamp": True},
@@ -96,13 +96,13 @@ def coefficient(case: Case, name: str, rings: int, elements: str = "triangles", 
     return 100 * outline_shape(outline_radii(x, border_edges(triangles)[0])).coefficient
 
 
-def table(rings: Sequence[int], elements: str, jumps: float) -> tuple[list[list[str]], bool]:
+def table(rings: Sequence[int], elements: str, short_waves: float) -> tuple[list[list[str]], bool]:
     """Rows of every case and number of rings, and whether the coarsest meshes pass."""
     rows, passed = [], True
     for words, case in CASES.items():
         for n in rings:
             began = process_time()
-            found = [coefficient(case, name, n, elements, jumps) for name in MESHES]
+            found = [coefficient(case, name, n, elements, short_waves) for name in MESHES]
             away = [each - case.limit for each in found]
             if n == min(rings):
                 passed &= max(map(abs, away)) <= BAR + case.doubt
@@ -117,9 +117,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.fixed_discs", description=__doc__)
     parser.add_argument("--rings", default="10", metavar="N,...", help="rings of the disc, multiples of 5 (default 10)")
     parser.add_argument("--elements", default="triangles", choices=("triangles", "pairs"))
-    parser.add_argument("--jumps", type=float, default=0.0, metavar="C", help="curvature_jumps of bending")
+    parser.add_argument("--short-waves", type=float, default=0.0, metavar="F", help="short_waves of bending")
     arguments = parser.parse_args(argv)
-    rows, passed = table([int(n) for n in arguments.rings.split(",")], arguments.elements, arguments.jumps)
+    rows, passed = table([int(n) for n in arguments.rings.split(",")], arguments.elements, arguments.short_waves)
     print(markdown_table(("case", "vertices", *MESHES, "limit", "CPU s"), rows))
     print(f"\n{'Within' if passed else 'NOT within'} {BAR:g} points (and the limit's doubt) on the coarsest mesh.")
     return 0 if passed else 1

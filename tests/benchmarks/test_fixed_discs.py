@@ -16,11 +16,11 @@ def test_both_meshes_cover_the_disc_and_hold_the_rim_of_the_plate(name):
     assert (np.abs(np.hypot(*points[:, :2].T) - 0.09) < 1e-9).sum() == 18
 
 
-def test_jumps_bring_a_coarse_stiff_disc_nearer_to_its_limit():
+def test_short_waves_bring_a_coarse_stiff_disc_nearer_to_its_limit():
     case = fixed_discs.CASES["stiff, 7 folds"]
-    plain, weighed = (fixed_discs.coefficient(case, "rings", 5, jumps=c) for c in (0.0, 0.25))
+    plain, restored = (fixed_discs.coefficient(case, "rings", 5, short_waves=f) for f in (0.0, 1.0))
     assert plain < case.limit - 5
-    assert abs(weighed - case.limit) < abs(plain - case.limit)
+    assert abs(restored - case.limit) < abs(plain - case.limit)
 
 
 def test_the_exit_code_is_that_of_the_bar(monkeypatch, capsys):

@@ -105,6 +105,7 @@ def _without_contact(build, step, stencil, affected):
 
 MODELS = {
     "midedge": {"bending": {}},
+    "short waves": {"bending": {"short_waves": 1.0}},
     "quadratic": {"bending": {"model": "quadratic"}},
     "orthotropic": {"membrane": {"material": "orthotropic"}},
     "pairs": {"membrane": {"elements": "pairs"}},

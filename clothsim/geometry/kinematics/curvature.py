@@ -26,15 +26,15 @@ stiffness T = (1 - nu) D is the isotropic plate, D/2 [(1 - nu) |S|^2 + nu tr(S)^
 Theory of plates and shells, section 85).
 
 The curvature of a triangle is a mean over it and its neighbours, which loses a wave of wavelength w on cells h: its
-energy is 1 - .12 (2 pi h/w)^2 of the true one on equilateral meshes, 1 - .14 (2 pi h/w)^2 on random ones. The jumps of
-the curvature between neighbours measure what is lost (`curvature_jumps`): with their squares at a weight of .2 the
-energy is right to the next order, with .25 within 5 % from 4 cells a wave on.
+energy is 1 - .12 (2 pi h/w)^2 of the true one on equilateral meshes, 1 - .15 (2 pi h/w)^2 on random ones.
+`curvature_gradient` has what is lost.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.base.arrays import Floats, Ints
@@ -44,6 +44,8 @@ from clothsim.mesh.topology import half_edges
 from clothsim.mesh.world import World
 
 ROOT2 = np.sqrt(2)
+Sides: TypeAlias = tuple[Ints, Ints]
+"""Triangles (k,) and the places 0, 1, 2 of an edge in them."""
 
 
 class PlateLaw(Protocol):
@@ -155,7 +157,7 @@ FREE, CLAMPED, INTERIOR, FIXED = range(4)
 
 
 @dataclass(frozen=True)
-class _Edges:
+class TriangleEdges:
     """Edges of each triangle; curvatures are (k_xx, sqrt(2) k_xy, k_yy).
 
     directions (m, 3) [rad] in the triangle's frame, lengths (m, 3) [m]; areas (m,) [m2]; middle_angles (m, 3, 3): m_i
@@ -192,7 +194,7 @@ def bending_strains(world: World, hinges: Hinges, angles: Floats | None = None) 
     (3 m, h) sparse array
         G [sqrt(J)].
     """
-    edges = _edges(world, hinges)
+    edges = triangle_edges(world, hinges)
     law = plate_law(world, np.zeros(len(world.triangles)) if angles is None else angles)
     stiffness = world.per_triangle("bending_stiffness") / edges.areas
     normal = rotation_of_curvature(edges.directions)[..., 2, :]  # n n' of each edge in the triangle's frame
@@ -209,57 +211,9 @@ def bending_strains(world: World, hinges: Hinges, angles: Floats | None = None) 
     return strains
 
 
-def curvature_jumps(
-    world: World, hinges: Hinges, strains: sparse.csr_array, angles: Floats | None = None
-) -> tuple[sparse.csr_array, Floats]:
-    """Jumps of the bending strains between neighbouring triangles.
-
-    The energy w |root(C) (S_1 - S_2)|^2/2 over the edges between triangles of one plate law, where S_1 and S_2 are in
-    one frame and w = (3 A_1/n_1 + 3 A_2/n_2) D/2, n the number of such edges of a triangle: beside borders, clamps and
-    other fabrics the edges that are left count for those that are missing. It vanishes for constant curvatures.
-
-    Parameters
-    ----------
-    world, hinges, angles
-        As those of `bending_strains`.
-    strains : (3 m, h) sparse array
-        G of `bending_strains`.
-
-    Returns
-    -------
-    (3 e, h) sparse array, (e,) array
-        Rows J of E = |J theta|^2/2 [sqrt(J)], three an edge; the w [J m2].
-    """
-    edges = _edges(world, hinges)
-    law = plate_law(world, np.zeros(len(world.triangles)) if angles is None else angles)
-    stiffness = world.per_triangle("bending_stiffness")
-    roots = np.sqrt(stiffness)[:, None, None] * law.roots()
-    sides = [np.full((len(hinges.vertices), 2), -1) for _ in range(2)]
-    for side in range(2):
-        t, i = np.nonzero((edges.kinds == INTERIOR) & (edges.sides == side))
-        sides[side][edges.hinges[t, i]] = np.column_stack([t, i])
-    inside = (sides[0][:, 0] >= 0) & (sides[1][:, 0] >= 0)
-    (t1, i1), (t2, i2) = (side[inside].T for side in sides)
-    turn1, turn2 = (rotation_of_curvature(edges.directions[t, i]) for t, i in ((t1, i1), (t2, i2)))
-    turn = np.einsum("eki,ekj->eij", turn1, turn2)
-    other = roots[t1] - np.einsum("eik,ekl,ejl->eij", turn, roots[t2], turn)
-    alike = np.abs(other).max(axis=(1, 2), initial=0.0) <= ALIKE * np.abs(roots[t1]).max(axis=(1, 2), initial=0.0)
-    t1, t2, turn = t1[alike], t2[alike], turn[alike]
-    m, count = len(world.triangles), np.bincount(np.concatenate([t1, t2]), minlength=len(world.triangles))
-    shares = 1.5 * edges.areas / np.maximum(count, 1)
-    areas, places = shares[t1] + shares[t2], np.arange(len(t1) + 1)
-    first = np.sqrt(areas / edges.areas[t1])[:, None, None] * np.eye(3)
-    second = np.sqrt(areas / edges.areas[t2])[:, None, None] * turn
-    shape = (3 * len(t1), 3 * m)
-    differences = sparse.bsr_array((first, t1, places), shape=shape) - sparse.bsr_array(
-        (second, t2, places), shape=shape
-    )
-    return (differences.tocsr() @ strains).tocsr(), areas * stiffness[t1]
-
-
 def angles_of_curvature(world: World, hinges: Hinges, curvatures: Floats) -> Floats:
     """Changes of the angles (h,) [rad] of hinges by curvatures of the triangles, (m, 3) [1/m] in their frames."""
-    edges = _edges(world, hinges)
+    edges = triangle_edges(world, hinges)
     turned = np.einsum("tikl,tl->tik", rotation_of_curvature(edges.directions), curvatures)
     middle = np.einsum("tik,tik->ti", edges.middle_angles, turned)
     bends = (edges.kinds == INTERIOR) | (edges.kinds == CLAMPED)
@@ -268,7 +222,7 @@ def angles_of_curvature(world: World, hinges: Hinges, curvatures: Floats) -> Flo
     return angles
 
 
-def _edges(world: World, hinges: Hinges) -> _Edges:
+def triangle_edges(world: World, hinges: Hinges) -> TriangleEdges:
     """The edges of all triangles, with the kind that the hinges and clamps give them."""
     corners = np.concatenate([cloth.material_coordinates for cloth in world.cloths])
     arms = corners[:, [1, 2, 0]] - corners
@@ -284,7 +238,25 @@ def _edges(world: World, hinges: Hinges) -> _Edges:
     number, sides = hinges_of_triangles(world.triangles, hinges.vertices)
     held = hinges.held[number] if len(hinges.held) else np.full_like(number, -1)
     kinds = np.where(number < 0, FREE, np.where(held < 0, INTERIOR, np.where(held == sides, FIXED, CLAMPED)))
-    return _Edges(directions, lengths, np.abs(twice_area) / 2, middle_angles, number, sides, kinds)
+    return TriangleEdges(directions, lengths, np.abs(twice_area) / 2, middle_angles, number, sides, kinds)
+
+
+def sides_of_hinges(edges: TriangleEdges, n_hinges: int) -> tuple[Sides, Sides]:
+    """Triangle and place (h,) of the edge in it of both sides of each interior hinge; -1 at others."""
+    found = np.full((2, 2, n_hinges), -1)
+    t, i = np.nonzero(edges.kinds == INTERIOR)
+    found[edges.sides[t, i], :, edges.hinges[t, i]] = np.column_stack([t, i])
+    return (found[0, 0], found[0, 1]), (found[1, 0], found[1, 1])
+
+
+def alike(law: PlateLaw, stiffness: Floats, edges: TriangleEdges, first: Sides, second: Sides) -> NDArray[np.bool_]:
+    """True where triangles (k,) and their neighbours over the edges at these places have one plate law."""
+    roots = np.sqrt(stiffness)[:, None, None] * law.roots()
+    turn1, turn2 = (rotation_of_curvature(edges.directions[side]) for side in (first, second))
+    turn = np.einsum("eki,ekj->eij", turn1, turn2)
+    apart = roots[first[0]] - np.einsum("eik,ekl,ejl->eij", turn, roots[second[0]], turn)
+    largest = np.abs(roots[first[0]]).max(axis=(1, 2), initial=0.0)
+    return np.asarray(np.abs(apart).max(axis=(1, 2), initial=0.0) <= ALIKE * largest)
 
 
 def hinges_of_triangles(triangles: Ints, hinge_vertices: Ints) -> tuple[Ints, Ints]:
@@ -300,7 +272,7 @@ def hinges_of_triangles(triangles: Ints, hinge_vertices: Ints) -> tuple[Ints, In
     return found.reshape(-1, 3), sides.reshape(-1, 3)
 
 
-def _middle_angles(edges: _Edges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
+def _middle_angles(edges: TriangleEdges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
     """The matrix (3 m, h) from changes of angle to the m of each edge of each triangle."""
     hinge, kind = edges.hinges.ravel(), edges.kinds.ravel()
     covered = np.flatnonzero((kind == CLAMPED) | (kind == INTERIOR))
@@ -314,7 +286,7 @@ def _middle_angles(edges: _Edges, law: PlateLaw, n_hinges: int) -> sparse.csr_ar
     )
 
 
-def _recovery(edges: _Edges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
+def _recovery(edges: TriangleEdges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
     """The matrix (h, h) from changes of angle to phi, for the interior hinges.
 
     With rows a_j the five angles and b the phi of each curvature k: the minimum-norm c with (c A) k = b k for all k, or
@@ -323,12 +295,8 @@ def _recovery(edges: _Edges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
     angle = np.zeros((n_hinges, 3))  # of each curvature, in the frame of the hinge
     interior = edges.kinds == INTERIOR
     np.add.at(angle, edges.hinges[interior], edges.middle_angles[interior])
-    sides = [np.zeros((n_hinges, 2), np.int64) for _ in range(2)]
-    for side in range(2):
-        t, i = np.nonzero(interior & (edges.sides == side))
-        sides[side][edges.hinges[t, i]] = np.column_stack([t, i])
     known = np.unique(edges.hinges[interior])
-    (t1, i1), (t2, i2) = (sides[side][known].T for side in range(2))
+    (t1, i1), (t2, i2) = ((t[known], i[known]) for t, i in sides_of_hinges(edges, n_hinges))
     phi = (edges.middle_angles[t1, i1] - edges.middle_angles[t2, i2]) / 2
     rows, number = [angle[known]], [known]
     moments = []

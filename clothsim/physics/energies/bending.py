@@ -40,10 +40,10 @@ def bending(world: World, keys: Bending) -> Energy | Off:
     Raises
     ------
     InputError
-        For an angle, curvature_jumps, bending_slope or bending_hysteresis that the model does not take.
+        For an angle, short_waves, bending_slope or bending_hysteresis that the model does not take.
     """
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
-    for key, given in {"angle_degrees": turned, "curvature_jumps": keys.curvature_jumps != 0}.items():
+    for key, given in {"angle_degrees": turned, "short_waves": keys.short_waves != 0}.items():
         if given and keys.model != "midedge":
             raise InputError(
                 f'effects.bending.{key} has no effect with model = "{keys.model}".', 'It is for "midedge".'
@@ -67,14 +67,12 @@ def bending(world: World, keys: Bending) -> Energy | Off:
         stiff_hinges = curled(stiff_hinges, world, angles)
     if keys.model != "midedge":
         return build(stiff_hinges, world)
-    if keys.curvature_jumps == 0:
+    if keys.short_waves == 0:
         return build(stiff_hinges, world, angles)
     if sloped or looped:
         key = "bending_slope" if sloped else "bending_hysteresis"
-        raise InputError(
-            f"effects.bending.curvature_jumps is for linear bending, and a cloth has {key}.", "Set it to 0."
-        )
-    return build(stiff_hinges, world, angles, keys.curvature_jumps)
+        raise InputError(f"effects.bending.short_waves is for linear bending, and a cloth has {key}.", "Set it to 0.")
+    return build(stiff_hinges, world, angles, keys.short_waves)
 
 
 MOST_CURL = np.pi / 2

@@ -1,6 +1,6 @@
 """Element loops of mid-edge bending over triangles with the hinges around them.
 
-stencils (m, j): the hinges of each element; weights (m, 3, j): their entries in the three rows of G; change (h,):
+stencils (m, j): the hinges of each element; weights (m, r, j): their entries in its r rows of G; change (h,):
 theta - theta0 [rad].
 """
 
@@ -18,7 +18,7 @@ def value(stencils: Ints, weights: Floats, change: Floats) -> float:
     """|G (theta - theta0)|^2/2 [J]."""
     total = 0.0
     for t in range(len(stencils)):
-        for q in range(3):
+        for q in range(weights.shape[1]):
             strain = 0.0
             for j in range(stencils.shape[1]):
                 strain += weights[t, q, j] * change[natural(stencils[t, j])]
@@ -31,7 +31,7 @@ def moments(stencils: Ints, weights: Floats, change: Floats) -> Floats:
     """G'G (theta - theta0), (h,) [N m]."""
     out = np.zeros_like(change)
     for t in range(len(stencils)):
-        for q in range(3):
+        for q in range(weights.shape[1]):
             strain = 0.0
             for j in range(stencils.shape[1]):
                 strain += weights[t, q, j] * change[natural(stencils[t, j])]
@@ -78,14 +78,15 @@ def product(vertices: Ints, stencils: Ints, weights: Floats, slopes: Floats, v: 
 def factors(
     vertices: Ints, stencils: Ints, weights: Floats, slots: NDArray[np.int8], n_slots: int, slopes: Floats
 ) -> Floats:
-    """G J, (3m, 3 n_slots): row 3t + q is the sum of weight_j dtheta_j/dx over the vertices of element t."""
-    out = np.zeros((3 * len(stencils), 3 * n_slots))
+    """G J, (r m, 3 n_slots): row r t + q is the sum of weight_j dtheta_j/dx over the vertices of element t."""
+    r = weights.shape[1]
+    out = np.zeros((r * len(stencils), 3 * n_slots))
     for t in range(len(stencils)):
         for j in range(stencils.shape[1]):
             h = natural(stencils[t, j])
             for k in range(4):
                 at = natural(3 * slots[t, j, k])
                 for i in range(3):
-                    for q in range(3):
-                        out[3 * t + q, at + i] += weights[t, q, j] * slopes[h, 3 * k + i]
+                    for q in range(weights.shape[1]):
+                        out[r * t + q, at + i] += weights[t, q, j] * slopes[h, 3 * k + i]
     return out

@@ -202,7 +202,7 @@ class PlasticBendingEnergy(HingeMoments, HistorySensitivity):
         ratio = np.sqrt(beyond[flowing] / (beyond + self.yields)[flowing])[:, None, None]
         unit = driving[flowing] / np.linalg.norm(driving[flowing], axis=1, keepdims=True)
         root = ratio * np.eye(3) + (1 - ratio) * unit[:, :, None] * unit[:, None, :]
-        entries = root @ model.weights[flowing] / np.sqrt(1 + self.hardening)
+        entries = root @ model.strain_weights[flowing] / np.sqrt(1 + self.hardening)
         slopes, stencils = midedge_kernels.angle_gradients(model.vertices, x), model.stencils[flowing]
         elements, slots = model.elements[flowing], model.slots[flowing]
         elementwise = model.vertices, stencils, entries

@@ -139,11 +139,13 @@ def test_a_curvature_is_an_angle_of_the_mesh():
 # --- the flow of a step is solved with it -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", ["hinge", "midedge"])
+@pytest.mark.parametrize(
+    "keys", [{"model": "hinge"}, {}, {"short_waves": 1.0}], ids=["hinge", "midedge", "short waves"]
+)
 @pytest.mark.parametrize("hardening", [0.0, 0.5])
-def test_derivatives_below_and_beyond_the_yield(model, hardening):
+def test_derivatives_below_and_beyond_the_yield(keys, hardening):
     world = small_world()
-    built = {"bending": bending(world, model=model)}
+    built = {"bending": bending(world, **keys)}
     energy = plastic_bending(world, yield_angle_degrees=5.0, hardening=hardening, built=built)
     energy = energy.begin(step_at(deformed(world, 1, 0.03)))
     x = deformed(world, 2, 0.08)

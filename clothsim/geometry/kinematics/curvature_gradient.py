@@ -1,0 +1,204 @@
+"""Gradient of curvature of each triangle, and the bending energy that its mean over a neighbourhood loses.
+
+Let w be the surface over a triangle's plane, g = (w_xxx, w_xxy, w_xyy, w_yyy) at its centroid. The angles of the nine
+hinges around it, its own and the others of its neighbours, give g: the combination with the smallest coefficients that
+is exact for every cubic w and 0 for every quadratic one.
+
+The curvature S of `curvature.bending_strains` is exact for quadratic surfaces. Of a wave w = cos(q n.x), n in the
+direction a, it has by its response B to the third and T to the fourth derivatives, both known on each mesh,
+
+    S'CS = q^4 k'Ck - q^6 P(a),  P = 2 k'C T g4 - |C^(1/2) B g3|^2   (mean over the phases; the next term is q^8)
+
+with k = (c^2, sqrt(2) c s, s^2), g3 = (c^3, c^2 s, c s^2, s^3), g4 likewise, c = cos a, s = sin a. P is the second
+moment along n of the patch over which S is a mean, times k'Ck. So A g'N g/2 with
+
+    g3'N g3 = P(a) for all a
+
+puts back what is lost on every mesh, in every direction, with no constant to choose. Seven conditions on ten entries:
+N is the nearest to that of the isotropic patch, m sum_i (d_i k)'C (d_i k), of the same mean. A form that is negative
+for no direction is a sum of squares; N's own negative values, and what exceeds MOST_MOMENT, are cut.
+
+Beside borders there are fewer hinges, and beside another plate law those across it do not count: parts of g that they
+do not determine are 0. There S is as it is without.
+"""
+
+import numpy as np
+from scipy import sparse
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.geometry.kinematics.curvature import (
+    FIXED,
+    INTERIOR,
+    ROOT2,
+    PlateLaw,
+    TriangleEdges,
+    alike,
+    plate_law,
+    sides_of_hinges,
+    triangle_edges,
+)
+from clothsim.mesh.cloth import Hinges
+from clothsim.mesh.world import World
+
+DETERMINED = 0.1
+"""Least singular value of the angles of cubic surfaces, in the frame of a triangle of area 1, of a part of g that they
+determine. Away from borders the least is 0.8 to 1.3 on lattices and 0.5 on random meshes."""
+MOST_MOMENT = 2.0
+"""Largest second moment of a patch over its triangle's area; it is 0.25 to 0.33 on lattices."""
+DIRECTIONS = np.pi * np.arange(12) / 12
+"""Directions [rad] in which P is matched: it has harmonics up to 6."""
+
+_COS, _SIN = np.cos(DIRECTIONS), np.sin(DIRECTIONS)
+_CURVATURE = np.column_stack([_COS**2, ROOT2 * _COS * _SIN, _SIN**2])
+_SIZES = np.sqrt([1.0, 3.0, 3.0, 1.0])
+"""g times these has the norm of the tensor of third derivatives."""
+_THIRD = np.column_stack([_COS**3, _COS**2 * _SIN, _COS * _SIN**2, _SIN**3])
+_FOURTH = np.column_stack([_COS**4, _COS**3 * _SIN, _COS**2 * _SIN**2, _COS * _SIN**3, _SIN**4])
+_BY_G = np.zeros((2, 3, 4))
+"""Derivatives of the curvature by x and y, of g."""
+_BY_G[0, [0, 1, 2], [0, 1, 2]] = _BY_G[1, [0, 1, 2], [1, 2, 3]] = [1.0, ROOT2, 1.0]
+
+
+def gradient_strains(
+    world: World, hinges: Hinges, strains: sparse.csr_array, angles: Floats | None = None
+) -> sparse.csr_array:
+    """Matrix from changes of hinge angle to the roots of the lost bending energy: E = |H theta|^2/2.
+
+    Parameters
+    ----------
+    world, hinges, angles
+        As those of `bending_strains`.
+    strains : (3 m, h) sparse array
+        G of `bending_strains`.
+
+    Returns
+    -------
+    (4 m, h) sparse array
+        H [sqrt(J)], four rows a triangle; they vanish for constant curvatures.
+    """
+    m = len(world.triangles)
+    edges = triangle_edges(world, hinges)
+    law = plate_law(world, np.zeros(m) if angles is None else angles)
+    stiffness = world.per_triangle("bending_stiffness")
+    patch, usable, turn, shift = _patches(hinges, edges, law, stiffness)
+    response = _angles_of_polynomials(hinges, patch, turn, shift, np.sqrt(edges.areas))
+    curvature = _entries(strains, patch) / np.sqrt(np.where(stiffness > 0, stiffness, 1.0))[:, None, None]
+    missing = _lost(law.roots(), curvature @ response)
+    recovery = _recovery(np.where(usable[..., None], response, 0.0))
+    rows = np.sqrt(stiffness)[:, None, None] * (missing @ recovery)
+    present = np.broadcast_to((patch >= 0)[:, None, :], rows.shape) & (rows != 0)
+    columns = np.broadcast_to(patch[:, None, :], rows.shape)[present]
+    return sparse.csr_array(
+        (rows[present], (np.nonzero(present.reshape(4 * m, -1))[0], columns)), (4 * m, strains.shape[1])
+    )
+
+
+def _patches(
+    hinges: Hinges, edges: TriangleEdges, law: PlateLaw, stiffness: Floats
+) -> tuple[Ints, np.ndarray, np.ndarray, np.ndarray]:
+    """Hinges (m, 9) around each triangle, -1 where none, and z -> turn z + shift from their frames to the triangle's.
+
+    Points of a plane are complex numbers; a triangle has its centroid at 0. Usable (m, 9): those between triangles of
+    one plate law, and seen across such.
+    """
+    along = np.exp(1j * edges.directions)
+    steps = edges.lengths * along
+    corners = np.cumsum(steps, axis=1) - steps
+    corners -= corners.mean(axis=1, keepdims=True)
+    own, sides = np.where(edges.kinds == FIXED, -1, edges.hinges), edges.sides
+    turn = np.where(sides == 0, along, -along)
+    shift = corners + steps / 2 - turn * hinges.edge_lengths[edges.hinges] / 2
+    found = sides_of_hinges(edges, len(hinges.vertices))
+    inside = found[0][0] >= 0
+    same = np.zeros(len(inside), bool)
+    same[inside] = alike(law, stiffness, edges, *((t[inside], i[inside]) for t, i in found))
+    crossed = edges.kinds == INTERIOR
+    beyond, across = (
+        np.where(crossed, np.where(sides == 0, found[1][k][edges.hinges], found[0][k][edges.hinges]), -1)
+        for k in (0, 1)
+    )
+    patch, usable = [own], [(own >= 0) & (~crossed | same[edges.hinges])]
+    turns, shifts = [turn], [shift]
+    there = beyond >= 0
+    for step in (1, 2):
+        other = (across + step) % 3
+        back = turn / turn[beyond, across]
+        patch.append(np.where(there, own[beyond, other], -1))
+        usable.append(there & same[edges.hinges] & usable[0][beyond, other])
+        turns.append(back * turn[beyond, other])
+        shifts.append(back * (shift[beyond, other] - shift[beyond, across]) + shift)
+    return tuple(np.concatenate(parts, axis=1) for parts in (patch, usable, turns, shifts))  # type: ignore[return-value]
+
+
+def _angles_of_polynomials(hinges: Hinges, patch: Ints, turn: np.ndarray, shift: np.ndarray, sizes: Floats) -> Floats:
+    """Changes of angle (m, 9, 12) for unit second (3), third (4) and fourth (5) derivatives, over sizes (m,) [m].
+
+    In the triangle's frame, lengths over `sizes`. At a clamp the surface leaves the middle of the edge in its own
+    direction, as the other triangle would.
+    """
+    held = (hinges.held[patch] if len(hinges.held) else np.full_like(patch, -1))[..., None]
+    local = hinges.corners[patch]
+    points = (local[..., 0] + 1j * local[..., 1]) * turn[..., None] + shift[..., None]
+    points = np.concatenate([points, points[..., :2].mean(axis=2, keepdims=True)], axis=2) / sizes[:, None, None]
+    values = _polynomials(points)
+    over = local[..., 2:, 0] / local[..., 1:2, 0]
+    foot = values[..., 0:1, :] + over[..., None] * (values[..., 1:2, :] - values[..., 0:1, :])
+    slopes = (values[..., 2:4, :] - foot) / (local[..., 2:, 1] / sizes[:, None, None])[..., None]
+    middle = _slopes(points[..., 4], 1j * turn)
+    first = np.where(held == 0, middle, slopes[..., 0, :])
+    second = np.where(held == 1, middle, slopes[..., 1, :])
+    return np.where((patch >= 0)[..., None], first - second, 0.0)
+
+
+_DEGREES = [(k, n - k, n) for n in (2, 3, 4) for k in range(n, -1, -1)]
+_FACTORIAL = np.array([1.0, 1.0, 2.0, 6.0, 24.0])
+
+
+def _polynomials(z: np.ndarray) -> Floats:
+    """x^j y^k / (j! k!) of degrees 2, 3, 4 at z (...), (..., 12): each has one derivative of its degree, 1."""
+    x, y = z.real, z.imag
+    return np.stack([x**j * y**k / (_FACTORIAL[j] * _FACTORIAL[k]) for j, k, _ in _DEGREES], axis=-1)
+
+
+def _slopes(z: np.ndarray, direction: np.ndarray) -> Floats:
+    """Their derivatives along unit directions (...), (..., 12)."""
+    x, y = z.real, z.imag
+    by_x = [x ** max(j - 1, 0) * y**k / (_FACTORIAL[max(j - 1, 0)] * _FACTORIAL[k]) * (j > 0) for j, k, _ in _DEGREES]
+    by_y = [x**j * y ** max(k - 1, 0) / (_FACTORIAL[j] * _FACTORIAL[max(k - 1, 0)]) * (k > 0) for j, k, _ in _DEGREES]
+    return np.stack(by_x, axis=-1) * direction.real[..., None] + np.stack(by_y, axis=-1) * direction.imag[..., None]
+
+
+def _entries(strains: sparse.csr_array, patch: Ints) -> Floats:
+    """The rows of G as (m, 3, 9) over the hinges of each patch."""
+    listed = strains.tocoo()
+    triangle, row = np.divmod(listed.row, 3)
+    entries = np.zeros((len(patch), 3, patch.shape[1]))
+    entries[triangle, row, np.argmax(patch[triangle] == listed.col[:, None], axis=1)] = listed.data
+    return entries
+
+
+def _lost(roots: Floats, response: Floats) -> Floats:
+    """The symmetric roots (m, 4, 4) of N over the area, of C^(1/2) S for unit derivatives (m, 3, 12)."""
+    plate = _CURVATURE @ roots
+    third, fourth = response[..., 3:7] @ _THIRD.T, response[..., 7:] @ _FOURTH.T
+    lost = 2 * np.einsum("mpi,mip->mp", plate, fourth) - (third**2).sum(axis=1)
+    whole = (plate**2).sum(axis=2)
+    derivatives = np.einsum("mij,kja->mkia", roots, _BY_G / _SIZES)
+    isotropic = np.einsum("mkia,mkib->mab", derivatives, derivatives)
+    isotropic *= (lost.mean(axis=1) / whole.mean(axis=1))[:, None, None]
+    waves = _THIRD * _SIZES
+    products = (waves[:, :, None] * waves[:, None, :]).reshape(len(waves), 16)
+    remains = lost - isotropic.reshape(-1, 16) @ products.T
+    forms = isotropic + (remains @ np.linalg.pinv(products, rcond=1e-9).T).reshape(-1, 4, 4)
+    values, vectors = np.linalg.eigh(forms)
+    values = np.clip(values, 0.0, MOST_MOMENT * whole.mean(axis=1, keepdims=True))
+    return np.einsum("mik,mk,mjk->mij", vectors, np.sqrt(values), vectors)
+
+
+def _recovery(response: Floats) -> Floats:
+    """The matrices (m, 4, 9) from changes of angle to g _SIZES, lengths over sizes, of angles (m, 9, 12)."""
+    quadratic, cubic = response[..., :3], response[..., 3:7] / _SIZES
+    free = np.eye(response.shape[1]) - quadratic @ np.linalg.pinv(quadratic, rcond=1e-9)
+    U, s, Vt = np.linalg.svd(free @ cubic, full_matrices=False)
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > DETERMINED)
+    return np.einsum("mka,mk,mik->mai", Vt, inverse, U) @ free
