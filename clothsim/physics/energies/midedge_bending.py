@@ -9,7 +9,7 @@ angle, this one couples the angles in and around each triangle: the moments are 
 
 The curvature of a triangle is a mean over its neighbourhood: waves of a few cells bend too easily. With a weight f the
 energy has besides f/2 of that which the mean loses (`kinematics.curvature_gradient`), four more rows of G a triangle:
-f = 1 makes waves right within 1 % from 10 cells and within 3 % from 6 cells on, where 6 and 14 to 17 % are missing.
+f = 1 makes waves right within 1 % from 10 cells and within 3.5 % from 6 cells on, where 6 and 14 to 17 % are missing.
 
 As in the hinge model angles are not wrapped and all lengths are those at rest. A free strip bends with D (1 - nu^2), a
 wide plate with D: D is the plate's stiffness, E t^3/(12 (1 - nu^2)).
