@@ -3,7 +3,7 @@
 A scene is simulated with any number that its key allows; one beyond these ranges is asked about.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,20 +105,20 @@ OF_MOTION = ("s", "m/s", "degrees/s")
 
 def doubts(where: str, section: KeyTable) -> Iterator[str]:
     """A question on each number of a section, and of its nested ones, that looks like one in another unit."""
-    for each in _implausible(where, section):
+    for each in _implausible(where, section, _keys_of_a_plate(section, OF_KEY["cloth.thickness"][1])):
         yield f"{each.sentence}: is it in another unit?"
 
 
 def refuse_absurd(where: str, section: KeyTable) -> None:
-    """InputError for the first number of a section that is beyond ABSURD, but for those OF_MOTION."""
-    for each in _implausible(where, section):
-        if each.unit not in OF_MOTION and each.size > ABSURD * each.most:
-            raise InputError(f"{each.sentence}.", f"Give at most {ABSURD * each.most:g} {each.unit}.")
+    """InputError for the first number of a section that is beyond ABSURD, but for those OF_MOTION and of a plate."""
+    for each in _implausible(where, section, _keys_of_a_plate(section, np.inf)):
+        if each.unit.strip() not in OF_MOTION and each.size > ABSURD * each.most:
+            raise InputError(f"{each.sentence}.", f"Give at most {ABSURD * each.most:g}{each.unit}.")
 
 
 @dataclass(frozen=True)
 class _Implausible:
-    """A number beyond its range: what it is, its magnitude, the largest plausible one, their unit."""
+    """A number beyond its range: what it is, its magnitude, the largest plausible one, their unit after a space."""
 
     sentence: str
     size: float
@@ -126,12 +126,11 @@ class _Implausible:
     unit: str
 
 
-def _implausible(where: str, section: KeyTable) -> Iterator[_Implausible]:
-    """The numbers of a section, and of its nested ones, that are beyond their ranges."""
+def _implausible(where: str, section: KeyTable, explained: Collection[str] = ()) -> Iterator[_Implausible]:
+    """The numbers of a section, but for those `explained`, and of its nested ones, that are beyond their ranges."""
     known = keys_of(type(section))
-    of_a_board = _keys_of_a_plate(section)
     for name in section:
-        if name in of_a_board:
+        if name in explained:
             continue
         key = known[name]
         value = getattr(section, key.field)
@@ -144,16 +143,16 @@ def _implausible(where: str, section: KeyTable) -> Iterator[_Implausible]:
         size = _magnitude(value)
         if found is not None and size and not found[0] <= size <= found[1]:
             given = f"{value:g}" if isinstance(value, int | float) else f"of {size:.4g}"
-            unit = key.key.unit
-            yield _Implausible(f"{where}.{name} is {given} {unit}, where {found[2]}", size, found[1], unit)
+            unit = "" if key.key.unit == "1" else f" {key.key.unit}"
+            yield _Implausible(f"{where}.{name} is {given}{unit}, where {found[2]}", size, found[1], unit)
 
 
-def _keys_of_a_plate(section: KeyTable) -> set[str]:
-    """Keys of a cloth that its own thickness explains: it is as heavy, and at most as stiff, as a solid plate."""
+def _keys_of_a_plate(section: KeyTable, thickest: float) -> set[str]:
+    """Keys of a cloth that its thickness, up to `thickest` [m], explains: as heavy and at most as stiff as a plate."""
     given = {name: getattr(section, key.field) for name, key in keys_of(type(section)).items() if name in section}
     density, thickness = given.get("density", 0.0), given.get("thickness", 0.0)
     low, high, _ = OF_KEY["rigid.density"]
-    if not 0 < thickness <= OF_KEY["cloth.thickness"][1] or not low <= density / thickness <= high:
+    if not 0 < thickness <= thickest or not low <= density / thickness <= high:
         return set()
     modulus, bending = (_magnitude(given.get(name, 0.0)) for name in ("youngs_modulus", "bending_stiffness"))
     stiffest = modulus * thickness**3 / 9  # E t^3 / (12 (1 - nu^2)), nu of a half
@@ -167,8 +166,8 @@ def _declaring(section: KeyTable, name: str) -> list[str]:
 
 
 def _magnitude(value: Any) -> float:
-    """Largest magnitude of a number, of a list of numbers or of the values of key frames; 0 of anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
+    """Largest magnitude of a number, of numbers in a list or an array, or of values of key frames; 0 of all else."""
+    if isinstance(value, bool) or not isinstance(value, int | float | list | tuple | np.ndarray):
         return 0.0
     try:
         numbers = np.abs(np.asarray(value, np.float64))

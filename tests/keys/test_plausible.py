@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from clothsim.base.errors import InputError
@@ -63,6 +64,31 @@ def test_a_number_that_no_unit_explains_is_refused(key, value, most):
     with pytest.raises(InputError, match=key):
         build(Scene(cloth={**SHEET, key: value}, effects={"membrane": {}}))
     build(Scene(cloth={**SHEET, key: 0.9 * most}, effects={"membrane": {}}))  # asked about
+
+
+def test_an_array_is_looked_at_as_a_list_is():
+    """Of key frames the values, not the times."""
+    for acceleration in ([0, 0, -1e10], np.array([0, 0, -1e10])):
+        with pytest.raises(InputError, match=r"gravity\.acceleration"):
+            build(Scene(cloth=SHEET, effects={"gravity": {"acceleration": acceleration}}))
+    for rows, named in (
+        (np.array([[0, 1.0], [1, 1e9]]), ["effects.pressure.value"]),
+        (np.array([[0, 1], [1e9, 2]]), []),
+    ):
+        found = asked(Scene(cloth=SHEET, effects={"pressure": {"value": rows}}))
+        assert [text.split(" ")[0] for text in found] == named
+
+
+def test_a_steel_plate_is_a_cloth_however_thick():
+    plate = {"density": 390, "thickness": 0.05, "youngs_modulus": 2e11, "bending_stiffness": 2.3e6}
+    build(Scene(cloth=SHEET | plate, effects={"membrane": {}}))
+    with pytest.raises(InputError, match="bending_stiffness"):
+        build(Scene(cloth=SHEET | plate | {"thickness": 0.02, "density": 150}, effects={"membrane": {}}))
+
+
+def test_a_number_without_a_unit_is_named_without_one():
+    (text,) = asked(Scene(cloth=SHEET, effects={"friction": {"coefficient": 30}}))
+    assert text.startswith("effects.friction.coefficient is 30, where")
 
 
 def test_a_time_is_asked_about_however_long():

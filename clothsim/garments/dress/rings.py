@@ -151,9 +151,9 @@ def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: 
 
 
 def _middle_at(at: Floats, body: Floats, up: Floats, right: Floats) -> float:
-    """Mean of the middles of a leg (n, 3) at the levels of points (k, 3), along `right` [m]."""
+    """Mean of the middles of a leg (n, 3) at the levels of points (k, 3), along `right` [m]; below it of its foot."""
     levels, reach = body @ up, body @ right
-    slices = [reach[np.abs(levels - level) < SLICE] for level in at @ up]
+    slices = [reach[np.abs(levels - level) < SLICE] for level in np.clip(at @ up, levels.min(), levels.max())]
     return float(np.mean([(part.min() + part.max()) / 2 for part in slices if len(part)]))
 
 

@@ -11,8 +11,9 @@ each direction has the energy of its own table at the strain that is left when t
     psi = W1(e1 + g2(e2)) + W2(e2 + g1(e1)),   e = l - 1,   g and g' = 0 for e <= 0.
 
 A strip pulled along the warp has e2 = -g1(e1) free of stress across, so W1' is its table, exactly, with or without
-narrowing; where its width is held, as at a clamp, W2'(g1) g1' comes to it, which stiffens as the table across does. The
-second derivative is positive where g1' g2' < 1. Without such tables warp and weft are not coupled.
+narrowing; where its width is held, as at a clamp, W2'(g1) g1' comes to it, which stiffens as the table across does.
+With straight g the second derivative is positive where g1' g2' < 1; besides it has W2' g1'', which is negative where
+the narrowing levels off under tension across. Without such tables warp and weft are not coupled.
 
 As in the woven one, a Neo-Hookean sheet with lam = 0 prevents collapsed triangles; mu is a tenth of the smallest
 initial secant of a table, and the stress that it adds along the threads, mu (l - 1/l), and in shear, mu I8 to third
@@ -100,8 +101,9 @@ class Narrowing:
 
     @property
     def steepest(self) -> float:
-        """The largest g' of a fine grid."""
-        return float(self.slope(np.linspace(0.0, self.last, 201)).max())
+        """The largest g': it is at a row, or where g'' = 0 between two."""
+        level = self.curvature.roots(extrapolate=False)
+        return float(self.slope(np.concatenate([self.slope.x, level[np.isfinite(level)]])).max())
 
     def at(self, strain: Floats) -> tuple[Floats, Floats, Floats]:
         """g, g' and g'' at strains (m,)."""

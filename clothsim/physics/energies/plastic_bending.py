@@ -251,7 +251,7 @@ def flowed(strain: Floats, plastic: Floats, yields: Floats, hardening: float) ->
 
 def _flow_slope(driving: Floats, yields: Floats, vectors: Floats) -> Floats:
     """d((1 - y/|q|)+ q)/dq times vectors (g, r)."""
-    sizes = np.maximum(np.linalg.norm(driving, axis=1), np.finfo(float).tiny)
+    sizes = np.maximum(np.maximum(np.linalg.norm(driving, axis=1), yields), np.finfo(float).tiny)
     ratios = (yields / sizes)[:, None]
     unit = driving / sizes[:, None]
     along = (unit * vectors).sum(axis=1, keepdims=True) * unit

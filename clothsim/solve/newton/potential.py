@@ -140,6 +140,8 @@ class Potential:
         with self.timers.effects_in_turn() as effects:
             for name, energy in self.acting.items():
                 part = np.ascontiguousarray(energy.gradient(x), np.float64)
+                if part.shape != x.shape:
+                    part = np.ascontiguousarray(np.broadcast_to(part, x.shape))
                 largest = max(largest, add_to(total, part))
                 effects.done(name, "gradients")
         return total, largest

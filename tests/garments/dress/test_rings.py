@@ -75,14 +75,14 @@ def test_what_is_round_the_legs_stays(body):
     assert np.array_equal(moved.positions, state.positions)
 
 
-def trousers_with_cuffs(aside: float, half: float = 20) -> SewingState:
-    """Trousers, and a cuff below each leg, 2 `half` cm wide, that is `aside` cm farther out than the leg."""
+def trousers_with_cuffs(aside: float, half: float = 20, level: float = 30) -> SewingState:
+    """Trousers, and a cuff below each leg, 2 `half` cm wide and `aside` cm farther out; `level` of its edge."""
     panels, stitches = {}, []
     for part, z in (("front", 20), ("back", -20)):
         panels[f"top_{part}"] = panel(TROUSERS, translation=[0, 45, z])
         for side, x in (("left", 20 + aside), ("right", -20 - aside)):
             panels[f"{side}_{part}"] = panel(
-                [[-half, 0], [half, 0], [half - 2.5, 10], [2.5 - half, 10]], translation=[x, 30, z]
+                [[-half, 0], [half, 0], [half - 2.5, 10], [2.5 - half, 10]], translation=[x, level, z]
             )
     stitches = [stitch(("top_front", k), ("top_back", k), "right_wrong") for k in (1, 2, 4, 6)]
     for side, edge in (("left", 3), ("right", 0)):
@@ -119,6 +119,16 @@ def test_a_cuff_narrower_than_its_leg_goes_to_the_middle_of_the_leg(body):
     middles = [(part.min() + part.max()) / 2 for part in slices]
     cuff = moved.positions[state.mesh.vertices["left_front"], 0]
     assert (cuff.min() + cuff.max()) / 2 == pytest.approx(np.mean(middles), abs=1e-3)
+
+
+def test_a_narrow_cuff_below_the_floor_goes_to_the_foot(body):
+    state = trousers_with_cuffs(12, half=8, level=-60)
+    moved, notes = centred(state, body)
+    assert len(notes) == 2
+    assert np.isfinite(moved.positions).all()
+    foot = body.positions[(body.positions[:, 0] > 0) & (body.positions[:, 1] < body.positions[:, 1].min() + 0.04), 0]
+    cuff = moved.positions[state.mesh.vertices["left_front"], 0]
+    assert (cuff.min() + cuff.max()) / 2 == pytest.approx((foot.min() + foot.max()) / 2, abs=1e-3)
 
 
 def test_skirts_are_not_lifted(body):

@@ -157,6 +157,8 @@ class TestNarrowing:
             ({"narrowing_warp": [[0.5, 1.0]]}, r"narrowing_warp takes 1 of the width"),
             ({"narrowing_weft": [[0.1, 0.02], [0.2, 0.01]]}, r"narrowing_weft\[1\] has narrowing 0\.01, not above"),
             ({"narrowing_warp": [[0.1, 0.12]], "narrowing_weft": [[0.1, 0.09]]}, "slopes multiply to"),
+            # steep for a ten thousandth only
+            ({"narrowing_warp": [[0.5, 0.001], [0.5001, 0.3], [1, 0.31]], "narrowing_weft": [[0.1, 0.05]]}, "multiply"),
         ],
     )
     def test_what_leaves_no_width_or_no_stable_sheet_is_refused(self, tables, output):

@@ -16,7 +16,7 @@ from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
 from clothsim.physics.energies.hinge_kernels import angles
-from clothsim.physics.energies.plastic_bending import flowed
+from clothsim.physics.energies.plastic_bending import _flow_slope, flowed
 from tests.known_answers.plastic_strip import tip_left, tip_of_beam
 
 
@@ -256,3 +256,11 @@ def test_models_without_changing_rest_angles_are_refused_by_name():
     world = sheet()
     with pytest.raises(InputError, match=r"plastic_bending.*QuadraticBending"):
         plastic_bending(world, yield_angle_degrees=3.0, built={"bending": bending(world, model="quadratic")})
+
+
+def test_where_nothing_drives_the_flow_has_no_slope_and_no_warning():
+    driving, yields = np.array([[0.0, 0.0, 0.0], [0.0, 3.0, 4.0]]), np.array([2.0, 2.0])
+    with np.errstate(all="raise"):
+        slope = _flow_slope(driving, yields, np.eye(2, 3, 1))
+    assert slope[0] == pytest.approx([0, 0, 0])
+    assert slope[1] == pytest.approx(0.6 * np.array([0, 0, 1]) + 0.4 * 0.8 * np.array([0, 0.6, 0.8]))

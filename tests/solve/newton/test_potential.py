@@ -31,6 +31,35 @@ def test_value_gradient_and_hessian_are_sums():
     assert gradient_error(potential, x) < 1e-7
 
 
+@dataclass(frozen=True)
+class Pull(Energy):
+    """A force that is written for one vertex, or for some."""
+
+    forces: np.ndarray
+
+    def value(self, x):
+        return float((x * self.forces[:1]).sum())
+
+    def gradient(self, x):
+        return self.forces
+
+    def hessian(self, x, project=True):
+        raise AssertionError
+
+
+@pytest.mark.parametrize("forces", [np.array([1.0, 2.0, 3.0]), np.array([[1, 2, 3]])])
+def test_a_force_of_one_row_is_that_of_each_vertex(forces):
+    x = np.zeros((300, 3))
+    assert np.array_equal(Potential({"pull": Pull(forces)}, Timers()).gradient(x), np.tile([1.0, 2.0, 3.0], (300, 1)))
+
+
+@pytest.mark.parametrize("rows", [2, 301])
+def test_forces_of_too_few_or_too_many_rows_are_no_gradient(rows):
+    potential = Potential({"pull": Pull(np.ones((rows, 3)))}, Timers())
+    with pytest.raises(ValueError, match="broadcast"):
+        potential.gradient(np.zeros((300, 3)))
+
+
 def test_a_value_that_is_refused_ends_the_sum():
     world = small_world()
     x = np.zeros_like(world.start())
