@@ -3,7 +3,7 @@
 A scene is simulated with any number that its key allows; one beyond these ranges is asked about.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,21 +97,21 @@ def plausible_range(section: str, key: SceneKey) -> tuple[float, float, str] | N
     return low, high, f"{low:g} to {high:g} is usual"
 
 
-ABSURD = 1e6
-"""Multiple of the largest plausible number beyond which no unit explains one: a run would end in round-off."""
+ABSURD = 1e9
+"""Multiple of the largest plausible number beyond which no unit explains one: a newton metre has 1e9 g mm2/s2."""
 OF_MOTION = ("s", "m/s", "degrees/s")
 """Units of numbers that are never absurd: long times end nothing, and speeds are looked at by themselves."""
 
 
 def doubts(where: str, section: KeyTable) -> Iterator[str]:
     """A question on each number of a section, and of its nested ones, that looks like one in another unit."""
-    for each in _implausible(where, section, _keys_of_a_plate(section, OF_KEY["cloth.thickness"][1])):
+    for each in _implausible(where, section):
         yield f"{each.sentence}: is it in another unit?"
 
 
 def refuse_absurd(where: str, section: KeyTable) -> None:
-    """InputError for the first number of a section that is beyond ABSURD, but for those OF_MOTION and of a plate."""
-    for each in _implausible(where, section, _keys_of_a_plate(section, np.inf)):
+    """InputError for the first number of a section that is beyond ABSURD, but for those OF_MOTION."""
+    for each in _implausible(where, section):
         if each.unit.strip() not in OF_MOTION and each.size > ABSURD * each.most:
             raise InputError(f"{each.sentence}.", f"Give at most {ABSURD * each.most:g}{each.unit}.")
 
@@ -126,11 +126,12 @@ class _Implausible:
     unit: str
 
 
-def _implausible(where: str, section: KeyTable, explained: Collection[str] = ()) -> Iterator[_Implausible]:
-    """The numbers of a section, but for those `explained`, and of its nested ones, that are beyond their ranges."""
+def _implausible(where: str, section: KeyTable) -> Iterator[_Implausible]:
+    """The numbers of a section, and of its nested ones, that are beyond their ranges."""
     known = keys_of(type(section))
+    of_a_board = _keys_of_a_plate(section)
     for name in section:
-        if name in explained:
+        if name in of_a_board:
             continue
         key = known[name]
         value = getattr(section, key.field)
@@ -147,12 +148,12 @@ def _implausible(where: str, section: KeyTable, explained: Collection[str] = ())
             yield _Implausible(f"{where}.{name} is {given}{unit}, where {found[2]}", size, found[1], unit)
 
 
-def _keys_of_a_plate(section: KeyTable, thickest: float) -> set[str]:
-    """Keys of a cloth that its thickness, up to `thickest` [m], explains: as heavy and at most as stiff as a plate."""
+def _keys_of_a_plate(section: KeyTable) -> set[str]:
+    """Keys of a cloth that its own thickness explains: it is as heavy, and at most as stiff, as a solid plate."""
     given = {name: getattr(section, key.field) for name, key in keys_of(type(section)).items() if name in section}
     density, thickness = given.get("density", 0.0), given.get("thickness", 0.0)
     low, high, _ = OF_KEY["rigid.density"]
-    if not 0 < thickness <= thickest or not low <= density / thickness <= high:
+    if not 0 < thickness <= OF_KEY["cloth.thickness"][1] or not low <= density / thickness <= high:
         return set()
     modulus, bending = (_magnitude(given.get(name, 0.0)) for name in ("youngs_modulus", "bending_stiffness"))
     stiffest = modulus * thickness**3 / 9  # E t^3 / (12 (1 - nu^2)), nu of a half

@@ -145,8 +145,8 @@ def division(
     """
     random = np.random.default_rng(seed)
     kinds, shapes = sorted({label[2] for label in labels}), sorted({label[0] for label in labels})
-    if kind is not None:
-        refuse_unknown("The kind that is held out", [kind], kinds)
+    if kind is not None and kind not in kinds:
+        raise InputError(f"No clip has a motion of the kind {kind!r}.", f"They have {', '.join(kinds)}.")
     held_kind = kind or str(random.choice(kinds))
     held = tuple(sorted(random.permutation(shapes)[: min(bodies, len(shapes) - 1)].tolist()))
     motions = sorted({motion for body, motion, own in labels if own != held_kind and body not in held})

@@ -182,16 +182,17 @@ def _lost(roots: Floats, response: Floats) -> Floats:
     plate = _CURVATURE @ roots
     third, fourth = response[..., 3:7] @ _THIRD.T, response[..., 7:] @ _FOURTH.T
     lost = 2 * np.einsum("mpi,mip->mp", plate, fourth) - (third**2).sum(axis=1)
-    whole = (plate**2).sum(axis=2)
+    whole = (plate**2).sum(axis=2).mean(axis=1)
     derivatives = np.einsum("mij,kja->mkia", roots, _BY_G / _SIZES)
     isotropic = np.einsum("mkia,mkib->mab", derivatives, derivatives)
-    isotropic *= (lost.mean(axis=1) / whole.mean(axis=1))[:, None, None]
+    moments = np.divide(lost.mean(axis=1), whole, out=np.zeros_like(whole), where=whole > 0)  # 0 of limp triangles
+    isotropic *= moments[:, None, None]
     waves = _THIRD * _SIZES
     products = (waves[:, :, None] * waves[:, None, :]).reshape(len(waves), 16)
     remains = lost - isotropic.reshape(-1, 16) @ products.T
     forms = isotropic + (remains @ np.linalg.pinv(products, rcond=1e-9).T).reshape(-1, 4, 4)
     values, vectors = np.linalg.eigh(forms)
-    values = np.clip(values, 0.0, MOST_MOMENT * whole.mean(axis=1, keepdims=True))
+    values = np.clip(values, 0.0, MOST_MOMENT * whole[:, None])
     return np.einsum("mik,mk,mjk->mij", vectors, np.sqrt(values), vectors)
 
 

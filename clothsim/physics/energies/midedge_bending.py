@@ -8,8 +8,8 @@ the orthotropic law of `kinematics.plate_law` instead, which changes G alone. Wh
 angle, this one couples the angles in and around each triangle: the moments are M (theta - theta0) with M = G'G.
 
 The curvature of a triangle is a mean over its neighbourhood: waves of a few cells bend too easily. With a weight f the
-energy has besides f/2 of that which the mean loses (`kinematics.curvature_gradient`), four more rows of G a triangle:
-f = 1 makes waves right within 1 % from 10 cells and within 3.5 % from 6 cells on, where 6 and 14 to 17 % are missing.
+energy has besides f times what the mean loses (`kinematics.curvature_gradient`), four more rows of G a triangle:
+f = 1 makes waves right within 1 % from 10 cells and within 4 % from 6 cells on, where 4 to 8 and 9 to 18 % are lost.
 
 As in the hinge model angles are not wrapped and all lengths are those at rest. A free strip bends with D (1 - nu^2), a
 wide plate with D: D is the plate's stiffness, E t^3/(12 (1 - nu^2)).

@@ -153,3 +153,15 @@ def test_invariance_under_rotation_and_mirrored_patterns():
     assert sparse.issparse(first)
     for other in others:
         assert abs(first - other).max() < 1e-10 * abs(first).max()
+
+
+def test_a_limp_cloth_beside_a_woven_one_loses_nothing():
+    limp = replace(UNIT, bending_stiffness=0.0, bending_warp=None, bending_weft=None)
+    positions, triangles = mesh("right")
+    world = make_world([cloth(positions, triangles, WOVEN), replace(cloth(positions, triangles, limp), name="limp")])
+    x, y = world.start()[:, :2].T
+    with np.errstate(all="raise"):
+        _, lost = squares(world, np.cos(6 * x) * np.cos(5 * y))
+    half = len(triangles)
+    assert lost[:half].max() > 0
+    assert (lost[half:] == 0).all()
