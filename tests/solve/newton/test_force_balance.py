@@ -90,7 +90,7 @@ def test_a_step_is_done_when_forces_balance(tmp_path, d_hat):
     assert max(entry["residual"] for entry in run.record()) < 0.3 * 10 * 0.05 * 9.81
 
 
-@pytest.mark.parametrize("modulus", [1e18, 3e18, 1e20])
+@pytest.mark.parametrize("modulus", [1e18, 3e18, 8e18])
 def test_a_stiffness_beyond_double_precision_is_a_failure_by_name(tmp_path, modulus):
     run = on_the_ball(tmp_path, 1e-3, youngs_modulus=modulus)
     failure = run.summary["failure"]
