@@ -54,7 +54,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", metavar="N", help="starts of the search (default 2, of pictures 1)")
-    recover.add_argument("--folds", metavar="N", help="with --views: drapes to choose a start from (1)")
+    recover.add_argument("--folds", metavar="N", help="with --views: drapes to choose a start from (6)")
     recover.add_argument("--no-twins", action="store_true", help="with --views: no other models at the end")
     recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
     add_set(recover)
@@ -148,7 +148,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
         pattern=mesh,
         prior=arguments.prior,
         twins=not arguments.no_twins,
-        folds=as_count("--folds", arguments.folds or "1"),
+        folds=as_count("--folds", arguments.folds or "6"),
     )
     content = summary(found, "pictures") | {
         "pictures": [asdict(each) for each in found.pictures],
@@ -216,6 +216,8 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
     return engine.override(worn.run.scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size)
 
 
+UNEXPLAINED = 1.5
+"""Misfit of a picture, in its noise, from which on the scene does not explain it: of skirts it is 0.6 to 1."""
 _TWINS = {
     "mesh": "a mesh of half the size",
     "step": "steps of half the length",
@@ -231,6 +233,12 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
         left = f", {100 * each.left_out:.2g} % without a residual" if each.left_out > 0 else ""
         switched = "" if math.isnan(each.switched) else f", {100 * each.switched:.2g} % of the pairs switched last"
         out.append(f"  view {each.view}, {each.what}: {each.misfit:.2g} of its noise{left}{switched}")
+    worst = max(found.pictures, key=lambda each: each.misfit)
+    if worst.misfit > UNEXPLAINED:
+        out.append(
+            f"  view {worst.view}, {worst.what}, is not explained to its noise: the errors are too small. The mesh is "
+            "too coarse (--size), the folds are others (--folds, --starts), or the scene lacks something."
+        )
     for twin in found.twins:
         text = twin.failure or ", ".join(f"{path} {100 * shift:+.2g} %" for path, shift in twin.shifts.items())
         out.append(f"  the model, {_TWINS[twin.name]}: {text}")

@@ -57,7 +57,7 @@ def recover_views(
     pattern: PatternMesh | None = None,
     prior: bool = False,
     twins: bool = True,
-    folds: int = 1,
+    folds: int = 6,
 ) -> ViewRecovery:
     """Find the numbers of a scene for which its cloth looks in the end as in calibrated pictures.
 

@@ -1,6 +1,7 @@
 """Numbers from pictures: a towel that hangs, through the command, and what pictures do not tell."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from views import looking, seen
 
 from clothsim import load_scene, recover_views
 from clothsim.cli import main
+from clothsim.cli.recover_command import _picture_lines
 from clothsim.gradients.pattern_numbers import PatternNumbers
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene
@@ -114,6 +116,11 @@ def test_the_height_alone(folder):
     assert found.from_minimum < 1.0
     assert found.twins == ()
     assert found.total_errors == found.errors
+    assert len(found.folds) == 6
+    fitted, unexplained = (
+        replace(found, pictures=tuple(replace(each, misfit=misfit) for each in found.pictures)) for misfit in (1.4, 1.6)
+    )
+    assert len(_picture_lines(unexplained)) == len(_picture_lines(fitted)) + 1
 
 
 def test_a_pattern_with_other_numbers_is_the_one_that_is_meshed():
