@@ -35,6 +35,8 @@ def test_the_figure_moves_with_its_verdicts(tmp_path, monkeypatch):
         [cloth] = page.nodes["cloths"]
         assert tuple(cloth.color) == motion_preview.DRAPED
         assert np.allclose(cloth.vertices, garment.start + np.array([0, 0, 2]), atol=1e-5)  # the view follows it
+        [body], [seen] = page.frames[2].bodies, page.nodes["bodies"]
+        assert np.allclose(seen.vertices, body - [4.0, 0.0, 0.0], atol=1e-5)  # and its body with it
         assert "1 certified, 1 repaired, 1 simulated" in page.counts_text()
         assert "stops" in page.counts_text()
     finally:

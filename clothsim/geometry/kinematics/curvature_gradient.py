@@ -127,7 +127,8 @@ def _patches(
         usable.append(there & same[edges.hinges] & usable[0][beyond, other])
         turns.append(back * turn[beyond, other])
         shifts.append(back * (shift[beyond, other] - shift[beyond, across]) + shift)
-    return tuple(np.concatenate(parts, axis=1) for parts in (patch, usable, turns, shifts))  # type: ignore[return-value]
+    points = np.concatenate(turns, axis=1), np.concatenate(shifts, axis=1)
+    return np.concatenate(patch, axis=1), np.concatenate(usable, axis=1), *points
 
 
 def _angles_of_polynomials(hinges: Hinges, patch: Ints, turn: np.ndarray, shift: np.ndarray, sizes: Floats) -> Floats:

@@ -119,6 +119,7 @@ def test_files_of_a_dressed_garment(dressed):
     assert {"garment.obj", "pattern.json", "pattern.svg", "summary.json", "trajectory.vtkhdf"} <= names
     summary = json.loads((dressed.directory / "summary.json").read_text())
     assert summary["status"] == "completed"
+    assert summary["cpu_seconds"] >= sum(stage["seconds"] for stage in summary["stages"]) > 0.0
     assert [seam["welded"] for seam in summary["seams"]] == [True, True]
     assert all(seam["gap"] == 0.0 for seam in summary["seams"])
     assert np.isclose(summary["measurements"]["cloth_area"], 2 * WIDTH * HEIGHT / 1e4)
@@ -133,6 +134,9 @@ def test_pictures_of_a_dressed_garment(dressed, monkeypatch):
     files = pictures.draw_dress(dressed)
     assert [file.name for file in files] == ["placed.png", "worn.png", "stretch.png"]
     assert all(file.stat().st_size > 5_000 for file in files)
+    whole, near = (pictures._focus(dressed.positions, dressed.body, whole) for whole in (True, False))
+    heights = dressed.body.positions @ dressed.body.up
+    assert np.ptp(whole @ dressed.body.up) == np.ptp(heights) > np.ptp(near @ dressed.body.up)  # from head to feet
 
 
 def test_frames_of_the_sewing(dressed):

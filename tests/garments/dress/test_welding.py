@@ -5,6 +5,7 @@ import pytest
 from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
+from clothsim.garments.dress import welding
 from clothsim.garments.dress.sewing_state import SewingState, as_placed
 from clothsim.garments.dress.welding import welded_and_untangled, welded_where_closed
 from clothsim.garments.penetration import counted
@@ -61,6 +62,15 @@ def test_welding_in_two_parts_is_welding_at_once(surface):
     assert np.allclose(parts.positions, whole.positions, atol=1e-15)
 
 
+def test_all_pairs_but_the_one_that_would_intersect_are_welded(surface, monkeypatch):
+    state = opened(side_by_side())
+    pairs = state.mesh.seams[0].pairs
+    first, second = pairs[3]  # neighbours on both sides
+    monkeypatch.setattr(welding, "_is_clean", lambda tried, _: tried.number[first] != tried.number[second])
+    welded = welded_where_closed(state, np.inf, surface)
+    assert [k for k, pair in enumerate(pairs) if np.ptp(welded.number[pair])] == [3]
+
+
 def test_pairs_whose_weld_would_meet_the_body_stay_open(surface):
     state = side_by_side(0.0)
     positions = state.positions.copy()
@@ -73,6 +83,10 @@ def test_pairs_whose_weld_would_meet_the_body_stay_open(surface):
     assert counted(state.positions, state.triangles, surface).clean
     tried = welded_where_closed(state, np.inf, surface)
     assert counted(tried.positions, tried.triangles, surface).clean
+    left = [pair for pair in tried.mesh.seams[0].pairs if np.ptp(tried.number[pair])]
+    alone = [tried.join(pair[None]) for pair in left]
+    assert left
+    assert not any(counted(each.positions, each.triangles, surface).clean for each in alone)
     assert tried.open_seams == (0,)
     assert len(tried.pairs(tried.mesh.seams[0])) >= 1
 
