@@ -171,7 +171,7 @@ def _dispatch(words: Sequence[str]) -> int:
     words = without_group(words)
     if not words or words[0] not in COMMANDS:
         return _without_command(words)
-    arguments = _parser_of(words[:1]).parse_args(words)
+    arguments = _parser_of(words[:1]).parsed(words)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)  # the commands print it with the result
         done = arguments.handler(arguments)
@@ -209,6 +209,10 @@ def _without_command(words: Sequence[str]) -> int:
         names = GROUPS[group] if group else (*COMMANDS, *GROUPS)
         close = get_close_matches(arguments.command, [name for name in names if name], n=1)
         hint = f"Did you mean {close[0]!r}?" if close else f"`clothsim {group}{' ' * bool(group)}--help` lists them."
+        if arguments.command.endswith(".toml"):
+            hint = f"Write `clothsim run {arguments.command}`."
+        if arguments.command in ("help", "version"):
+            hint = f"Write `clothsim --{arguments.command}`, or `clothsim COMMAND --help`."
         if arguments.command in names:
             raise InputError("An option stands before the command.", f"Write `clothsim {arguments.command} ...` first.")
         raise InputError(f"There is no command {arguments.command!r}.", hint)
