@@ -68,7 +68,7 @@ def prepare(folder: Path) -> None:
     assert code == 0, text
 
 
-def judged(mistake: Mistake, folder: Path) -> Answer:
+def checked(mistake: Mistake, folder: Path) -> Answer:
     """Make the mistake in a prepared folder."""
     (folder / "scene.toml").write_text(mistake.scene, encoding="utf-8")
     shutil.rmtree(folder / "scene", ignore_errors=True)
