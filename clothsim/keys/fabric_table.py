@@ -28,7 +28,6 @@ of those of like weight (within a quarter), and the percentile of each fabric am
 KES numbers in gf cm2/cm are 9.80665e-5 N m; a shear stiffness of 1 gf/(cm degree) is 56.19 N/m.
 """
 
-import difflib
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -37,6 +36,7 @@ from math import pi, sqrt
 from typing import Any
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import nearest
 from clothsim.keys.fabric import Fabric
 
 SHEAR_UNIT = 98.0665 * 1e-2 * 180 / pi
@@ -360,6 +360,10 @@ TABLE: Mapping[str, NamedFabric] = {
 FABRICS = {name: named.fabric for name, named in TABLE.items()}
 
 
+SIMILAR = 0.6
+"""Similarity from 0 to 1 of a name that is asked about, "Did you mean ...?"."""
+
+
 def fabric_named(where: str, name: Any) -> Fabric:
     """The fabric of a name.
 
@@ -382,9 +386,8 @@ def fabric_named(where: str, name: Any) -> Fabric:
     """
     if isinstance(name, str) and name in FABRICS:
         return FABRICS[name]
-    close = difflib.get_close_matches(str(name), FABRICS, n=1, cutoff=0.6)
     known = f"Known: {', '.join(FABRICS)}."
-    raise InputError(f"{where} is {name!r}.", f"Did you mean {close[0]!r}? {known}" if close else known)
+    raise InputError(f"{where} is {name!r}.", f"{nearest(name, FABRICS, SIMILAR)} {known}".strip())
 
 
 def fabrics_of(where: str, panels: Collection[str], given: Mapping[str, Any]) -> dict[str, Fabric]:
@@ -418,9 +421,8 @@ def fabrics_of(where: str, panels: Collection[str], given: Mapping[str, Any]) ->
         fabric = fabric_named(f"{where}.{name}", value)
         matched = [name] if name in panels else [panel for panel in panels if fnmatchcase(panel, name)]
         if not matched:
-            close = difflib.get_close_matches(name, panels, n=1, cutoff=0.6)
             known = f"Panels: {', '.join(panels)}." if panels else "The mesh names no panel or group."
-            hint = f"Did you mean {close[0]!r}? {known}" if close else known
+            hint = f"{nearest(name, panels, SIMILAR)} {known}".strip()
             raise InputError(f"{where} names the panel {name!r}.", hint)
         for panel in matched:
             if panel != name and panel in given:
