@@ -325,18 +325,18 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     """
     own = Wearer(task.body, task.surface)
     in_the_way = arms_between(as_placed(mesh), own)
-    posed, said = sewing_pose(own, in_the_way)
-    raised = f"sewn with {said}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
-    begun, done = _sewn(task, mesh, posed, (*notes, raised) if said else notes)
+    posed, change = sewing_pose(own, in_the_way)
+    raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
+    begun, done = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
     if not done.failure:
         return begun, done
     second, differently = sewing_pose(own, (*in_the_way, *done.between))
-    if differently == said:
-        if not said:
+    if differently == change:
+        if not change:
             return begun, done
         second, differently = own, "the body in its own pose"
-    again = f"sewn again with {differently}: at first, {done.reason[:1].lower()}{done.reason[1:]}"
-    first, (begun, done) = (begun, done), _sewn(task, mesh, second, (*notes, again))
+    second_note = f"sewn again with {differently}: at first, {done.reason[:1].lower()}{done.reason[1:]}"
+    first, (begun, done) = (begun, done), _sewn(task, mesh, second, (*notes, second_note))
     return first if done.failure and _widest_gap(done) > _widest_gap(first[1]) else (begun, done)
 
 

@@ -298,10 +298,10 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     refuse_too_coarse(pattern, spacing)
     pattern = without_slivers(pattern, spacing)
     sampled = borders(pattern, spacing)
-    said = []
+    repairs = []
     for panel in pattern.panels.values():
         sampled[panel.name], note = mended(panel, sampled[panel.name])
-        said += [note] if note else []
+        repairs += [note] if note else []
         refuse_self_crossing(panel, sampled[panel.name])
     parts, n, m = [], 0, 0
     vertices: dict[str, slice] = {}
@@ -318,7 +318,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         n, m = vertices[name].stop, faces[name].stop
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
-    pattern = replace(pattern, notes=(*pattern.notes, *said, *gather_notes(pattern, spacing)))
+    pattern = replace(pattern, notes=(*pattern.notes, *repairs, *gather_notes(pattern, spacing)))
     fractions = {side: sampled[side.panel].fractions[side.edge] for side in edges}
     return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams, fractions)
 

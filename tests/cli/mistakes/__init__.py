@@ -98,7 +98,7 @@ def _two_squares() -> dict[str, Any]:
     return {"pattern": {"panels": panels, "stitches": stitches}, "properties": properties}
 
 
-def judged(mistake: Mistake, folder: Path) -> Answer:
+def checked(mistake: Mistake, folder: Path) -> Answer:
     """Make the mistake in a prepared folder."""
     (folder / "scene.toml").write_text(mistake.scene, encoding="utf-8")
     shutil.rmtree(folder / "scene", ignore_errors=True)
