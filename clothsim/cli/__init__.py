@@ -8,15 +8,15 @@ import re
 import sys
 import warnings
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from typing import NamedTuple
 
 from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
+from clothsim.base.inputs import nearest
 from clothsim.base.text import printable
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
-from clothsim.cli.report import Report, events, never_silent, stream
+from clothsim.cli.report import BAD_INPUT, DONE, FAILED, INTERRUPTED, Report, events, never_silent, stream
 
 
 class Command(NamedTuple):
@@ -91,8 +91,6 @@ OF_GARMENTS = {
 }
 """Words of the group garment that are cases of another command."""
 
-BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
-
 _MANY_OBJECTS = 100_000, 50
 """Thresholds of Python's cyclic garbage collector. The compiler makes millions of lasting objects: with Python's
 defaults, 700 and 10, collection takes a tenth of a cold start."""
@@ -109,8 +107,7 @@ Exit codes: 0 done; 1 the run failed or a check found a fault; 2 bad input; 130 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code.
 
-    0: done; 1: the run failed or `check` found a fault; 2: bad input; 130: stopped by Ctrl-C. A run that completed with
-    cloth through cloth is done: it prints a warning, and `check` of it returns 1.
+    A run that completed with cloth through cloth is DONE: it prints a warning, and `check` of it returns FAILED.
     """
     words = join_vectors(sys.argv[1:] if argv is None else argv)
     if argv is None:  # called as a program, whose settings are its own
@@ -134,13 +131,13 @@ def _guarded(words: Sequence[str]) -> int:
     except BrokenPipeError:  # `clothsim explain | head` has closed the pipe
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return UNEXPECTED
+        return FAILED
     except Exception as error:
         if "--debug" in words:
             raise
         lines = _explain_system_error(error)
         _two_lines(*lines or (f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where."))
-        return BAD_INPUT if lines else UNEXPECTED
+        return BAD_INPUT if lines else FAILED
 
 
 def _explain_system_error(error: Exception) -> tuple[str, str] | None:
@@ -171,7 +168,7 @@ def _dispatch(words: Sequence[str]) -> int:
     words = without_group(words)
     if not words or words[0] not in COMMANDS:
         return _without_command(words)
-    arguments = _parser_of(words[:1]).parse_args(words)
+    arguments = _parser_of(words[:1]).parsed(words)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)  # the commands print it with the result
         done = arguments.handler(arguments)
@@ -207,8 +204,12 @@ def _without_command(words: Sequence[str]) -> int:
     arguments, others = parser.parse_known_args(words[1:] if group else words)
     if arguments.command is not None:
         names = GROUPS[group] if group else (*COMMANDS, *GROUPS)
-        close = get_close_matches(arguments.command, [name for name in names if name], n=1)
-        hint = f"Did you mean {close[0]!r}?" if close else f"`clothsim {group}{' ' * bool(group)}--help` lists them."
+        hint = nearest(arguments.command, [name for name in names if name], 0.6)
+        hint = hint or f"`clothsim {group}{' ' * bool(group)}--help` lists them."
+        if arguments.command.endswith(".toml"):
+            hint = f"Write `clothsim run {arguments.command}`."
+        if arguments.command in ("help", "version"):
+            hint = f"Write `clothsim --{arguments.command}`, or `clothsim COMMAND --help`."
         if arguments.command in names:
             raise InputError("An option stands before the command.", f"Write `clothsim {arguments.command} ...` first.")
         raise InputError(f"There is no command {arguments.command!r}.", hint)
@@ -216,7 +217,7 @@ def _without_command(words: Sequence[str]) -> int:
         parser.error(f"unrecognized arguments: {' '.join(others)}")
     if arguments.version:
         print(f"clothsim {__version__}")
-        return 0
+        return DONE
     parser.print_help()
     return BAD_INPUT
 
