@@ -34,8 +34,10 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise InputError with argparse's message as a sentence, and the nearest option to one that is not known."""
         unknown = re.search(r"^unrecognized arguments: .*?(--[\w-]+)", message)
-        question = nearest(unknown[1], self._all_options(), 0.7) if unknown else ""
-        raise InputError(f"{message[:1].upper()}{message[1:]}.", question or f"See `{self.prog} --help`.")
+        options = self._all_options()
+        question = nearest(unknown[1], options, 0.7) if unknown and unknown[1] not in options else ""
+        remedy = question or ("" if unknown else f"See `{self.prog} --help`.")  # empty: that of the command
+        raise InputError(f"{message[:1].upper()}{message[1:]}.", remedy)
 
     def _all_options(self) -> list[str]:
         """The long options of this parser and of its commands, but for earlier words."""

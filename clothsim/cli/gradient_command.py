@@ -56,7 +56,8 @@ def _gradient(arguments: argparse.Namespace) -> Report:
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
     scene = scene_of(arguments)
     if arguments.output is not None:
-        refuse_output(arguments.output, arguments, arguments.scene, arguments.loss.partition("=")[2])
+        read = (arguments.scene, arguments.loss.partition("=")[2], *on_demand.files_of(scene))
+        refuse_output(arguments.output, arguments, *read)
     messages(arguments, arguments.scene)
     loss = loss_of(arguments.loss, engine.build(scene, affordable=True).world)
     trace = gradients.traced(scene)
