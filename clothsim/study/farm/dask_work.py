@@ -245,8 +245,8 @@ class OwnWorkers:
         self.processes += [self._started() for _ in range(self.count - len(self.processes))]
 
     def _started(self) -> subprocess.Popen[bytes]:
-        words = ("--host", HOST, "--dashboard-address", f"{HOST}:0", "--nthreads", "1", "--no-nanny", "--no-dashboard")
-        words = (*words, "--death-timeout", "60")
+        words = ["--host", HOST, "--dashboard-address", f"{HOST}:0", "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+        words += ["--death-timeout", "60"]
         return subprocess.Popen(
             [sys.executable, "-m", DASK_WORKER, self.address, *words, "--local-directory", self.scratch],
             env={**os.environ, "DASK_LOGGING__DISTRIBUTED": "error"},
