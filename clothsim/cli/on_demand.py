@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from clothsim.garments.pictures import DRESS_PICTURES, draw_dress, draw_fit, draw_outfit, draw_sewing
     from clothsim.garments.unpose import read_canonical, unposed, write_canonical
     from clothsim.garments.wrinkled import OWN_FILES, refuse_unfit, wrinkle
-    from clothsim.scene.named_files import files_of
     from clothsim.study.drape_recovery import read_outlines, recover_drape
     from clothsim.study.evaluation import FOLDER
     from clothsim.study.fabric_test import draw_drape, fabric_tested

@@ -71,7 +71,7 @@ def _repose(arguments: argparse.Namespace) -> Report:
     _refuse_ending(arguments.output, ".obj")
     refuse_output(arguments.output, arguments, arguments.file, arguments.scene)
     scene = clothsim.load_scene(arguments.scene)
-    refuse_output(arguments.output, arguments, *on_demand.files_of(scene))
+    refuse_output(arguments.output, arguments, *scene.files)
     made = on_demand.read_canonical(arguments.file)
     rows = made.rows_of(arguments.cloth)
     placed, _ = engine.character_of_scene(scene)

@@ -24,7 +24,6 @@ from clothsim.run.results import Run
 from clothsim.run.session import check_displacement_per_step, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cost import expected_cost
-from clothsim.scene.named_files import files_of
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.solve.stepping.state import State, first_state
 
@@ -68,7 +67,7 @@ def refuse_earlier_run(
     if not os.path.isdir(directory):
         return
     files = [directory / name for name in (*RUN_FILES, *names)]
-    read = [file for given in inputs for file in (files_of(given) if isinstance(given, Scene) else (given,))]
+    read = [file for given in inputs for file in (given.files if isinstance(given, Scene) else (given,))]
     refuse_replacing(files, True, read)
     if any(isinstance(file, str | Path) and Path(file).resolve() == directory.resolve() for file in read):
         raise InputError(f"{directory} is read, and would be replaced by the output.", "Choose another with -o.")
