@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import make_directory, refuse_replacing
 from clothsim.base.inputs import refuse_uncallable
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME
@@ -217,7 +218,7 @@ def _refuse_another_state(state: State, scene: Scene) -> None:
 def _refuse_a_fit(folder: Path) -> None:
     """InputError for a finished fit: its drape alone would count as completed, whatever the status of the fit."""
     summary = folder / SUMMARY_NAME
-    if (folder / FITTED_NAME).is_file() and summary.is_file() and b'"fit_seconds"' in summary.read_bytes():
+    if (folder / FITTED_NAME).is_file() and summary.is_file() and b'"fit_seconds"' in read_regular_file(summary):
         raise InputError(
             f"{folder} is a finished fit.", "`clothsim bundle` it: its drape is replayed from the archive."
         )

@@ -1,5 +1,6 @@
 """Hostile places: outputs that are links, pipes or parts of what is read, inputs that are pipes, names of paths."""
 
+import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 from tests.hostile.case import Case
 from tests.hostile.farms import farm_with
 from tests.hostile.oracle import run_is_right
-from tests.hostile.stock import RECIPE, SHEET, changed, npz, run
+from tests.hostile.stock import RECIPE, SHEET, changed, farm, npz, run
 
 THESIS = "../outside/thesis.txt"
 OUTPUTS = {
@@ -63,14 +64,14 @@ def _links() -> Iterator[Case]:
 
 def _own_parts() -> Iterator[Case]:
     """Outputs that are a part of what is read."""
-    farm = farm_with({})
-    mesh = next(name for name in farm if name.startswith("farm/meshes/"))
+    made = farm_with({})
+    mesh = next(name for name in made if name.startswith("farm/meshes/"))
     seeded = SHEET + '[seed]\nfrom = "model"\nfile = "m.npz"\n'
     for words, files in (
         ("export run -o run/trajectory.vtkhdf", dict(run())),
-        ("farm pack farm -o farm/jobs.h5", farm),
-        ("farm pack farm -o farm/drapes", farm),
-        (f"learn farm -o {mesh}", farm),
+        ("farm pack farm -o farm/jobs.h5", made),
+        ("farm pack farm -o farm/drapes", made),
+        (f"learn farm -o {mesh}", made),
         ("gradient a.toml --loss height --wrt start -o m.npz", {"a.toml": seeded, "m.npz": npz()}),
     ):
         name = words.replace(mesh, "farm/meshes/HASH.npz")
@@ -103,6 +104,17 @@ def _pipes() -> Iterator[Case]:
     yield Case(
         "pipe: an output that is one", "export run -o a.glb --overwrite", "refused|completed", _with("a.glb", os.mkfifo)
     )
+    for place in ("claims", "attempts"):
+
+        def left(folder: Path, place: str = place) -> None:
+            files = {name: None if name.startswith("farm/drapes/") else content for name, content in farm().items()}
+            Case("", "", "", farm_with(files)).make(folder)
+            job = json.loads((folder / "farm/jobs.jsonl").read_text().splitlines()[0])["id"]
+            (folder / "farm" / place / job).unlink(missing_ok=True)
+            os.mkfifo(folder / "farm" / place / job)
+            os.utime(folder / "farm" / place / job, (1, 1))
+
+        yield Case(f"pipe: in {place}, work", "farm work farm", "completed", left)
     yield Case("pipe: a scene that is one", "run a.toml -o out", "refused", lambda folder: os.mkfifo(folder / "a.toml"))
 
 
