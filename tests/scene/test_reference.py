@@ -106,11 +106,20 @@ def test_what_is_documented_is_accepted(section, key):
         _, name, *nested = re.split(r"[.,]", section)
         keys = {key.name: value}
         if nested:
-            keys = {nested[0]: keys if nested[0] == "wind" else [keys if len(nested) == 1 else {"from": keys}]}
+            keys = {
+                nested[0]: keys if nested[0] in ("wind", "pattern") else [keys if len(nested) == 1 else {"from": keys}]
+            }
         scene = {"cloth": cloth, "effects": {name: keys}}
     else:
         scene = {"cloth": cloth, section: {key.name: value}}
     assert accepted(scene)
+
+
+def test_each_table_that_a_key_takes_has_a_section():
+    described = {section.summary for section in sections().values()}
+    tables = {table for section in sections().values() for key in section.keys.values() for table in key.key.tables}
+    assert len(tables) > 10
+    assert {inspect.cleandoc(table.__doc__).splitlines()[0] for table in tables} <= described
 
 
 def test_the_page_has_a_row_for_each_key():
