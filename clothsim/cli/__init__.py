@@ -168,7 +168,7 @@ def _dispatch(words: Sequence[str]) -> int:
     words = without_group(words)
     if not words or words[0] not in COMMANDS:
         return _without_command(words)
-    arguments = _parser_of(words[:1]).parse_args(words)
+    arguments = _parser_of(words[:1]).parsed(words)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)  # the commands print it with the result
         done = arguments.handler(arguments)
@@ -206,6 +206,10 @@ def _without_command(words: Sequence[str]) -> int:
         names = GROUPS[group] if group else (*COMMANDS, *GROUPS)
         hint = nearest(arguments.command, [name for name in names if name], 0.6)
         hint = hint or f"`clothsim {group}{' ' * bool(group)}--help` lists them."
+        if arguments.command.endswith(".toml"):
+            hint = f"Write `clothsim run {arguments.command}`."
+        if arguments.command in ("help", "version"):
+            hint = f"Write `clothsim --{arguments.command}`, or `clothsim COMMAND --help`."
         if arguments.command in names:
             raise InputError("An option stands before the command.", f"Write `clothsim {arguments.command} ...` first.")
         raise InputError(f"There is no command {arguments.command!r}.", hint)

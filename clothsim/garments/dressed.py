@@ -15,7 +15,7 @@ from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import renamed
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.base.stopwatch import Stopwatch
-from clothsim.engine import Fabric, refuse_earlier_run
+from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import stretch_range, worst_gap
 from clothsim.garments.dress.grading import Grading, graded
@@ -26,7 +26,7 @@ from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turn
 from clothsim.garments.dress.rings import arms_between, lowered_to_crotch
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.fit.moving_body import BODY, REST, START
-from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
+from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh, stands
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, run_stages
 from clothsim.garments.tightness import Tightness, tight_entries
@@ -269,6 +269,7 @@ def dress(
     """
     watch = Stopwatch()
     chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
+    pattern = example_file(pattern, "_specification.json", PATTERN_FILE)
     directory = _directory(output, overwrite, (pattern, on, made_for, seams))
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
@@ -293,6 +294,7 @@ def dress(
         *placing_notes,
         *arm_notes,
         *body.notes,
+        *(() if stands(body) else (f"{body.name} is no standing person in metres: give another body, or its --scale",)),
     )
     begun, done = _sewn_in_poses(task, mesh, notes)
     worn = Dress(
@@ -372,6 +374,10 @@ def _graded(
         return graded(pattern, body, body, origin, factors) if factors else None
     source = read_body_mesh(made_for, option="made_for") if isinstance(made_for, str | Path) else as_body_mesh(made_for)
     return graded(pattern, source, body, origin, factors)
+
+
+PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, as tunic"
+"""What the name of a pattern must be."""
 
 
 def body_of_wearer(on: Any, scale: float | None, group: str | Sequence[str] | None) -> BodyMesh:

@@ -193,6 +193,16 @@ def refuse_too_fine(pattern: Pattern, spacing: float) -> None:
         )
 
 
+def refuse_too_coarse(pattern: Pattern, spacing: float) -> None:
+    """InputError for a size that no panel has: of another unit."""
+    largest = max(float(np.ptp(panel.vertices, axis=0).max()) for panel in pattern.panels.values())
+    if spacing > largest:
+        raise InputError(
+            f"The size of the mesh is {spacing:.3g} m, and the largest panel is {largest:.2g} m long.",
+            "Give it with its unit, as --size 2cm; in Python in metres, as 0.02.",
+        )
+
+
 NARROWEST = 1e-3
 """Height of a triangle below which it counts as flat, as a fraction of its longest side."""
 
@@ -285,6 +295,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     spacing = as_positive("The size of the mesh", spacing)
     turned = turned_panels(pattern)
     refuse_too_fine(pattern, spacing)
+    refuse_too_coarse(pattern, spacing)
     pattern = without_slivers(pattern, spacing)
     sampled = borders(pattern, spacing)
     repairs = []
