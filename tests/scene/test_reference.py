@@ -211,7 +211,7 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("name", "shown"),
         [("solver", "tolerance"), ("effects.gravity", "m/s2"), ("gravity", "m/s2"), ("rectangle", "diagonals"),
-         ("solver.dt", "0.01"), ("gravity.acceleration", "-9.81"), ("inertia", "no keys")],
+         ("solver.dt", "0.01"), ("dt", "0.01"), ("gravity.acceleration", "-9.81"), ("inertia", "no keys")],
     )  # fmt: skip
     def test_it_prints_a_section_or_a_key(self, capsys, name, shown):
         assert main(["keys", name]) == 0
@@ -221,7 +221,7 @@ class TestCommand:
         ("name", "right"),
         [("gravty", "'gravity'"), ("effects.gravty", "'effects.gravity'"), ("solvr", "'solver'"),
          ("effects.air.wnd", "'effects.air.wind"), ("solver.tolerence", "'solver.tolerance'"),
-         ("dt", "[solver]"), ("tolerence", "[solver]"), ("rectangel", "'rectangle'"),
+         ("tolerence", "[solver]"), ("rectangel", "'rectangle'"),
          ("nonsense", "clothsim keys"), ("", "clothsim keys"), ("....", "clothsim keys")],
     )  # fmt: skip
     def test_an_unknown_name_is_answered_with_the_nearest_section_or_key(self, capsys, name, right):
