@@ -229,7 +229,7 @@ _TWINS = {
     "mesh": "a mesh of half the size",
     "step": "steps of half the length",
     "time": "twice the time",
-    "start": "from the first start",
+    "start": "from the first start, pulled to the pictures",
 }
 
 
