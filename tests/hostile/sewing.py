@@ -4,11 +4,10 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from tests.hostile.case import Case
+from tests.hostile.case import ANY, BAD, Case
 from tests.hostile.meshes import _plain_output
 from tests.hostile.stock import pattern
 
-BAD, ANY = "refused|found", "refused|found|completed"
 PANEL = pattern()["pattern"]["panels"]["front"]
 
 
