@@ -32,9 +32,8 @@ def test_a_sheet_inside_touches_nothing_and_is_not_clean():
 
 
 def test_a_sheet_half_way_in_counts_the_columns_inside():
-    counts = count_penetrations(
-        SHEET + np.array([0.451, 0.013, 0.017]), TRIANGLES, BOX
-    )  # columns at .251, .351, .451 are inside
+    shift = np.array([0.451, 0.013, 0.017])  # columns at .251, .351, .451 are inside
+    counts = count_penetrations(SHEET + shift, TRIANGLES, BOX)
     assert counts.penetrating_vertices == 15
     assert counts.depth == pytest.approx(0.249)
     assert counts.body_pairs > 0
