@@ -23,7 +23,7 @@ from clothsim.garments.dress.placement import CHEST, arm_line, hangs_on_shoulder
 from clothsim.garments.dress.rings import open_pairs_of, rings, vertices_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.penetration import counted, penetrations
+from clothsim.garments.penetration import count_penetrations, penetrations
 from clothsim.patterns import TOUCHING
 from transfer.signed_distance import BodySurface
 
@@ -49,7 +49,7 @@ def approached(state: SewingState, body: BodyMesh, surface: BodySurface) -> tupl
         if not LEAST < distance < np.inf:
             continue
         moved = state.moved_to(state.positions - (distance * (group == k))[:, None] * outward[k])
-        if counted(moved.positions, moved.triangles, surface).clean:
+        if count_penetrations(moved.positions, moved.triangles, surface).clean:
             state, moved_by[k] = moved, moved_by[k] + distance
     return state, f"moved toward the body by at most {1e3 * moved_by.max(initial=0.0):.3g} mm"
 

@@ -45,7 +45,7 @@ from clothsim.physics.energies.protocols import (
 )
 
 WAYS = ("side", "through", "vertices", "panel", "nearest")
-STIFFER = 100.0
+STIFFNESS_RATIO = 100.0
 """Ratio of the default stiffness of a stitch to that of the fabric in stretch."""
 
 
@@ -126,7 +126,7 @@ def stitch_stiffness(name: str, world: World) -> float:
     fabric = np.sqrt(along).max(initial=0.0)
     if not fabric > 0:
         raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
-    return STIFFER * float(fabric)
+    return STIFFNESS_RATIO * float(fabric)
 
 
 def _nearest(world: World, line: Line) -> tuple[Ints, Floats]:

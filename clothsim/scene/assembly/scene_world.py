@@ -266,7 +266,9 @@ def _rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) 
         for k, tie in enumerate(keys.tie):
             where = f"{body}.tie[{k}]"
             vertices = selected_vertices(f"{where}.select", world, tie.select)
-            stiffness = seams.STIFFER * _fabric_stiffness(where, world) if tie.stiffness is None else tie.stiffness
+            stiffness = (
+                seams.STIFFNESS_RATIO * _fabric_stiffness(where, world) if tie.stiffness is None else tie.stiffness
+            )
             tied.append(rigid_bodies.Tied(number, vertices, stiffness))
     made: dict[str, Energy] = {"rigidity": rigid_bodies.rigidity(world)}
     return made | ({"rigid_ties": rigid_bodies.rigid_ties(world, tied)} if tied else {})
