@@ -43,7 +43,6 @@ LOOKS = {
     "shirt": "--colour firebrick",
     "shirt_large": "--colour #3f5f8f/#eef0f4",
     "skirt": "--colour #2f4a6d",
-    "shoulders": "--size 360x600 --colour #3f5f8f",
     "sphere": "--colour #9c4a36",
     "stack": "--size 480x360 --colour #c8963c",
     "study_cantilever": "--size 480x360 --view=-0.3,-1,0.15 --colour teal",
