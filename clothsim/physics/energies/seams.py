@@ -121,7 +121,7 @@ def _seam(
 
 
 def stitch_stiffness(name: str, world: World) -> float:
-    """The stiffness of a stitch where the scene gives none [N/m]. InputError names the seam of fabric without any."""
+    """Stiffness of a stitch, or tie, where the scene gives none [N/m]. InputError names that of fabric without any."""
     along = world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")
     fabric = np.sqrt(along).max(initial=0.0)
     if not fabric > 0:
