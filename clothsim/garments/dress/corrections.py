@@ -19,7 +19,7 @@ from clothsim.base.text import many
 from clothsim.base.triangles import area_vectors
 from clothsim.engine import components, intersecting_pairs
 from clothsim.garments.dress.closing import is_on_top
-from clothsim.garments.dress.placement import CHEST, arm_line, front_of, hangs_on_shoulders, is_of_arm, middle_of
+from clothsim.garments.dress.placement import CHEST, arm_line, hangs_on_shoulders, is_of_arm, middle_of
 from clothsim.garments.dress.rings import open_pairs_of, rings, vertices_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
@@ -253,7 +253,7 @@ def sleeves_cleared(state: SewingState, body: BodyMesh) -> tuple[SewingState, tu
     By the least distance at which the fewest springs of the torso run through its panels; sleeves that are welded to
     other panels stay.
     """
-    right, middle = np.cross(body.up, front_of(body)), middle_of(body)
+    right, middle = np.cross(body.up, body.front), middle_of(body)
     springs = _torso_springs(state)
     positions, notes = state.positions.copy(), []
     for side in (1.0, -1.0):
