@@ -277,9 +277,12 @@ def test_springs_through_the_body_wait_for_a_second_phase(body):
     assert sum(len(second.drawn_pairs(state, seam, surface)) for seam in first.closing) == every
 
 
-@pytest.mark.parametrize(("inner", "later"), [(8, 2), (40, 0)])
+@pytest.mark.parametrize(("inner", "later"), [(8, 2), (12, 2), (40, 0)])
 def test_a_flounce_whose_ends_lie_before_the_legs_is_sewn_to_its_skirt_first(body, inner, later):
-    """A flounce of two U-shaped pieces, the ends of the U `inner` to `inner` + 8 cm from the middle."""
+    """A flounce of two U-shaped pieces, the ends of the U `inner` to `inner` + 8 cm from the middle.
+
+    From 12 cm on one string in three passes the leg on its outer side.
+    """
     low, outer = [[-inner - 8, -10], [inner + 8, -10]], [[inner + 8, 20], [inner, 20]]
     flounce = [*low, *outer, [inner, 0], [-inner, 0], [-inner, 20], [-inner - 8, 20]]
     panels, sides = {}, []
