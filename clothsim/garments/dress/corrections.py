@@ -16,7 +16,7 @@ from clothsim.base.text import many
 from clothsim.base.triangles import area_vectors
 from clothsim.engine import components, intersecting_pairs
 from clothsim.garments.dress.closing import is_on_top
-from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders
+from clothsim.garments.dress.placement import CHEST, SHOULDERS, hangs_on_shoulders
 from clothsim.garments.dress.rings import open_seams_of, rings, vertices_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
@@ -88,25 +88,43 @@ def separated(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple
 
     In each round the panels with an intersection move outward: along the normal of their plane, to the side that is
     farther from the vertical axis of the body. Of two panels that intersect each other the outer one moves, so that
-    panels placed in one plane are stacked.
+    panels placed in one plane are stacked. Those above the shoulders that are not free then, as a hood whose lower edge
+    is placed inside them, move upward.
     """
     of_panel = rigid_groups(state)
-    outward = outward_of_groups(state, body)
-    shift = np.zeros(len(outward))
+    levels = body.positions @ body.up
+    middle = np.bincount(of_panel, state.positions @ body.up) / np.bincount(of_panel)
+    above = middle > levels.min() + SHOULDERS * np.ptp(levels)
+    names, said = _group_names(state, of_panel), []
+    for where, directions in (("outward", outward_of_groups(state, body)), ("upward", above[:, None] * body.up)):
+        state, shift = _moved_apart(state, surface, of_panel, directions)
+        moved = ", ".join(name for name, distance in zip(names, shift, strict=True) if distance > 0)
+        said += [f"moved {where} by at most {1e3 * shift.max():.3g} mm: {moved}"] if moved else []
+    return state, ", ".join(said)
+
+
+def _moved_apart(
+    state: SewingState, surface: BodySurface, of_panel: Ints, directions: Floats
+) -> tuple[SewingState, Floats]:
+    """State whose groups moved along their directions (g, 3) until none intersects, and their distances (g,) [m].
+
+    One without a direction stays.
+    """
+    shift = np.zeros(len(directions))
     positions = state.positions
     for _ in range(ROUNDS):
         counts, with_body, own = penetrations(positions, state.triangles, surface)
-        if counts.clean:
+        moving = [] if counts.clean else _groups_to_move(state, positions, with_body, own, surface, of_panel, shift)
+        moving = [group for group in moving if directions[group].any()]
+        if not moving:
             break
-        moving = _groups_to_move(state, positions, with_body, own, surface, of_panel, shift)
         shift[moving] += STEP
-        positions = state.positions + (shift[:, None] * outward)[of_panel]
+        positions = state.positions + (shift[:, None] * directions)[of_panel]
     if shift.any():
-        extended = state.positions + ((shift + MARGIN * (shift > 0))[:, None] * outward)[of_panel]
+        extended = state.positions + ((shift + MARGIN * (shift > 0))[:, None] * directions)[of_panel]
         if penetrations(extended, state.triangles, surface)[0].clean:
             positions = extended
-    text = ", ".join(name for name, moved in zip(_group_names(state, of_panel), shift, strict=True) if moved > 0)
-    return state.moved_to(positions), f"moved outward by at most {1e3 * shift.max():.3g} mm: {text}"
+    return state.moved_to(positions), shift
 
 
 def panels_in_contact(state: SewingState, surface: BodySurface) -> list[str]:

@@ -180,6 +180,22 @@ def test_panels_inside_the_body_move_out(body):
     assert counted(moved.positions, moved.triangles, surface).clean
 
 
+def test_a_hood_whose_lower_edge_is_inside_the_shoulders_moves_upward(body):
+    """Both halves beside the head, 4 cm from the middle, begin 12 cm below the top of the shoulders."""
+    hood = [[-10, 0], [10, 0], [10, 45], [-10, 45]]
+    sides = {
+        f"{name}_hood": panel(hood, translation=[x, 128, 0], rotation=[0, 90, 0]) for name, x in (("l", 4), ("r", -4))
+    }
+    state = as_placed(mesh_pattern(pattern_of(specification(sides, [stitch(("l_hood", 1), ("r_hood", 1))])), SPACING))
+    surface = body_surface(body.positions, body.triangles)
+    moved, description = separated(state, body, surface)
+    assert counted(moved.positions, moved.triangles, surface).clean
+    way = moved.positions - state.positions
+    assert np.abs(way[:, 0]).min() > 0.05
+    assert way[:, 1].min() > 0.01
+    assert "l_hood" in description
+
+
 def test_a_panel_with_no_way_out_fails_by_name(body, tmp_path):
     entries = skirt()
     entries["pattern"]["panels"]["front"]["translation"] = [0, 110, 0]  # the trunk stands through it
