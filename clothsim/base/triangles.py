@@ -5,7 +5,7 @@ A row sum over three numbers has one order of additions, so each function gives 
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
@@ -67,6 +67,40 @@ def barycentric(corners: Floats, points: Floats) -> Floats:
     safe = np.where(determinant > 0, determinant, 1.0)
     s, t = (vv * wu - uv * wv) / safe, (uu * wv - uv * wu) / safe
     return np.column_stack([1 - s - t, s, t])
+
+
+def cotangents(corners: Floats) -> Floats:
+    """Return the cotangent of the angle at each corner of triangles (m, 3, 3), (m, 3)."""
+    found = []
+    for corner in range(3):
+        turned = np.roll(corners, -corner, axis=1)
+        a, b = turned[:, 1] - turned[:, 0], turned[:, 2] - turned[:, 0]
+        sizes = np.linalg.norm(area_vectors(turned), axis=1)
+        found.append((a * b).sum(axis=1) / np.maximum(sizes, np.finfo(float).tiny))
+    return np.stack(found, axis=1)
+
+
+def cotangent_laplacian(
+    positions: Floats, triangles: Ints, bounds: tuple[float, float] = (-np.inf, np.inf)
+) -> csr_array:
+    """Return L (n, n), positive semidefinite: an edge's weight is half the cotangents of the angles that face it.
+
+    Pinkall & Polthier 1993, Computing discrete minimal surfaces and their conjugates. `positions (n, 3)`; `bounds` on
+    the weights: obtuse triangles have negative ones, slivers huge ones.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> cotangent_laplacian(square, np.array([[0, 1, 2], [0, 2, 3]])).toarray().tolist()[1]
+    [-0.5, 1.0, -0.5, 0.0]
+    """
+    n, starts, ends = len(positions), triangles[:, [1, 2, 0]], triangles[:, [2, 0, 1]]
+    weights = 0.5 * cotangents(positions[triangles])
+    half = coo_array((weights.T.ravel(), (starts.T.ravel(), ends.T.ravel())), shape=(n, n)).tocsr()
+    joined = (half + half.T).tocsr()
+    joined.data = np.clip(joined.data, *bounds)
+    return (diags_array(joined.sum(axis=1)) - joined).tocsr()
 
 
 def half_edges(triangles: Ints) -> Ints:

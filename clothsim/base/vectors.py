@@ -68,6 +68,18 @@ def minus(a: Vector, b: Vector) -> Vector:
 
 
 @part
+def plus(a: Vector, b: Vector) -> Vector:
+    """a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@part
+def times(factor: float, a: Vector) -> Vector:
+    """factor a."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@part
 def dot(a: Vector, b: Vector) -> float:
     """a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -16,7 +16,7 @@ from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
 from clothsim.base.text import printable
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
-from clothsim.cli.report import Report, events, never_silent, stream
+from clothsim.cli.report import BAD_INPUT, DONE, FAILED, INTERRUPTED, Report, events, never_silent, stream
 
 
 class Command(NamedTuple):
@@ -91,8 +91,6 @@ OF_GARMENTS = {
 }
 """Words of the group garment that are cases of another command."""
 
-BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
-
 _MANY_OBJECTS = 100_000, 50
 """Thresholds of Python's cyclic garbage collector. The compiler makes millions of lasting objects: with Python's
 defaults, 700 and 10, collection takes a tenth of a cold start."""
@@ -109,8 +107,7 @@ Exit codes: 0 done; 1 the run failed or a check found a fault; 2 bad input; 130 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code.
 
-    0: done; 1: the run failed or `check` found a fault; 2: bad input; 130: stopped by Ctrl-C. A run that completed with
-    cloth through cloth is done: it prints a warning, and `check` of it returns 1.
+    A run that completed with cloth through cloth is DONE: it prints a warning, and `check` of it returns FAILED.
     """
     words = join_vectors(sys.argv[1:] if argv is None else argv)
     if argv is None:  # called as a program, whose settings are its own
@@ -134,13 +131,13 @@ def _guarded(words: Sequence[str]) -> int:
     except BrokenPipeError:  # `clothsim explain | head` has closed the pipe
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return UNEXPECTED
+        return FAILED
     except Exception as error:
         if "--debug" in words:
             raise
         lines = _explain_system_error(error)
         _two_lines(*lines or (f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where."))
-        return BAD_INPUT if lines else UNEXPECTED
+        return BAD_INPUT if lines else FAILED
 
 
 def _explain_system_error(error: Exception) -> tuple[str, str] | None:
@@ -216,7 +213,7 @@ def _without_command(words: Sequence[str]) -> int:
         parser.error(f"unrecognized arguments: {' '.join(others)}")
     if arguments.version:
         print(f"clothsim {__version__}")
-        return 0
+        return DONE
     parser.print_help()
     return BAD_INPUT
 

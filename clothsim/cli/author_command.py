@@ -65,7 +65,7 @@ def _author(arguments: argparse.Namespace) -> Report:
             floor=not arguments.no_floor,
         )
     free = found.run.status == "completed" and found.intersecting_frames == ()
-    return Report(found.as_json(), "\n".join(lines(found)), 0 if free else 1, verdict=True)
+    return Report(found.as_json(), "\n".join(lines(found)), free, verdict=True)
 
 
 def as_keys(text: str) -> dict[int, Path]:

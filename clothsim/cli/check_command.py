@@ -19,7 +19,7 @@ from clothsim.cli.arguments import (
     as_range,
     refuse_output,
 )
-from clothsim.cli.report import Report
+from clothsim.cli.report import DONE, FAILED, Report
 
 if TYPE_CHECKING:
     from clothsim import Pattern
@@ -72,10 +72,9 @@ def add_to(commands: Any) -> None:
 def _check(arguments: argparse.Namespace) -> Report:
     found = _examined(arguments)
     errors, warnings = found.of("error"), found.of("warning")
-    code = 1 if errors else 0
     document = {
         "target": str(arguments.target),
-        "code": code,
+        "code": FAILED if errors else DONE,
         "errors": [finding.sentence for finding in errors],
         "warnings": [finding.sentence for finding in warnings],
         "notes": found.notes,
@@ -89,7 +88,7 @@ def _check(arguments: argparse.Namespace) -> Report:
         lines.append(f"  {finding.severity}: {finding.sentence}")
         if finding.remedy and (following is None or following.remedy != finding.remedy):
             lines.append(f"    {finding.remedy}")
-    return Report(document, "\n".join([*lines, found.verdict or _counts(len(errors), len(warnings))]), code)
+    return Report(document, "\n".join([*lines, found.verdict or _counts(len(errors), len(warnings))]), not errors)
 
 
 def _examined(arguments: argparse.Namespace) -> "engine.Examination":

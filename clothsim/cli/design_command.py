@@ -91,8 +91,8 @@ def _design(arguments: argparse.Namespace) -> Report:
         run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
         completed = run.status == "completed"
         (arguments.output / DESIGN_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
-    code = 0 if completed and found.best.met and not found.best.intersecting_pairs else 1
-    return Report(content, "\n".join(lines(found, list(aims), arguments.output)), code, verdict=True)
+    good = completed and found.best.met and not found.best.intersecting_pairs
+    return Report(content, "\n".join(lines(found, list(aims), arguments.output)), good, verdict=True)
 
 
 def _aims(arguments: argparse.Namespace, scene: "Scene", pattern: "PatternMesh | None") -> "dict[str, Loss]":

@@ -28,7 +28,7 @@ from clothsim.cli.arguments import (
     as_seconds,
 )
 from clothsim.cli.progress import clock
-from clothsim.cli.report import Report
+from clothsim.cli.report import FAILED, INTERRUPTED, Report
 
 if TYPE_CHECKING:
     from clothsim.study.farm.drape import Drape
@@ -93,8 +93,6 @@ def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
 SHIPPED = ("shirt_by_body", "skirt_by_fabric", "outfit_by_pose", "outfit_that_walks", "shirt_in_motion")
 """Recipes that come with the package."""
 _RECIPE = f"a TOML file with [farm] and [vary], or {', '.join(SHIPPED)}"
-FAULT = 1
-"""Exit code where a drape is torn or differs."""
 
 _FARM = """\
 Make many drapes of one recipe. Each is published exactly once, even where processes are killed. DIR is a folder that
@@ -188,10 +186,10 @@ def _work(arguments: argparse.Namespace) -> Report | int:
         except KeyboardInterrupt:
             left = len(farm.unpublished())
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
-            return 130
+            return INTERRUPTED
         except on_demand.LostWorkersError as error:
             print(f"{error.sentence} {error.remedy}", file=sys.stderr)
-            return FAULT
+            return FAILED
     on_demand.write_manifest(farm)
     if farm.plan_fault:
         raise InputError(f"{farm.plan_fault} The drapes of its other lines are made.", on_demand.REPLAN)
@@ -237,7 +235,7 @@ def _verify(arguments: argparse.Namespace) -> Report:
     lines.append("Signed off." if done.good else "Not signed off.")
     if done.torn:
         lines.append("To make these drapes again: `clothsim farm repair DIR`, then `clothsim farm work DIR`.")
-    return Report(asdict(done), "\n".join(lines), 0 if done.good else FAULT)
+    return Report(asdict(done), "\n".join(lines), done.good)
 
 
 def _repair(arguments: argparse.Namespace) -> Report:
@@ -250,7 +248,7 @@ def _repair(arguments: argparse.Namespace) -> Report:
         lines.append(f"`clothsim farm work {farm.directory}` makes them again.")
     if farm.plan_fault:
         lines.append(f"{farm.plan_fault} {on_demand.REPLAN}")
-    return Report(asdict(done), "\n".join(lines), FAULT if farm.plan_fault else 0)
+    return Report(asdict(done), "\n".join(lines), not farm.plan_fault)
 
 
 def _pack(arguments: argparse.Namespace) -> Report:

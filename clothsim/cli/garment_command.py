@@ -171,7 +171,7 @@ def _fit(arguments: argparse.Namespace) -> Report:
     if done.status == "distorted":
         lines.append(f"  worst     at {', '.join(f'{value:.3f}' for value in done.look.place)} m")
     summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
-    return Report(summary, "\n".join(lines), 0 if done.status == "completed" else 1, verdict=True)
+    return Report(summary, "\n".join(lines), done.status == "completed", verdict=True)
 
 
 def _stage(stage: "Stage") -> str:
@@ -287,8 +287,7 @@ def _dress(arguments: argparse.Namespace) -> Report:
             trouble = _pictures(done, not arguments.no_picture, arguments.movie)
             status, lines = done.status, _dress_verdict(done)
     summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
-    code = 0 if status == "completed" else 1
-    return Report(summary, "\n".join([*lines, *trouble]), code, verdict=True)
+    return Report(summary, "\n".join([*lines, *trouble]), status == "completed", verdict=True)
 
 
 def _draw_outfit(done: "Outfit") -> None:

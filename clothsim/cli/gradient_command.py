@@ -64,17 +64,17 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     derivatives = {name: gradient[name] for name in names}
     if arguments.output is not None:
         _save(arguments.output, derivatives)
-    document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient), "stiffness": trace.stiffness}
+    document = {
+        "loss": gradient.value,
+        "gradient": derivatives,
+        "newton_error": gradient.newton_error,
+        "log_kappa_sensitivity": gradient.log_kappa_sensitivity,
+        "stiffness": trace.stiffness,
+    }
     return Report(document, "\n".join(_lines(gradient, derivatives)), verdict=True)
 
 
-def _errors(gradient: "Gradient") -> dict[str, float | None]:
-    """What solves and contact stiffness cost the loss; None: not known."""
-    return {name: finite(getattr(gradient, name)) for name in ("newton_error", "log_kappa_sensitivity")}
-
-
 def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
-    errors = _errors(gradient)
     lines = [note for note in gradient.run.session.notes if "held at" in note]
     lines.append(f"  {'loss':28} {gradient.value:.8g}, over {len(gradient.run.steps)} steps")
     for name, value in derivatives.items():
@@ -88,15 +88,10 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
             largest = ", ".join(f"{each:.4g}" for each in value[row])
             text = f"{len(value)} rows, the sum {on_demand.norm(value.sum(axis=0)):.4g}, largest [{largest}] in {row}"
         lines.append(f"  d/d {name:24} {text}")
-    left = errors["newton_error"]
-    lines.append(f"  {'left by the solves':28} {'not known' if left is None else f'{left:.2g} of the loss'}")
-    lines.append(f"  {'d/d log(contact stiffness)':28} {errors['log_kappa_sensitivity']:.2g}")
+    left = gradient.newton_error
+    lines.append(f"  {'left by the solves':28} {f'{left:.2g} of the loss' if math.isfinite(left) else 'not known'}")
+    lines.append(f"  {'d/d log(contact stiffness)':28} {gradient.log_kappa_sensitivity:.2g}")
     return lines
-
-
-def finite(error: float) -> float | None:
-    """An error as JSON has it: null where it is infinite or not known."""
-    return error if math.isfinite(error) else None
 
 
 def _save(file: Path, derivatives: "dict[str, Floats]") -> None:

@@ -15,7 +15,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.text import text_table
 from clothsim.cli import COMMANDS, parser_of_all
 from clothsim.cli.arguments import add_output_options, add_overwrite, refuse_output
-from clothsim.cli.report import Report
+from clothsim.cli.report import DONE, Report
 
 _SCENES = """\
 List the example scenes. `clothsim run NAME` simulates one where no file has that name.
@@ -84,10 +84,10 @@ def _keys(arguments: argparse.Namespace) -> Report | int:
         raise InputError("--json-schema and --markdown print all sections.", "Leave the section out.")
     if arguments.json_schema:
         print(engine.reference_text("json"))
-        return 0
+        return DONE
     if arguments.markdown:
         print(engine.reference_text("markdown"), end="")
-        return 0
+        return DONE
     text = overview() if arguments.section is None else keys_of_section(arguments.section)
     return Report(engine.reference(arguments.section), text)
 
@@ -234,7 +234,7 @@ def sheet(name: str) -> str:
 
 def _completion(arguments: argparse.Namespace) -> int:
     print(script(arguments.shell))
-    return 0
+    return DONE
 
 
 def script(shell: str) -> str:

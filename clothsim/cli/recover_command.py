@@ -109,12 +109,12 @@ def _recover(arguments: argparse.Namespace) -> Report:
         prior=arguments.prior,
     )
     content = summary(found, type(loss).__name__)
-    code = 0 if found.best.intersecting_pairs == 0 else 1
+    good = found.best.intersecting_pairs == 0
     if arguments.output is not None:
         run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
-        code = code if run.status == "completed" else 1
+        good = good and run.status == "completed"
         (arguments.output / RECOVERY_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
-    return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
+    return Report(content, "\n".join(lines(found, arguments.output)), good, verdict=True)
 
 
 def _progress(starts: int) -> Any:
@@ -162,17 +162,17 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
         "cpu_seconds": found.cpu_seconds,
         "adjoint_share": found.adjoint_share,
     }
-    code = 0 if found.best.intersecting_pairs == 0 else 1
+    good = found.best.intersecting_pairs == 0
     out = arguments.output
     if out is not None:
         run = clothsim.simulate(found.scene, out, overwrite=arguments.overwrite)
-        code = code if run.status == "completed" else 1
+        good = good and run.status == "completed"
         write_atomically(out / RECOVERY_NAME, on_demand.to_json(content).encode())
         for name, picture in found.overlays.items():
             on_demand.as_image(picture).save(out / overlay_name(name))
         if found.pattern is not None:
             patterns.write_specification(out / PATTERN_NAME, found.pattern)
-    return Report(content, "\n".join([*lines(found, out), *_picture_lines(found)]), code, verdict=True)
+    return Report(content, "\n".join([*lines(found, out), *_picture_lines(found)]), good, verdict=True)
 
 
 def overlay_name(view: str) -> str:

@@ -16,6 +16,9 @@ from clothsim import __version__
 from clothsim.base.text import printable
 from clothsim.cli import on_demand
 
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes: done; a failed run, a found fault or a fault of clothsim itself; bad input; stopped by Ctrl-C."""
+
 
 @dataclass(frozen=True)
 class Report:
@@ -27,15 +30,15 @@ class Report:
         What `--json` prints.
     text : str
         What is printed else; not with `--quiet`.
-    code : int
-        Exit code.
+    good : bool
+        False where the command failed or found a fault: exit code FAILED, else DONE.
     verdict : bool
         True where the text is the end of a long command: printed with `--quiet` too, and with `--json` on stderr.
     """
 
     document: Any
     text: str
-    code: int = 0
+    good: bool = True
     verdict: bool = False
 
     def show(self, arguments: argparse.Namespace) -> int:
@@ -46,7 +49,7 @@ class Report:
             print(printable(self.text), file=side(arguments), flush=True)
         elif not arguments.json and not getattr(arguments, "quiet", False):
             print(printable(self.text), flush=True)
-        return self.code
+        return DONE if self.good else FAILED
 
 
 def side(arguments: argparse.Namespace) -> Any:

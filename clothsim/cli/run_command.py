@@ -21,7 +21,7 @@ from clothsim.base.text import length, many
 from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import add_output_options, add_overwrite, add_set, as_count, as_length, as_positive_number
 from clothsim.cli.progress import clock, frame_counter
-from clothsim.cli.report import Report, messages, program
+from clothsim.cli.report import INTERRUPTED, Report, messages, program
 
 if TYPE_CHECKING:
     from clothsim import Run, Scene
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 ITERATES = "iterates_{}.npz"
 """The file of --dump-iterates."""
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
 
 _RUN = """\
 Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture; failure.png where it fails.
@@ -241,8 +239,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         return INTERRUPTED
     if step is not None and not (run.directory / ITERATES.format(step)).is_file():
         trouble.append(f"No {ITERATES.format(step)}: the run took {run.summary['steps']} steps.")
-    code = 0 if run.status == "completed" else 1
-    return Report(run.summary, verdict(run, trouble), code, verdict=True).show(arguments)
+    return Report(run.summary, verdict(run, trouble), run.status == "completed", verdict=True).show(arguments)
 
 
 WIDTH = 100

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from clothsim.study.goal_report import NamedGoal
 
 FILES = ("study.md", "study.json", "study.png", "goal.png")
-NO_ANSWER = 1
-"""Exit code of a study whose budget, or end by SIGTERM, left runs out that its answer needs."""
 
 _DESCRIPTION = """\
 Measure the error of a scene's last frame, the sources of that error, and what a smaller one would cost. Runs the scene
@@ -89,8 +87,8 @@ def _study(arguments: argparse.Namespace) -> Report:
         lines.append(f"{left} runs exceeded the budget or are not valid: study.md names them.")
     files = ", ".join(name for name in FILES if (directory / name).is_file())
     document = on_demand.read_summary(done.directory / "study.json") if arguments.json else None
-    code = NO_ANSWER if done.result["headline"]["status"] == on_demand.UNFINISHED else 0
-    return Report(document, "\n".join([*lines, f"  files     {directory}: {files}"]), code, verdict=True)
+    answered = done.result["headline"]["status"] != on_demand.UNFINISHED
+    return Report(document, "\n".join([*lines, f"  files     {directory}: {files}"]), answered, verdict=True)
 
 
 def _goal(text: str, scene: "Scene") -> "NamedGoal":

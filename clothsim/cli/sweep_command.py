@@ -12,7 +12,7 @@ from clothsim.base.text import text_table
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import add_output_options, add_set, scene_of
 from clothsim.cli.farm_command import terminated_like_interrupted
-from clothsim.cli.report import Report
+from clothsim.cli.report import INTERRUPTED, Report
 
 _SWEEP = """\
 Run a scene with every combination of the values of some keys, and list the results: a farm in one process.
@@ -46,10 +46,10 @@ def _sweep(arguments: argparse.Namespace) -> Report | int:
             on_demand.work(farm)
         except KeyboardInterrupt:
             print(f"Stopped. The same command, or `clothsim farm work {farm.directory}`, continues.", file=sys.stderr)
-            return 130
+            return INTERRUPTED
     rows = on_demand.write_manifest(farm)
-    code = 0 if all(row["usable"] for row in rows) else 1
-    return Report({"directory": str(farm.directory), "drapes": rows}, _table(rows), code)
+    good = all(row["usable"] for row in rows)
+    return Report({"directory": str(farm.directory), "drapes": rows}, _table(rows), good)
 
 
 def _values(text: str) -> tuple[str, Any]:

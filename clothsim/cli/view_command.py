@@ -13,7 +13,7 @@ from clothsim import files
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import add_output_options, as_count
-from clothsim.cli.report import Report, end_watch
+from clothsim.cli.report import DONE, Report, end_watch
 
 if TYPE_CHECKING:
     from clothsim.viewer.served import Served
@@ -89,7 +89,7 @@ def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
         print(f"No browser was found: open {page.url}.", file=sys.stderr)
     end_watch()
     page.wait()
-    return 0
+    return DONE
 
 
 def _await_frame(directory: Path) -> None:

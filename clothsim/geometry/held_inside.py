@@ -1,4 +1,4 @@
-"""Pieces of cloth that lie inside a body: contact keeps them there."""
+"""Pieces of cloth that lie inside a body: contact keeps them there, where it is on."""
 
 from dataclasses import dataclass
 
@@ -38,21 +38,40 @@ class HeldInside:
         return f"{pieces}, such as vertex {self.vertex}"
 
 
+def _labels(cloth: Cloth) -> Ints:
+    """Number of the connected piece of each vertex, (n,); a rod is one piece."""
+    n = len(cloth.positions)
+    return components(cloth.triangles, n) if len(cloth.triangles) else np.zeros(n, np.int64)
+
+
 def first_vertices(cloth: Cloth) -> Ints:
     """First vertex of each connected piece of a cloth, (p,); a rod is one piece."""
-    if not len(cloth.triangles):
-        return np.zeros(1, np.int64)
-    return np.asarray(np.unique(components(cloth.triangles, len(cloth.positions)), return_index=True)[1], np.int64)
+    return np.asarray(np.unique(_labels(cloth), return_index=True)[1], np.int64)
+
+
+DIRECTIONS = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], float)
 
 
 def held_inside(world: World, x: Floats) -> list[HeldInside]:
-    """Pieces of cloth inside a body at x (N, 3) [m], which must not intersect: one vertex of a piece tells for it."""
+    """Pieces of cloth inside a body at x (N, 3) [m]: the first vertex and those farthest out in 26 directions are.
+
+    Of a piece that does not intersect the body the first tells for all; one that passes through has others outside.
+    """
     found = []
     for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
-        firsts = first_vertices(cloth)
+        labels, firsts, points = _labels(cloth), first_vertices(cloth), x[rows]
         for body, body_rows in zip(world.bodies, world.body_slices, strict=True):
-            points = x[rows]
-            inside = [int(row) for row in firsts if is_inside(points[row], x[body_rows], body.triangles)]
+            inside = [
+                int(first)
+                for first in firsts
+                if is_inside(points[first], x[body_rows], body.triangles)
+                and _outermost_inside(points[labels == labels[first]], x[body_rows], body.triangles)
+            ]
             if inside:
                 found.append(HeldInside(cloth.name, body.name, len(inside), len(firsts), inside[0]))
     return found
+
+
+def _outermost_inside(points: Floats, body: Floats, triangles: Ints) -> bool:
+    """True where the points (n, 3) that lie farthest out in DIRECTIONS are inside a body."""
+    return all(is_inside(points[row], body, triangles) for row in np.unique((points @ DIRECTIONS.T).argmax(axis=0)))

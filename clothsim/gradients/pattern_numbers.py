@@ -16,11 +16,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import cotangent_laplacian
 from clothsim.gradients.gradient import Gradient
 from clothsim.patterns.curves import Bezier
 from clothsim.patterns.pattern import Panel, Pattern, PatternEdge, Side
@@ -168,22 +168,10 @@ def _extended(mesh: PatternMesh, name: str, border: Mapping[int, Floats]) -> Flo
         out[row - rows.start], held[row - rows.start] = moved, True
     if held.all():
         return out
-    matrix = _laplacian(mesh.panel_coordinates[rows], triangles).tocsc()
+    matrix = cotangent_laplacian(np.pad(mesh.panel_coordinates[rows], ((0, 0), (0, 1))), triangles)
     free = np.flatnonzero(~held)
     out[free] = splu(matrix[free][:, free].tocsc()).solve(-(matrix[free] @ out))
     return out
-
-
-def _laplacian(points: Floats, triangles: Ints) -> coo_array:
-    """Cotangent Laplacian (n, n) of a plane mesh."""
-    entries: list[tuple[Ints, Ints, Floats]] = []
-    for k in range(3):
-        a, b, c = (triangles[:, (k + j) % 3] for j in range(3))
-        u, v = points[b] - points[a], points[c] - points[a]
-        weight = 0.5 * (u * v).sum(axis=1) / np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-        entries += [(b, c, -weight), (c, b, -weight), (b, b, weight), (c, c, weight)]
-    rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
-    return coo_array((values, (rows, columns)), shape=(len(points), len(points)))
 
 
 SECTION = "pattern."

@@ -18,7 +18,7 @@ from scipy.sparse import coo_array, csr_array, eye_array, kron
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.ray_casting import first_hits
-from clothsim.base.triangles import area_vectors
+from clothsim.base.triangles import area_vectors, barycentric
 from clothsim.gradients.camera import Camera
 from clothsim.gradients.picture_loss import Obstacle, PictureLoss, Residuals, checked_noise
 from clothsim.mesh.refinement import refined
@@ -200,7 +200,7 @@ class _OfPixels(PictureLoss):
         # double precision: the point of the plane of the triangle that embree found
         depths = (planes * (x[corners[:, 0]] - self.camera.position)).sum(axis=1) / (planes * rays[met]).sum(axis=1)
         points = self.camera.position + depths[:, None] * rays[met]
-        weights = _barycentric_in(points, x[corners], planes)
+        weights = barycentric(x[corners], points)
         full = csr_array(kron(refinement, eye_array(3)))
         surface = Surface(corners, weights, rays[met], x, fine, full)
         values, slopes, counted = self._compared(surface, picture[v[met], u[met]], depths)
@@ -214,14 +214,6 @@ class _OfPixels(PictureLoss):
         pixels = np.repeat(np.column_stack([u, v])[met[rows]].astype(np.float64), r, axis=0)
         left_out = 1.0 - len(rows) / len(u)
         return Residuals(values[rows].ravel(), csr_array(slopes[lines]), np.ones(len(lines)), pixels, huber, left_out)
-
-
-def _barycentric_in(points: Floats, corners: Floats, planes: Floats) -> Floats:
-    """Coordinates (k, 3) of points (k, 3) in the planes of triangles (k, 3, 3)."""
-    squares = (planes**2).sum(axis=1)
-    a, b, c = (corners[:, k] - points for k in range(3))
-    parts = [(np.cross(p, q) * planes).sum(axis=1) / squares for p, q in ((b, c), (c, a), (a, b))]
-    return np.column_stack(parts)
 
 
 @dataclass(frozen=True, eq=False)

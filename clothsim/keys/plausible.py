@@ -23,6 +23,7 @@ OF_KEY: Mapping[str, tuple[float, float, str]] = {
     "rod.youngs_modulus": (1e3, 1e13, "rubber has 1e6, steel 2e11"),
     "stiffener.stretch_stiffness": (1e-2, 1e8, "a steel wire of 1 mm has 1.6e5"),
     "air.density": (0.01, 1500.0, "air has 1.2"),
+    "gravity.acceleration": (0.01, 300.0, "the earth has 9.81"),
     "rigid.stiffness": (1e4, 1e12, "1e8 is usual"),
     "cloth.weld": (1e-9, 0.05, "seams of a file are closer than 0.01"),
     "slab.size": (1e-5, 1e4, "a table is 1 long"),

@@ -20,6 +20,7 @@ from clothsim.mesh.checks import Finding, Role, Severity, examine
 from clothsim.mesh.world import world_surfaces
 from clothsim.run.intersections import SURFACES_OF_KIND, IntersectionCheck, intersection_check_of, intersection_warnings
 from clothsim.run.results import Run, open_run
+from clothsim.scene.assembly.checks import size_doubts
 from clothsim.scene.assembly.model_body import character_of_scene
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cloth_arrays import Body, Cloth
@@ -124,11 +125,13 @@ def examined(what: Any, role: Role | None = None, motion: bool = False, **part: 
         return _examine_scene(what, "scene")
     name, vertices, triangles, usual, messages = _mesh_of(what, part)
     role = role or usual
-    findings = examine(name, vertices, triangles, role).findings
+    findings = [*examine(name, vertices, triangles, role).findings]
     try:
         notes = (*sizes(np.asarray(vertices, float), np.asarray(triangles, np.int64)), *messages)
     except (ValueError, TypeError, IndexError, OverflowError):  # of arrays that are no mesh, which the findings say
         notes = messages
+    else:
+        findings += [_warning("size", doubt) for doubt in size_doubts(name, np.asarray(vertices, float))]
     article = "a body" if role == "body" else "a cloth"
     return Examination(
         f"{what if isinstance(what, str | Path) else name}, as {article}", notes, _sort_findings(findings)
@@ -275,8 +278,12 @@ def _examine_scene(scene: Scene, subject: str) -> Examination:
     test = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
     start = [("at the start", test.crossings(world.start(), world.origin))]
     found, others = _intersections(test, start, "at the start", of_run=False)
-    doubts = [Finding("warning", "start", sentence, "", NO_INDICES) for sentence in built.warnings]
+    doubts = [_warning("start", sentence) for sentence in built.warnings]
     return Examination(subject, (*notes, *others), _sort_findings([*found, *doubts, *costly]))
+
+
+def _warning(kind: str, sentence: str) -> Finding:
+    return Finding("warning", kind, sentence, "", NO_INDICES)
 
 
 def _refusals(error: InputError) -> tuple[Finding, ...]:
@@ -305,7 +312,9 @@ def _examine_run(directory: Path) -> Examination:
     frames = ((f"in frame {k} at {time:g} s", _crossings(test, run, k)) for k, time in enumerate(run.times))
     found, notes = _intersections(test, frames, f"in any of {frames_of_it}", of_run=True)
     between, unknown = _between_frames(run)
-    return Examination(subject, (*notes, *unknown), _sort_findings([*failed, *found, *between]))
+    of_contact = intersection_warnings(run.intersections)
+    others = [_warning("run", each) for each in run.summary.get("warnings", ()) if each not in of_contact]
+    return Examination(subject, (*notes, *unknown), _sort_findings([*failed, *found, *between, *others]))
 
 
 def _crossings(test: IntersectionCheck, run: Run, frame: int) -> tuple[Crossing, ...]:

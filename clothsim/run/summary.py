@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from clothsim.base.process_memory import peak_memory
 from clothsim.base.text import length, many
-from clothsim.geometry.held_inside import HeldInside, held_inside
+from clothsim.geometry.held_inside import held_inside
 from clothsim.physics.energies.protocols import report_of
 from clothsim.run.intersections import NO_CLOTH, SURFACES_OF_KIND, IntersectionCheck, intersection_warnings
 from clothsim.scene.assembly.checks import held_sentences
@@ -22,12 +22,9 @@ LARGEST_STRETCH = 2.0
 """Principal stretch from which a warning is given: knits break between that and three, woven cloth far below."""
 
 
-def condition_warnings(certificate: "Certificate", inside: Sequence[HeldInside]) -> list[str]:
-    """One sentence each for cloth that is held inside a body, overstretched, or was pinched by bodies.
-
-    certificate: of all steps; inside: what is held at the end.
-    """
-    sentences = held_sentences(inside, "is")
+def condition_warnings(certificate: "Certificate") -> list[str]:
+    """One sentence each for cloth that was overstretched, or pinched by bodies, in any step."""
+    sentences = []
     if certificate.stretch_max > LARGEST_STRETCH:
         sentences.append(
             f"A triangle was stretched to {certificate.stretch_max:.3g} times its rest length: no fabric bears that. "
@@ -56,7 +53,7 @@ def summary_of(
     energies = session.built.energies.items()
     unmet = certificate.estimate.unmet(certificate.asked)
     history = certificate.intersections
-    inside = held_inside(world, state.positions) if "body_contact" in session.built.energies else []
+    inside = held_inside(world, state.positions)
     return {
         "status": "completed" if failure is None else "failed",
         "reason": _reason_of_end(session, state) if failure is None else failure.reason,
@@ -84,7 +81,11 @@ def summary_of(
         "effects": potential.effect_counters(),
         "off": session.built.off,
         "phases": potential.timers.phases,
-        "warnings": [*intersection_warnings(history.as_dict(), check.on), *condition_warnings(certificate, inside)],
+        "warnings": [
+            *intersection_warnings(history.as_dict(), check.on),
+            *held_sentences(inside, "is", "body_contact" in session.built.energies),
+            *condition_warnings(certificate),
+        ],
         "certificate": {
             **certificate.as_dict(check.coverage(history.complete), completed=failure is None),
             "held_inside": [asdict(each) for each in inside],

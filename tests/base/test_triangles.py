@@ -6,6 +6,8 @@ from clothsim.base.triangles import (
     area_vectors,
     barycentric,
     connected,
+    cotangent_laplacian,
+    cotangents,
     thirds_at_vertices,
     triangle_areas,
     unit_or,
@@ -42,3 +44,21 @@ def test_barycentric_coordinates_return_the_foot_of_a_point():
 
 def test_connected_components_join_both_ways():
     assert connected(np.array([3, 1]), np.array([0, 4]), 5).tolist() == [0, 1, 2, 0, 1]
+
+
+def test_cotangents_of_a_triangle_with_a_right_angle():
+    found = cotangents(np.array([[[0.0, 0, 0], [np.sqrt(3), 0, 0], [0, 1, 0]]]))
+    assert np.allclose(found, [[0.0, np.sqrt(3), 1 / np.sqrt(3)]])
+
+
+def test_the_laplacian_of_a_linear_function_is_its_dirichlet_energy():
+    x = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [0.7, 0.4, 0]])
+    matrix = cotangent_laplacian(x, np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))
+    u = 3 * x[:, 0] - x[:, 1]
+    assert np.isclose(u @ matrix @ u, 10 * 2.0)  # |grad u|^2 times the area
+    assert abs((matrix @ u)[4]) < 1e-12
+
+
+def test_weights_of_the_laplacian_are_bounded():
+    flat = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.01, 0]])
+    assert np.isclose(cotangent_laplacian(flat, np.array([[0, 1, 2]]), (0.1, 2.0))[0, 1], -0.1)

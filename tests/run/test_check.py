@@ -37,6 +37,21 @@ def test_a_body_is_no_cloth():
     assert kinds(clothsim.Body(SQUARE, TWICE), role="cloth") == [("error", "duplicate")]
 
 
+@pytest.mark.parametrize(("size", "found"), [(170.0, [("warning", "size")]), (1.7, []), (1e-3, [("warning", "size")])])
+def test_a_mesh_in_another_unit_is_asked_about(tmp_path, size, found):
+    """A body of 170 units: "Nothing is wrong"."""
+    trimesh.creation.box((size / 4, size / 4, size)).export(tmp_path / "body.obj")
+    assert kinds(tmp_path / "body.obj", role="body") == found
+    assert main(["check", str(tmp_path / "body.obj"), "--scale", f"{1 / size}"]) == 0
+
+
+def test_a_run_whose_cloth_is_held_inside_a_body_is_warned_of(tmp_path):
+    inside = SHEET | {"size": [0.1, 0.1], "position": [0.0, 0.0, 0.0]}
+    scene = small_scene(inside, run={"duration": 0.02, "frames_per_second": 50, "allow_inside": True})
+    clothsim.simulate(scene, tmp_path)
+    assert kinds(tmp_path) == [("warning", "run")]
+
+
 def test_raw_arrays_may_have_any_fault():
     found = kinds((SQUARE * [1, 1, np.nan], [[0, 1, 7]]))
     assert ("error", "not finite") in found

@@ -43,6 +43,14 @@ def test_a_cloth_inside_a_body_is_in_the_certificate(tmp_path):
     assert "inside ball" in state_text(run)
 
 
+def test_without_contact_too(tmp_path):
+    run = simulate(small_scene(SMALL, BALL, without("body_contact"), run=SHORT), tmp_path)
+    (inside,) = run.summary["certificate"]["held_inside"]
+    assert (inside["cloth"], inside["body"]) == ("cloth", "ball")
+    (warning,) = run.summary["warnings"]
+    assert "effects.body_contact" in warning
+
+
 def test_cloth_that_starts_inside_a_body_is_refused():
     scene = small_scene(SMALL, BALL, EFFECTS, run=SHORT)
     with pytest.raises(InputError, match="cloth starts inside ball"):

@@ -20,13 +20,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import cg
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
-from clothsim.base.triangles import thirds_at_vertices, triangle_areas
+from clothsim.base.triangles import cotangent_laplacian, thirds_at_vertices, triangle_areas
 from clothsim.engine import components, intersecting_pairs, intersection_points
 from transfer.errors import TransferError
 from transfer.signed_distance import SKIN, BodySurface, body_surface
@@ -91,8 +91,8 @@ TIMES = (0.002, 0.004, 0.008, 0.016)
 """Flow times [m^2] that are tried: a cylinder of radius r loses dr in about r dr."""
 SMALLEST_FRACTION = 0.5
 """Least fraction of the body's size: one that shrinks to a point frees any garment but inflates wrongly."""
-LEAST, MOST = 1e-3, 10.0
-"""Bounds of the cotangent weights: obtuse triangles have negative ones, slivers huge ones."""
+COTANGENTS = 1e-3, 10.0
+"""Bounds of the weights of the flow."""
 RESIDUAL, ITERATIONS = 1e-6, 2000
 
 
@@ -100,7 +100,7 @@ def unfolding(positions: Floats, triangles: Ints) -> Iterator[Floats]:
     """Body vertices (n, 3) [m] at each of TIMES, while at least SMALLEST_FRACTION of its size remains."""
     size = np.linalg.norm(np.ptp(positions[triangles.ravel()], axis=0))
     x, before = positions, 0.0
-    stiffness = _laplacian(positions, triangles)
+    stiffness = cotangent_laplacian(positions, triangles, COTANGENTS)
     for time in TIMES:
         x = _flowed(x, stiffness, _vertex_areas(x, triangles), time - before)
         if np.linalg.norm(np.ptp(x[triangles.ravel()], axis=0)) < SMALLEST_FRACTION * size:
@@ -115,23 +115,6 @@ def _flowed(x: Floats, stiffness: Sparse, areas: Floats, step: float) -> Floats:
     jacobi = diags_array(1 / matrix.diagonal())
     solved = [cg(matrix, areas * c, x0=c, rtol=RESIDUAL, maxiter=ITERATIONS, M=jacobi)[0] for c in x.T]
     return np.ascontiguousarray(np.transpose(solved))
-
-
-def _laplacian(positions: Floats, triangles: Ints) -> Sparse:
-    """L (n, n), positive semidefinite: each edge's weight is half the cotangents of the angles that face it."""
-    n = len(positions)
-    rows, columns, weights = [], [], []
-    for corner in range(3):
-        k, i, j = (triangles[:, (corner + side) % 3] for side in range(3))
-        a, b = positions[i] - positions[k], positions[j] - positions[k]
-        doubled = np.linalg.norm(np.cross(a, b), axis=1)
-        rows.append(i)
-        columns.append(j)
-        weights.append(0.5 * (a * b).sum(axis=1) / np.maximum(doubled, np.finfo(float).tiny))
-    half = coo_array((np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)).tocsr()
-    joined = (half + half.T).tocsr()
-    joined.data = np.clip(joined.data, LEAST, MOST)
-    return (diags_array(joined.sum(axis=1)) - joined).tocsr()
 
 
 def _vertex_areas(positions: Floats, triangles: Ints) -> Floats:

@@ -12,6 +12,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.jit import part
+from clothsim.base.vectors import cross, dot, minus, plus, unit
 
 SPLITTER = 2.0**27 + 1.0
 
@@ -173,13 +174,13 @@ def separated(x, s, t):
 
     Directions: between the centroids; then, for nearly coplanar triangles, perpendicular to each edge within the plane.
     """
-    if _separated_along(x, _minus(_sum(x, t), _sum(x, s)), s, t):
+    if _separated_along(x, minus(_sum(x, t), _sum(x, s)), s, t):
         return True
     for triangle in (s, t):
         a, b, c = triangle
-        normal = _cross(_edge(x, a, b), _edge(x, a, c))
+        normal = cross(_edge(x, a, b), _edge(x, a, c))
         for edge in (_edge(x, a, b), _edge(x, b, c), _edge(x, c, a)):
-            across = _cross(normal, edge)
+            across = cross(normal, edge)
             if _separated_along(x, across, s, t) or _separated_along(x, across, t, s):
                 return True
     return False
@@ -206,10 +207,10 @@ def _between_closest(x, v, s, t):
     nearest, n = -np.inf, (0.0, 0.0, 0.0)
     for i in s:
         for j in t:
-            a, b = _unit(_edge(x, v, i)), _unit(_edge(x, v, j))
-            cosine = _dot(a, b)
+            a, b = unit(_edge(x, v, i)), unit(_edge(x, v, j))
+            cosine = dot(a, b)
             if cosine > nearest:
-                nearest, n = cosine, _minus(a, b)
+                nearest, n = cosine, minus(a, b)
     return n
 
 
@@ -217,8 +218,8 @@ def _between_closest(x, v, s, t):
 def opened(x, a, b, c, d):
     """True where triangles abc and abd certainly make more than a right angle: their normals do, c and d opposite."""
     e, u, w = _edge(x, a, b), _edge(x, a, c), _edge(x, a, d)
-    lengths = _dot(e, e) * np.sqrt(_dot(u, u)) * np.sqrt(_dot(w, w))
-    return _dot(_cross(e, u), _cross(e, w)) < -4.0 * ROUND_OFF * lengths - UNDERFLOW
+    lengths = dot(e, e) * np.sqrt(dot(u, u)) * np.sqrt(dot(w, w))
+    return dot(cross(e, u), cross(e, w)) < -4.0 * ROUND_OFF * lengths - UNDERFLOW
 
 
 @part
@@ -230,20 +231,20 @@ def clearance(x, s, t, wanted):
     """
     of_s = (0.0, 0.0, 0.0), _edge(x, s[0], s[1]), _edge(x, s[0], s[2])
     of_t = _edge(x, s[0], t[0]), _edge(x, s[0], t[1]), _edge(x, s[0], t[2])
-    n = _minus(_plus(_plus(of_t[0], of_t[1]), of_t[2]), _plus(of_s[1], of_s[2]))
+    n = minus(plus(plus(of_t[0], of_t[1]), of_t[2]), plus(of_s[1], of_s[2]))
     best = _gap(n, of_s, of_t)
     if best >= wanted and best > 0.0:
         return best
-    edges_of_s = of_s[1], _minus(of_s[2], of_s[1]), of_s[2]
-    edges_of_t = _minus(of_t[1], of_t[0]), _minus(of_t[2], of_t[1]), _minus(of_t[2], of_t[0])
-    normals = _unit(_cross(of_s[1], of_s[2])), _unit(_cross(edges_of_t[0], edges_of_t[2]))
+    edges_of_s = of_s[1], minus(of_s[2], of_s[1]), of_s[2]
+    edges_of_t = minus(of_t[1], of_t[0]), minus(of_t[2], of_t[1]), minus(of_t[2], of_t[0])
+    normals = unit(cross(of_s[1], of_s[2])), unit(cross(edges_of_t[0], edges_of_t[2]))
     for k in range(17):
         if k < 2:
             n = normals[k]
         elif k < 11:
-            n = _cross(edges_of_s[(k - 2) // 3], edges_of_t[(k - 2) % 3])
+            n = cross(edges_of_s[(k - 2) // 3], edges_of_t[(k - 2) % 3])
         else:
-            n = _cross(normals[(k - 11) // 3], edges_of_s[(k - 11) % 3] if k < 14 else edges_of_t[(k - 11) % 3])
+            n = cross(normals[(k - 11) // 3], edges_of_s[(k - 11) % 3] if k < 14 else edges_of_t[(k - 11) % 3])
         best = max(best, _gap(n, of_s, of_t))
         if best >= wanted and best > 0.0:
             return best
@@ -276,12 +277,12 @@ def clearance_beyond_edge(x, a, b, c, d):
     with ab, where |change of n| <= (|n . ab| + r) / (|ab| - r).
     """
     e, u, w = _edge(x, a, b), _edge(x, a, c), _edge(x, a, d)
-    along = _unit(e)
-    n = _unit(_minus(_unit(_across(along, u)), _unit(_across(along, w))))
-    length = np.sqrt(_dot(e, e))
-    if not length > 0.0 or not _dot(n, n) > 0.0:
+    along = unit(e)
+    n = unit(minus(unit(_across(along, u)), unit(_across(along, w))))
+    length = np.sqrt(dot(e, e))
+    if not length > 0.0 or not dot(n, n) > 0.0:
         return 0.0
-    farthest = max(np.sqrt(_dot(u, u)), np.sqrt(_dot(w, w)))
+    farthest = max(np.sqrt(dot(u, u)), np.sqrt(dot(w, w)))
     of_c, error_c = _projected(x, n, c, a)
     of_d, error_d = _projected(x, n, d, a)
     of_b, error_b = _projected(x, n, b, a)
@@ -308,14 +309,14 @@ def _gap(n, s, t):
 @part
 def _over_length(gap, n):
     """A gap along n, not a unit vector, rounded down; 0 where it is below."""
-    length = np.sqrt(_dot(n, n))
+    length = np.sqrt(dot(n, n))
     return DOWN * gap / length if gap > 0.0 and length > 0.0 else 0.0
 
 
 @part
 def _across(along, u):
     """The part of u perpendicular to a unit vector."""
-    of_u = _dot(along, u)
+    of_u = dot(along, u)
     return u[0] - of_u * along[0], u[1] - of_u * along[1], u[2] - of_u * along[2]
 
 
@@ -349,30 +350,3 @@ def _edge(x, i, j):
 def _sum(x, t):
     a, b, c = t
     return x[a, 0] + x[b, 0] + x[c, 0], x[a, 1] + x[b, 1] + x[c, 1], x[a, 2] + x[b, 2] + x[c, 2]
-
-
-@part
-def _plus(u, v):
-    return u[0] + v[0], u[1] + v[1], u[2] + v[2]
-
-
-@part
-def _minus(u, v):
-    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
-
-
-@part
-def _dot(u, v):
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-@part
-def _cross(u, v):
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-
-
-@part
-def _unit(u):
-    """u / |u|; (0, 0, 0) for zero length, along which nothing is separated."""
-    length = np.sqrt(_dot(u, u))
-    return (u[0] / length, u[1] / length, u[2] / length) if length > 0.0 else (0.0, 0.0, 0.0)

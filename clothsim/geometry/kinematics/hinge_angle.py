@@ -16,7 +16,7 @@ the direction is flagged as invalid, its gradient and Hessian are zero. Nothing 
 import numpy as np
 
 from clothsim.base.jit import inlined, part
-from clothsim.base.vectors import cross, dot, minus
+from clothsim.base.vectors import cross, dot, minus, plus, times
 
 Point = tuple[float, float, float]
 Points = tuple[Point, Point, Point, Point]
@@ -48,11 +48,11 @@ def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
         zero = (0.0, 0.0, 0.0)
         return zero, zero, zero, zero
     ee = dot(e, e)
-    g_c = _times(-np.sqrt(ee) / dot(n1, n1), n1)
-    g_d = _times(-np.sqrt(ee) / dot(n2, n2), n2)
+    g_c = times(-np.sqrt(ee) / dot(n1, n1), n1)
+    g_d = times(-np.sqrt(ee) / dot(n2, n2), n2)
     u, w = dot(r, e) / ee, dot(s, e) / ee
-    g_b = _plus(_times(-u, g_c), _times(-w, g_d))
-    g_a = _plus(_times(u - 1, g_c), _times(w - 1, g_d))
+    g_b = plus(times(-u, g_c), times(-w, g_d))
+    g_a = plus(times(u - 1, g_c), times(w - 1, g_d))
     return g_a, g_b, g_c, g_d
 
 
@@ -77,18 +77,18 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
     n1, n2 = cross(e, r), cross(s, e)
     ee = dot(e, e)
     length, size1, size2 = np.sqrt(ee), np.sqrt(dot(n1, n1)), np.sqrt(dot(n2, n2))
-    t, n1, n2 = _times(1 / length, e), _times(1 / size1, n1), _times(1 / size2, n2)
-    m1, m2, along = cross(n1, t), cross(t, n2), _times(1 / length, t)
+    t, n1, n2 = times(1 / length, e), times(1 / size1, n1), times(1 / size2, n2)
+    m1, m2, along = cross(n1, t), cross(t, n2), times(1 / length, t)
     c1, d2 = length / size1, length / size2
     b1, b2 = -dot(r, e) / ee * c1, -dot(s, e) / ee * d2
     a1, a2 = -b1 - c1, -b2 - d2
-    y_a1, y_b1, y_c1 = minus(_times(a1, m1), along), _plus(_times(b1, m1), along), _times(c1, m1)
-    y_a2, y_b2, y_d2 = minus(_times(a2, m2), along), _plus(_times(b2, m2), along), _times(d2, m2)
-    g_a, g_b = minus(_times(-a1, n1), _times(a2, n2)), minus(_times(-b1, n1), _times(b2, n2))
-    g_c, g_d = _times(-c1, n1), _times(-d2, n2)
+    y_a1, y_b1, y_c1 = minus(times(a1, m1), along), plus(times(b1, m1), along), times(c1, m1)
+    y_a2, y_b2, y_d2 = minus(times(a2, m2), along), plus(times(b2, m2), along), times(d2, m2)
+    g_a, g_b = minus(times(-a1, n1), times(a2, n2)), minus(times(-b1, n1), times(b2, n2))
+    g_c, g_d = times(-c1, n1), times(-d2, n2)
     turn = _add_outer(0.5 * first / ee, m1, n1, _outer(0.5 * first / ee, n1, m1))
     turn = _add_outer(0.5 * first / ee, m2, n2, _add_outer(0.5 * first / ee, n2, m2, turn))
-    n1, n2 = _times(first, n1), _times(first, n2)
+    n1, n2 = times(first, n1), times(first, n2)
     aa = _bent(a1, y_a1, a1, y_a1, n1, _bent(a2, y_a2, a2, y_a2, n2, _outer(second, g_a, g_a)))
     ab = _bent(a1, y_a1, b1, y_b1, n1, _bent(a2, y_a2, b2, y_b2, n2, _outer(second, g_a, g_b)))
     bb = _bent(b1, y_b1, b1, y_b1, n1, _bent(b2, y_b2, b2, y_b2, n2, _outer(second, g_b, g_b)))
@@ -121,7 +121,7 @@ def _bent(f_p: float, y_p: Point, f_q: float, y_q: Point, n: Point, rows: Rows) 
 @part
 def _outer(factor: float, a: Point, b: Point) -> Rows:
     """factor a b', three rows."""
-    return _times(factor * a[0], b), _times(factor * a[1], b), _times(factor * a[2], b)
+    return times(factor * a[0], b), times(factor * a[1], b), times(factor * a[2], b)
 
 
 @part
@@ -134,9 +134,9 @@ def _add_outer(factor: float, a: Point, b: Point, rows: Rows) -> Rows:
 def _sum(rows: Rows, others: Rows, factor: float) -> Rows:
     """rows + factor others."""
     return (
-        _plus(rows[0], _times(factor, others[0])),
-        _plus(rows[1], _times(factor, others[1])),
-        _plus(rows[2], _times(factor, others[2])),
+        plus(rows[0], times(factor, others[0])),
+        plus(rows[1], times(factor, others[1])),
+        plus(rows[2], times(factor, others[2])),
     )
 
 
@@ -144,13 +144,3 @@ def _sum(rows: Rows, others: Rows, factor: float) -> Rows:
 def _area(edge1: Point, edge2: Point, normal: Point) -> bool:
     """True where a triangle has an area above round-off."""
     return dot(normal, normal) > _NO_AREA * dot(edge1, edge1) * dot(edge2, edge2)
-
-
-@part
-def _plus(a: Point, b: Point) -> Point:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-@part
-def _times(factor: float, a: Point) -> Point:
-    return factor * a[0], factor * a[1], factor * a[2]

@@ -25,7 +25,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
-from clothsim.base.vectors import cross, dot, minus
+from clothsim.base.vectors import cross, dot, minus, times
 from clothsim.physics.contact.barrier_kernels import boxes_apart
 from clothsim.physics.contact.distance import (
     Point,
@@ -363,12 +363,7 @@ def _normalized(m: Direction, r: Point) -> Direction:
     """m or -m, whichever starts on the side of r, with |m(0)| = 1."""
     length = np.sqrt(dot(m[0], m[0]))
     factor = (1.0 if dot(m[0], r) >= 0.0 else -1.0) / length
-    return _scaled(factor, m[0]), _scaled(factor, m[1]), _scaled(factor, m[2])
-
-
-@part
-def _scaled(factor: float, a: Point) -> Point:
-    return factor * a[0], factor * a[1], factor * a[2]
+    return times(factor, m[0]), times(factor, m[1]), times(factor, m[2])
 
 
 @part

@@ -38,8 +38,7 @@ from clothsim.physics.energies.protocols import (
     Driven,
     EnergyReport,
     Joining,
-    PastSensitivity,
-    StartDerivatives,
+    NoPastSensitivity,
 )
 from clothsim.physics.energies.seams import seam_line, stitch_stiffness
 
@@ -87,7 +86,7 @@ class ClosureSchedule:
 
 
 @dataclass(frozen=True)
-class ClosuresEnergy(Links, Coupling, Driven, Joining, EnergyReport, PastSensitivity):
+class ClosuresEnergy(Links, Coupling, Driven, Joining, EnergyReport, NoPastSensitivity):
     """Strings of all zips and buttons.
 
     Parameters
@@ -118,10 +117,6 @@ class ClosuresEnergy(Links, Coupling, Driven, Joining, EnergyReport, PastSensiti
     def _evaluate_at(self, now: float) -> Self:
         lengths, stiffnesses = zip(*(closure.at(now, self.least_gap) for closure in self.closures), strict=True)
         return replace(self, lengths=np.concatenate(lengths), stiffnesses=np.concatenate(stiffnesses))
-
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
-        """Zero: the strings are functions of time."""
-        return StartDerivatives()
 
     def couplings(self, x: Floats, dx: Floats) -> Ints:
         """The rows of the stitches that act."""

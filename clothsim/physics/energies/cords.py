@@ -31,8 +31,7 @@ from clothsim.physics.energies.protocols import (
     Elementwise,
     EnergyReport,
     Idling,
-    PastSensitivity,
-    StartDerivatives,
+    NoPastSensitivity,
 )
 
 SHORTEST = 0.01
@@ -51,7 +50,7 @@ class CordSchedule:
 
 
 @dataclass(frozen=True)
-class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, PastSensitivity, EnergyReport):
+class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, NoPastSensitivity, EnergyReport):
     """E = sum k/2 max(l - L, 0)^2 / L over cords.
 
     Parameters
@@ -125,10 +124,6 @@ class CordsEnergy(Elementwise, Energy, Idling, Coupling, Driven, PastSensitivity
     def couplings(self, x: Floats, dx: Floats) -> Ints:
         """The rows of all cords."""
         return self.rows
-
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
-        """Zero: the cords are functions of time."""
-        return StartDerivatives()
 
     def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
         """Length and tension of each cord at x."""

@@ -21,7 +21,7 @@ from clothsim.physics.energies.edge_curves import drawn_curves
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.key_values import Schedule
 from clothsim.physics.energies.links import Links
-from clothsim.physics.energies.protocols import Driven, EnergyReport, PastSensitivity, StartDerivatives
+from clothsim.physics.energies.protocols import Driven, EnergyReport, NoPastSensitivity
 
 SHORTEST = 0.05
 """Least length of a band over that of its edge: a band of no length would be infinitely stiff."""
@@ -42,7 +42,7 @@ class BandSchedule:
 
 
 @dataclass(frozen=True)
-class ElasticBandsEnergy(Links, Driven, PastSensitivity, EnergyReport):
+class ElasticBandsEnergy(Links, Driven, NoPastSensitivity, EnergyReport):
     """Links along the edges of all bands; `bands`: what they are over time, in the order of the links."""
 
     bands: tuple[BandSchedule, ...]
@@ -56,10 +56,6 @@ class ElasticBandsEnergy(Links, Driven, PastSensitivity, EnergyReport):
         """A copy with the lengths and stiffnesses of the end of the step."""
         lengths, stiffnesses = zip(*(band.at(step.time + step.dt) for band in self.bands), strict=True)
         return replace(self, lengths=np.concatenate(lengths), stiffnesses=np.concatenate(stiffnesses))
-
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
-        """Zero: the bands are functions of time."""
-        return StartDerivatives()
 
     def final_notes(self, x: Floats, time: float) -> tuple[str, ...]:
         """Length and mean tension of each band at x."""

@@ -13,13 +13,13 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example
 from clothsim.physics.energies.hessians import ElementHessian, diagonal_hessian, every_vertex
-from clothsim.physics.energies.protocols import Elementwise, PastSensitivity, StartDerivatives
+from clothsim.physics.energies.protocols import Elementwise, NoPastSensitivity
 
 NO_BLOCKS = diagonal_hessian(every_vertex(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
-class GravityEnergy(Elementwise, Energy, PastSensitivity):
+class GravityEnergy(Elementwise, Energy, NoPastSensitivity):
     """E = -sum m g.(x - origin).
 
     Parameters
@@ -58,10 +58,6 @@ class GravityEnergy(Elementwise, Energy, PastSensitivity):
         out = np.zeros_like(x)
         out[as_rows(self.rows[:, 0])] = self._gradient
         return out
-
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
-        """Zero: only the load differs from step to step."""
-        return StartDerivatives()
 
     @cached_property
     def _gradient(self) -> Floats:

@@ -288,6 +288,14 @@ class PastSensitivity(abc.ABC):
         """d(adjoint . gradient(x)) by the start of the `step` that the energy is bound to; adjoint (N, 3) [m]."""
 
 
+class NoPastSensitivity(PastSensitivity):
+    """An energy of which only time and load differ from step to step: its derivative by the start of a step is zero."""
+
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
+        """Zero."""
+        return StartDerivatives()
+
+
 class HistorySensitivity(History):
     """An energy with a closed form of the derivative of its force and of what it carries over, by the start of a step.
 

@@ -20,7 +20,7 @@ from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.key_values import Schedule, schedule, selected_vertices
 from clothsim.physics.energies.links import Links
-from clothsim.physics.energies.protocols import Anchored, Driven, PastSensitivity, StartDerivatives
+from clothsim.physics.energies.protocols import Anchored, Driven, NoPastSensitivity
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class SpringAnchors:
 
 
 @dataclass(frozen=True)
-class SpringsEnergy(Links, Anchored, Driven, PastSensitivity):
+class SpringsEnergy(Links, Anchored, Driven, NoPastSensitivity):
     """Links of single vertices; `anchors`: the end positions of each table's springs over time."""
 
     anchors: tuple[SpringAnchors, ...]
@@ -81,10 +81,6 @@ class SpringsEnergy(Links, Anchored, Driven, PastSensitivity):
             targets=np.concatenate([anchors.at(now) for anchors in self.anchors]),
             stiffnesses=np.concatenate(levels),
         )
-
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
-        """Zero: anchors and stiffnesses are functions of time."""
-        return StartDerivatives()
 
 
 def springs(world: World, keys: Springs) -> Energy | Off:

@@ -19,11 +19,11 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example
 from clothsim.physics.energies.hessians import ElementHessian, diagonal_hessian
-from clothsim.physics.energies.protocols import Anchored, Driven, Elementwise, PastSensitivity, StartDerivatives
+from clothsim.physics.energies.protocols import Anchored, Driven, Elementwise, NoPastSensitivity
 
 
 @dataclass(frozen=True)
-class TargetsEnergy(Elementwise, Anchored, Driven, Energy, PastSensitivity):
+class TargetsEnergy(Elementwise, Anchored, Driven, Energy, NoPastSensitivity):
     """E = sum k/2 |x - c|^2.
 
     Parameters
@@ -86,10 +86,6 @@ class TargetsEnergy(Elementwise, Anchored, Driven, Energy, PastSensitivity):
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """r^2 m I of each vertex [N/m]."""
         return diagonal_hessian(self.rows, self.stiffnesses)
-
-    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
-        """Zero: the targets are functions of time."""
-        return StartDerivatives()
 
     def _lines(self, x: Floats) -> Floats:
         return x[self.rows[:, 0]] - self.targets()

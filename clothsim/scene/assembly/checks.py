@@ -61,9 +61,8 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     meshes += [(body.name, body.positions) for body in world.bodies]
     sentences = _implausible(world, scene)
     for (name, positions), keys in zip(meshes, tables, strict=True):
-        extent = np.ptp(positions, axis=0)
         if not isinstance(keys, Slab):
-            sentences += _other_unit(name, float(extent.max()))
+            sentences += size_doubts(name, positions)
     gravity = getattr(energies.get("gravity"), "acceleration", None)
     for body, keys in zip(world.prescribed_bodies, scene.bodies, strict=True):
         if gravity is not None and not isinstance(keys, tuple(GENERATOR_KEYS.values())):
@@ -89,8 +88,9 @@ def _implausible(world: World, scene: Scene) -> list[str]:
     return sentences
 
 
-def _other_unit(name: str, longest: float) -> list[str]:
-    """A mesh of more than LARGEST or less than SMALLEST."""
+def size_doubts(name: str, positions: Floats) -> list[str]:
+    """A sentence where a mesh (n, 3) [m] is longer than LARGEST or shorter than SMALLEST."""
+    longest = float(np.ptp(positions, axis=0).max())
     if SMALLEST <= longest <= LARGEST:
         return []
     factor = next((factor for factor in (1e-2, 1e-3, 10.0, 100.0, 1e3) if 0.1 <= factor * longest <= 3), None)
@@ -158,11 +158,7 @@ def _skipped_frames(world: World, dt: float) -> list[str]:
 
 def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
     """Pieces of cloth that start inside a body without intersecting it: contact keeps them there, or they pass out."""
-    found = held_inside(world, world.start())
-    if "body_contact" in energies:
-        return held_sentences(found, "starts")
-    without = "without [effects.body_contact] it passes through the surface"
-    return [f"{each.cloth} starts inside {each.body}, {each.where}: {without}." for each in found]
+    return held_sentences(held_inside(world, world.start()), "starts", "body_contact" in energies)
 
 
 def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
@@ -194,9 +190,10 @@ def refuse_large_error(world: World, scene: Scene) -> None:
         )
 
 
-def held_sentences(found: Sequence[HeldInside], verb: str) -> list[str]:
-    """A sentence on each piece of cloth that contact keeps inside a body, where it `verb` ("is", "starts")."""
-    return [f"{each.cloth} {verb} inside {each.body}, {each.where}: contact keeps it in." for each in found]
+def held_sentences(found: Sequence[HeldInside], verb: str, contact: bool) -> list[str]:
+    """A sentence on each cloth that is inside a body, where it `verb` ("is", "starts"), with or without contact."""
+    why = "contact keeps it in" if contact else "without [effects.body_contact] it passes through the surface"
+    return [f"{each.cloth} {verb} inside {each.body}, {each.where}: {why}." for each in found]
 
 
 def _nested_bodies(world: World, energies: dict[str, Energy]) -> list[str]:

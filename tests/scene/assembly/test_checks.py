@@ -75,6 +75,8 @@ def test_cloth_wholly_inside_a_body_is_reported():
     assert "starts inside ball, all of it" in without
     assert "without [effects.body_contact]" in without
     assert "keeps it in" not in without
+    through = {**SMALL, "size": [0.1, 2.0], "position": [0, 0.9, 0]}  # its first vertex is inside
+    assert "starts inside" not in contact_notes(through, {}, BALL)
 
 
 def nested(rigid, body=()):
@@ -223,6 +225,12 @@ def test_a_number_in_another_unit_is_asked_about(key, value):
     assert not [each for each in build(Scene(cloth=CLOTH, effects=effects)).warnings if "unit?" in each]
 
 
+@pytest.mark.parametrize(("acceleration", "asked"), [(-981.0, True), (-9810.0, True), (-9.81, False), (-1.62, False)])
+def test_gravity_in_centimetres_is_asked_about(acceleration, asked):
+    scene = Scene(cloth=CLOTH, effects={"inertia": {}, "gravity": {"acceleration": [0, 0, acceleration]}})
+    assert any("unit?" in each for each in build(scene).warnings) == asked
+
+
 def test_an_error_of_metres_is_asked_about():
     scene = Scene(cloth=CLOTH, effects={"membrane": {}, "inertia": {}}, solver={"error": 0.3})
     assert [each for each in build(scene).warnings if each.startswith("solver.error is 0.3 m")]
@@ -231,5 +239,5 @@ def test_an_error_of_metres_is_asked_about():
 
 
 def test_a_body_in_centimetres_is_scaled_by_a_hundredth():
-    (note,) = checks._other_unit("body", 170.0)
+    (note,) = checks.size_doubts("body", np.array([[0.0, 0, 0], [30, 20, 170]]))
     assert "scale = 0.01 makes it 1.7 m" in note

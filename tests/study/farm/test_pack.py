@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import tarfile
 
 import h5py
@@ -55,6 +56,22 @@ def test_hdf5(farm, tmp_path):
         with pytest.raises(InputError, match="exists"):
             pack(farm, tmp_path / name)
     assert pack(farm, tmp_path / "data.h5", overwrite=True).drapes == 4
+
+
+@pytest.mark.parametrize("contact", [{}, None], ids=["contact", "no contact"])
+def test_the_card_counts_drapes_that_end_inside_a_body(tmp_path, contact):
+    """Without contact they were usable, under a card of "no piece inside a body"."""
+    sheet = {"mesh": "rectangle", "cells": [4, 4], "size": [0.2, 0.2]}
+    effects = {"inertia": {}, "membrane": {}, "gravity": {}} | ({} if contact is None else {"body_contact": contact})
+    run = {"duration": 0.04, "frames_per_second": 25, "allow_inside": True}
+    scene = small_scene(sheet, effects=effects, run=run)
+    vary = {"cloth.position": {"grid": [[0, 0, 0], [0, 0, 0.4]]}}
+    farm = plan(make_recipe(scene, {"until": "time"}, {}, vary), tmp_path / "farm")
+    assert work(farm).usable == 1
+    verify(farm, fraction=0)
+    done = pack(farm, tmp_path / "data.h5")
+    assert (done.drapes, done.left_out) == (1, 1)
+    assert re.search(r"inside a body\W+1\b|\b1\W+inside a body", (tmp_path / "data.md").read_text())
 
 
 def test_shards_are_plain_tar_and_the_same_bytes_twice(farm, tmp_path):
