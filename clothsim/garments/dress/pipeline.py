@@ -22,13 +22,13 @@ from clothsim.garments.dress.corrections import (
     panels_in_contact,
     parted,
     separated,
+    sleeves_cleared,
     touching_seams,
 )
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.rings import centred
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
-from clothsim.garments.dress.sleeves import sleeves_cleared
 from clothsim.garments.dress.welding import welded_and_untangled, welded_where_closed
 from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh

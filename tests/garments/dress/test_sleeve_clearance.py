@@ -5,9 +5,9 @@ import pytest
 from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
+from clothsim.garments.dress.corrections import sleeves_cleared
 from clothsim.garments.dress.placement import arm_line, middle_of
 from clothsim.garments.dress.sewing_state import as_placed, crosses_body
-from clothsim.garments.dress.sleeves import sleeves_cleared
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
