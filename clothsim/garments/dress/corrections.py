@@ -30,7 +30,7 @@ from clothsim.garments.dress.placement import (
     is_of_arm,
     middle_of,
 )
-from clothsim.garments.dress.rings import open_seams_of, rings, vertices_of
+from clothsim.garments.dress.rings import open_pairs_of, rings, vertices_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body, crosses_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted, penetrations
@@ -239,54 +239,34 @@ def _groups_to_move(
 LIFTS = np.arange(0.0, 0.151, 0.01)
 """Lifts that are tried [m]."""
 LIFT_CLEAR = 0.01
-"""Further lift above the least that frees the most springs, where it blocks no seam [m]."""
+"""Further lift above the least that frees the most springs [m]."""
 
 
 def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, str]:
     """State whose pieces on the shoulders, and what is sewn on top of them, are lifted; and a note.
 
-    By the least height at which the fewest of their seams are blocked, then the fewest springs run through the body.
-    A seam is blocked where all its springs do: nothing draws it past a shoulder, or an arm above a short side seam. A
-    skirt below stays: lifted, it would close above the hips that it is cut for.
+    By the least height at which the fewest springs of these pieces run through the body. A skirt below stays: lifted,
+    it would close above the hips that it is cut for.
     """
     hanging = [
         names
         for names in rings(state, body)
         if hangs_on_shoulders(state.positions[vertices_of(state, names)], body, level=CHEST)
     ]
-    seams = [pairs for names in hanging for pairs in open_seams_of(state, names)]
-    if not seams:
+    joined = np.concatenate([np.zeros((0, 2), np.int64), *(open_pairs_of(state, names) for names in hanging)])
+    if not len(joined):
         return state, ""
-    through = np.array(
-        [[count_crossing_body(state.positions[pairs] + lift * body.up, surface) for pairs in seams] for lift in LIFTS]
-    )
-    best, height = _best_lift(through, np.array([len(pairs) for pairs in seams]))
+    through = [count_crossing_body(state.positions[joined] + lift * body.up, surface) for lift in LIFTS]
+    best = int(np.argmin(through))
     if best == 0:
         return state, ""
     on_top = tuple(name for name, panel in state.mesh.pattern.panels.items() if is_on_top(panel))
     rows = vertices_of(state, (*(name for names in hanging for name in names), *on_top))
     positions = state.positions.copy()
+    height = LIFTS[best] + LIFT_CLEAR
     positions[rows] += height * body.up
-    note = (
-        f"the torso was lifted by {1e3 * height:.0f} mm: {through[0].sum()} springs of its seams ran through the body"
-    )
-    return state.moved_to(positions), f"{note}, {through[best].sum()} do now"
-
-
-def _best_lift(through: Ints, strings: Ints) -> tuple[int, float]:
-    """Number of the best of `LIFTS`, and the lift that is made [m].
-
-    Parameters
-    ----------
-    through : (s, k) int array
-        Strings of each seam that run through the body at each lift.
-    strings : (k,) int array
-        Strings of each seam.
-    """
-    blocked = (through == strings).sum(axis=1)
-    best = int(np.lexsort((through.sum(axis=1), blocked))[0])
-    further = min(best + 1, len(LIFTS) - 1)
-    return best, float(LIFTS[best]) + (LIFT_CLEAR if blocked[further] <= blocked[best] else 0.0)
+    note = f"the torso was lifted by {1e3 * height:.0f} mm: {through[0]} springs of its seams ran through the body"
+    return state.moved_to(positions), f"{note}, {through[best]} do now"
 
 
 SHIFTS = np.arange(0.0, 0.301, 0.01)

@@ -12,7 +12,7 @@ import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments import pictures
 from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases, worst_gap
-from clothsim.garments.dress.corrections import LIFTS, _best_lift, approached, crossing_panels, lifted, separated
+from clothsim.garments.dress.corrections import approached, crossing_panels, lifted, separated
 from clothsim.garments.dress.pipeline import _closed_seams
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
 from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
@@ -330,18 +330,3 @@ def test_low_shoulders_are_lifted(body):
     )
     assert after < before
     assert note
-
-
-@pytest.mark.parametrize(("side", "height"), [(4, 0.02), (6, 0.03)])
-def test_a_lift_blocks_no_side_seam_below_an_arm(side, height):
-    """A shoulder seam of 3 strings is free from 2 cm on; all 4 of the side seam run through the arm from 3 cm on."""
-    through = np.array([[3, 2], [3, 3], [0, 3]] + [[0, 4]] * (len(LIFTS) - 3))
-    best, lift = _best_lift(through, np.array([3, side]))
-    assert best == 2
-    assert lift == pytest.approx(height)
-
-
-def test_a_lift_leaves_a_free_string_rather_than_fewer_through_the_body():
-    through = np.array([[5, 0], [4, 1], [2, 4]] + [[4, 4]] * (len(LIFTS) - 3))
-    assert _best_lift(through, np.array([5, 4]))[0] == 1
-    assert _best_lift(through[:, ::-1], np.array([4, 5]))[0] == 1
