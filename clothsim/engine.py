@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from clothsim.physics.energies.base import Constraint, Energy, Off, Prescribed
     from clothsim.physics.energies.hessians import ElementHessian
     from clothsim.run.check import Examination, examined
+    from clothsim.run.checked_motion import checked_motion
     from clothsim.run.export import unpack_bundle, write_bundle
     from clothsim.run.frames import Colouring
-    from clothsim.run.judged_motion import judged_motion
     from clothsim.run.pictures import draw_pictures, draw_run
     from clothsim.run.precompile import kernels_are_compiled, start_precompiling
     from clothsim.run.receipt import Receipt, explain

@@ -51,7 +51,9 @@ def as_triangles(name: str, values: ArrayLike, n_vertices: int) -> Ints:
     except (ValueError, TypeError) as error:
         raise InputError(f"{name} must be whole numbers: {error}.") from error
     if raw.size and not np.array_equal(raw, triangles):
-        raise InputError(f"{name} must be whole numbers.")
+        raise InputError(
+            f"{name} must be whole numbers.", "They are numbers of vertices, from 0; positions come first."
+        )
     if triangles.ndim != 2 or triangles.shape[1] != 3:
         raise InputError(f"{name} must have shape (m, 3), not {triangles.shape}.")
     bad = np.flatnonzero(((triangles < 0) | (triangles >= n_vertices)).any(axis=1))

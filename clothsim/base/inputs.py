@@ -8,7 +8,15 @@ from typing import Any, ParamSpec, TypeVar
 
 from clothsim.base.errors import ClothsimError, InputError
 
-SYNONYMS = {"border": "boundary", "edge": "boundary", "edges": "boundary", "upper": "top", "lower": "bottom"}
+SYNONYMS = {
+    **dict.fromkeys(("border", "edge", "edges"), "boundary"),
+    **dict.fromkeys(("step", "timestep", "time_step", "delta_t", "h"), "dt"),
+    "upper": "top",
+    "lower": "bottom",
+    "fps": "frames_per_second",
+    "gravity": "acceleration",
+    "g": "acceleration",
+}
 """Words that mean a known name whose letters are not like theirs."""
 LONGEST = 120
 """Letters of a value in a message."""

@@ -8,12 +8,12 @@ import re
 import sys
 import warnings
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from typing import NamedTuple
 
 from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
+from clothsim.base.inputs import nearest
 from clothsim.base.text import printable
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
 from clothsim.cli.report import BAD_INPUT, DONE, FAILED, INTERRUPTED, Report, events, never_silent, stream
@@ -168,7 +168,7 @@ def _dispatch(words: Sequence[str]) -> int:
     words = without_group(words)
     if not words or words[0] not in COMMANDS:
         return _without_command(words)
-    arguments = _parser_of(words[:1]).parse_args(words)
+    arguments = _parser_of(words[:1]).parsed(words)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)  # the commands print it with the result
         done = arguments.handler(arguments)
@@ -204,8 +204,12 @@ def _without_command(words: Sequence[str]) -> int:
     arguments, others = parser.parse_known_args(words[1:] if group else words)
     if arguments.command is not None:
         names = GROUPS[group] if group else (*COMMANDS, *GROUPS)
-        close = get_close_matches(arguments.command, [name for name in names if name], n=1)
-        hint = f"Did you mean {close[0]!r}?" if close else f"`clothsim {group}{' ' * bool(group)}--help` lists them."
+        hint = nearest(arguments.command, [name for name in names if name], 0.6)
+        hint = hint or f"`clothsim {group}{' ' * bool(group)}--help` lists them."
+        if arguments.command.endswith(".toml"):
+            hint = f"Write `clothsim run {arguments.command}`."
+        if arguments.command in ("help", "version"):
+            hint = f"Write `clothsim --{arguments.command}`, or `clothsim COMMAND --help`."
         if arguments.command in names:
             raise InputError("An option stands before the command.", f"Write `clothsim {arguments.command} ...` first.")
         raise InputError(f"There is no command {arguments.command!r}.", hint)

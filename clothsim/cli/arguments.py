@@ -32,20 +32,56 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**settings)  # type: ignore[arg-type]
 
     def error(self, message: str) -> NoReturn:
-        """Raise InputError with argparse's message as a sentence, and the nearest option to one that is not known."""
-        unknown = re.search(r"^unrecognized arguments: .*?(--[\w-]+)", message)
-        question = nearest(unknown[1], self._all_options(), 0.7) if unknown else ""
-        raise InputError(f"{message[:1].upper()}{message[1:]}.", question or f"See `{self.prog} --help`.")
+        """Raise InputError with argparse's message as a sentence."""
+        raise InputError(f"{message[:1].upper()}{message[1:]}.", f"See `{self.prog} --help`.")
 
-    def _all_options(self) -> list[str]:
-        """The long options of this parser and of its commands, but for earlier words."""
-        found: list[str] = []
+    def parsed(self, words: Sequence[str]) -> argparse.Namespace:
+        """The values of a command line; InputError for a word that its command does not take."""
+        values, unknown = self.parse_known_args(words)
+        if unknown:
+            self._refuse(words, unknown)
+        return values
+
+    def _refuse(self, words: Sequence[str], unknown: Sequence[str]) -> NoReturn:
+        """InputError with the option of the command that is meant, or the key that --set changes."""
+        command = self._of(words)
+        given, *_ = [*(word for word in unknown if word.startswith("-")), ""]
+        name, _, value = given.partition("=")
+        value = value or next((word for word in unknown if not word.startswith("-")), "...")
+        options = command._options()
+        long = [option for option in options if name.startswith("--") and option.startswith(name)]
+        hint = f"Did you mean {long[0]!r}?" if long else nearest(name, options, 0.7) if name.startswith("--") else ""
+        key = nearest_key(name.lstrip("-").replace("-", "_")) if name and "--set" in options and not hint else ""
+        if key:
+            hint = f"Write it as --set {key}={value}."
+        where = f"`{command.prog}` does not take {' '.join(unknown)}."
+        raise InputError(where, hint or f"`{command.prog} --help` lists what it takes.")
+
+    def _of(self, words: Sequence[str]) -> "Parser":
+        """The parser of the command in some words."""
         for action in self._actions:
             if isinstance(action, argparse._SubParsersAction):
-                found += [option for each in action.choices.values() for option in each._all_options()]
-            elif not isinstance(action, Renamed):
-                found += [option for option in action.option_strings if option.startswith("--")]
-        return found
+                named = next((k for k, word in enumerate(words) if word in action.choices), None)
+                return self if named is None else action.choices[words[named]]._of(words[named + 1 :])
+        return self
+
+    def _options(self) -> list[str]:
+        """Its long options, but for earlier words."""
+        actions = [action for action in self._actions if not isinstance(action, Renamed)]
+        return [option for action in actions for option in action.option_strings if option.startswith("--")]
+
+
+def nearest_key(name: str) -> str:
+    """The path of the key of a scene that an option such as --dt means; empty where there is none.
+
+    Examples
+    --------
+    >>> nearest_key("dt"), nearest_key("fabric"), nearest_key("gpu")
+    ('solver.dt', 'cloth.fabric', '')
+    """
+    sections = {section: content["keys"] for section, content in engine.reference().items() if "," not in section}
+    found = [section for section, keys in sections.items() if name in keys and " " not in section]
+    return f"{found[0]}.{name}" if found else ""
 
 
 class Renamed(argparse.Action):
@@ -150,15 +186,21 @@ def as_direction(option: str, text: str) -> tuple[float, ...] | str:
     return x, y, z
 
 
-def as_positive_number(option: str, text: str) -> float:
+def as_positive_number(option: str, text: str, remedy: str = "Give a positive number.") -> float:
     """A positive finite number."""
     try:
         number = float(text)
     except ValueError:
         number = 0.0
     if not 0 < number < float("inf"):
-        raise InputError(f"{option} is {text!r}.", "Give a positive number.")
+        raise InputError(f"{option} is {text!r}.", remedy)
     return number
+
+
+def as_scale(option: str, text: str | None) -> float | None:
+    """Metres per unit of a file; None where there is no text."""
+    remedy = "Give metres per unit of the file, such as 0.001 where it is in millimetres."
+    return None if text is None else as_positive_number(option, text, remedy)
 
 
 def as_count(option: str, text: str, least: int = 1) -> int:
@@ -236,6 +278,8 @@ def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
     if name not in _VALUES or bool(value) != (_VALUES[name] is not None):
         raise InputError(f"{option} {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
     kind = _VALUES[name]
+    if kind is Path and not Path(value).exists():
+        raise InputError(f"{option} {text}: there is no file {value}.", "Name a mesh, points (.xyz) or a run.")
     try:
         return gradients.named_loss(name, world, None if kind is None else kind(value))
     except ValueError as error:
@@ -250,22 +294,9 @@ def words(option: str, text: str, example: str = "youngs_modulus,bending_stiffne
     return names
 
 
-def existing_file(path: Path, what: str) -> Path:
-    """Return a file, or the installed scene of that name. InputError where there is neither."""
-    file = engine.example_file(path)
-    if not file.exists():
-        raise InputError(f"There is no file {path}.", f"Name {what}.")
-    return file
-
-
-def body_file(path: Path | None) -> Path | None:
-    """Return a body file, or the installed scene of that name."""
-    return None if path is None else existing_file(path, "a mesh file, or a scene with a body, as shirt (a mannequin)")
-
-
 def meshed(file: Path, size: str) -> "PatternMesh":
     """Return the mesh of a pattern file with a size such as "2cm", as a dressed garment has it."""
-    return patterns.mesh_pattern(patterns.read_specification(file), as_length("--size", size))
+    return patterns.mesh_pattern(patterns.read_specification(file), as_length("--size", size, "2cm"))
 
 
 def scene_of(arguments: argparse.Namespace, or_run: bool = False) -> "Scene":

@@ -17,6 +17,7 @@ from clothsim.cli.arguments import (
     as_count,
     as_positive_number,
     as_range,
+    as_scale,
     refuse_output,
 )
 from clothsim.cli.report import DONE, FAILED, Report
@@ -112,7 +113,8 @@ def _examined(arguments: argparse.Namespace) -> "engine.Examination":
         raise InputError("--body-group, --body-scale, --part, --weld and -o need --on.", "Name the body: --on BODY.")
     if arguments.on is not None:
         if arguments.body or arguments.group or arguments.component or not is_mesh:
-            raise InputError("--on is for a mesh file, without --body, --group and --component.", "Try --part LO:HI.")
+            remedy = "Try --part LO:HI." if is_mesh else "Name the mesh of the garment first: GARMENT.obj --on BODY."
+            raise InputError("--on is for a mesh file, without --body, --group and --component.", remedy)
         return _examined_penetration(arguments)
     if arguments.motion and target.suffix != ".toml":
         raise InputError(f"{target} is no scene.", "--motion is for scenes with a body model.")
@@ -120,7 +122,7 @@ def _examined(arguments: argparse.Namespace) -> "engine.Examination":
         return engine.examined(target, motion=arguments.motion)
     part: dict[str, Any] = {"group": arguments.group}
     if arguments.scale is not None:
-        part["scale"] = as_positive_number("--scale", arguments.scale)
+        part["scale"] = as_scale("--scale", arguments.scale)
     if arguments.component is not None:
         part["component"] = 0 if arguments.component == "0" else as_count("--component", arguments.component)
     return engine.examined(target, "body" if arguments.body else None, **part)
@@ -168,20 +170,16 @@ def _pattern_lines(pattern: "Pattern") -> Iterator[str]:
 
 def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination":
     """The examination of a garment on a body: an error where a vertex is inside or triangles intersect."""
-
-    def number(option: str, text: str | None) -> float | None:
-        return None if text is None else as_positive_number(option, text)
-
     if not arguments.on.exists():
         raise InputError(f"There is no {arguments.on}.", "Name the file of a body.")
     report = on_demand.read_penetration_report(
         arguments.target,
         arguments.on,
-        scale=number("--scale", arguments.scale),
-        body_scale=number("--body-scale", arguments.body_scale),
+        scale=as_scale("--scale", arguments.scale),
+        body_scale=as_scale("--body-scale", arguments.body_scale),
         body_group=arguments.body_group,
         part=None if arguments.part is None else as_range("--part", arguments.part),
-        weld=number("--weld", arguments.weld) or 0.0,
+        weld=0.0 if arguments.weld is None else as_positive_number("--weld", arguments.weld),
     )
     entries = list(on_demand.entries(report))
     notes = [*report.notes, *(entry for entry in entries if isinstance(entry, str))]

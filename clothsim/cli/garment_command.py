@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import clothsim
-from clothsim import engine, render
+from clothsim import render
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.text import length
@@ -18,8 +18,7 @@ from clothsim.cli.arguments import (
     as_length,
     as_positive_number,
     as_range,
-    body_file,
-    existing_file,
+    as_scale,
 )
 from clothsim.cli.report import Report, messages
 
@@ -150,12 +149,12 @@ def _fit(arguments: argparse.Namespace) -> Report:
     message = messages(arguments, arguments.garment)
     with progress.shown(arguments.quiet) as listener:
         done = clothsim.fit(
-            existing_file(arguments.garment, "the mesh file of the garment, or a scene with it"),
-            body_file(arguments.to),
-            body_file(arguments.made_for),
+            arguments.garment,
+            arguments.to,
+            arguments.made_for,
             directory,
-            scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
-            scale_to=None if arguments.scale_to is None else as_positive_number("--scale-to", arguments.scale_to),
+            scale=as_scale("--scale", arguments.scale),
+            scale_to=as_scale("--scale-to", arguments.scale_to),
             body_group=arguments.body_group,
             part=None if arguments.part is None else as_range("--part", arguments.part),
             weld=0.0 if arguments.weld is None else as_positive_number("--weld", arguments.weld),
@@ -244,7 +243,7 @@ def as_factors(given: list[str]) -> dict[str, float]:
             raise InputError(f"--grade is {text!r}.", "Write NAME=FACTOR, as waist=1.05.")
         if name in found:
             raise InputError(f"--grade names {name} twice.", "Give one factor.")
-        found[name] = as_positive_number("--grade", factor)
+        found[name] = as_positive_number("--grade", factor, "Write NAME=FACTOR, as waist=1.05 for 5 % more.")
     return found
 
 
@@ -259,31 +258,33 @@ def _dress(arguments: argparse.Namespace) -> Report:
     refuse_replacing([directory / name for name in drawn], arguments.overwrite)
 
     message = messages(arguments, arguments.patterns[0])
-    patterns = [engine.example_file(pattern, "_specification.json") for pattern in arguments.patterns]
-    body = body_file(arguments.on)
     settings: dict[str, Any] = {
-        "size": as_length("--size", arguments.size),
+        "size": as_length("--size", arguments.size, "2cm"),
         "fabric": arguments.fabric,
         "fabrics": as_fabrics(arguments.fabric_of),
-        "made_for": body_file(arguments.made_for),
+        "made_for": arguments.made_for,
         "grade": as_factors(arguments.grade),
         "waistband": arguments.waistband,
         "origin": arguments.origin,
         "rotation_order": arguments.rotation_order,
-        "scale": None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
+        "scale": as_scale("--scale", arguments.scale),
         "body_group": arguments.body_group,
         "overwrite": arguments.overwrite,
         "on_stage": lambda stage: message(_stage(stage)),
     }
     with progress.shown(arguments.quiet) as listener:
         if several:
-            worn = clothsim.outfit(patterns, body, directory, over=arguments.over, progress=listener, **settings)
+            settings |= {"over": arguments.over}
+            worn = clothsim.outfit(arguments.patterns, arguments.on, directory, progress=listener, **settings)
             trouble = [] if arguments.no_picture else _drawn(directory, [("picture", lambda: _draw_outfit(worn))])
             status, lines = worn.status, _outfit_verdict(worn)
         else:
-            if body is None:
-                raise InputError("There is no body.", "Give it: --on BODY.")
-            done = clothsim.dress(patterns[0], body, directory, seams=arguments.seams, progress=listener, **settings)
+            if arguments.on is None:
+                raise InputError("There is no body.", "Give it: --on BODY; `--on shirt` is a mannequin.")
+            pattern = arguments.patterns[0]
+            done = clothsim.dress(
+                pattern, arguments.on, directory, seams=arguments.seams, progress=listener, **settings
+            )
             trouble = _pictures(done, not arguments.no_picture, arguments.movie)
             status, lines = done.status, _dress_verdict(done)
     summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None

@@ -19,9 +19,8 @@ from clothsim.cli.arguments import (
     add_set,
     as_count,
     as_length,
-    as_positive_number,
+    as_scale,
     assigned_number,
-    existing_file,
     meshed,
     scene_of,
     words,
@@ -75,6 +74,10 @@ Find the numbers with which a scene, fabric or pattern hangs as in a target or i
 """
 
 
+NUMBERS = "Name the numbers to find, as --free youngs_modulus,pattern.front.width."
+"""Remedy of a recovery without --free."""
+
+
 def _recover(arguments: argparse.Namespace) -> Report:
     if arguments.test is not None:
         return _recover_drape(arguments)
@@ -83,13 +86,14 @@ def _recover(arguments: argparse.Namespace) -> Report:
     for name in ("scene", "target", "free"):
         if getattr(arguments, name) is None:
             option = "SCENE" if name == "scene" else f"--{name}"
-            raise InputError(f"recover needs {option}.", "Or give pictures with --views, outlines with --test cusick.")
+            remedy = NUMBERS if name == "free" else "Or give pictures with --views, outlines with --test cusick."
+            raise InputError(f"recover needs {option}.", remedy)
     if arguments.on is not None:
         raise InputError("--on has no effect without --views.", "Dress the body first, and name its directory.")
     if arguments.folds is not None or arguments.no_twins:
         raise InputError("--folds and --no-twins have no effect without --views.", "Leave them out.")
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts or "2")
-    scale = as_positive_number("--scale", arguments.scale or "1")
+    scale = as_scale("--scale", arguments.scale) or 1.0
     if not arguments.target.exists():
         raise InputError(f"There is no {arguments.target}.", "Name a mesh, an .xyz file or a run with --target.")
     scene = scene_of(arguments, or_run=True)
@@ -132,7 +136,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
     if arguments.target is not None:
         raise InputError("--target has no effect with --views.", "Give one of them.")
     if arguments.free is None:
-        raise InputError("recover needs --free.", "Name numbers, as pattern.front.width,bending_stiffness.")
+        raise InputError("recover needs --free.", NUMBERS)
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts or "1")
     if not arguments.views.is_file():
         raise InputError(f"There is no {arguments.views}.", "Write a TOML file with a table [[view]] for each picture.")
@@ -197,11 +201,14 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
         raise InputError("--on needs --pattern and -o, and no SCENE.", "The pattern is sewn on the body first.")
     inputs = (arguments.pattern, arguments.on, arguments.views)
     engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
-    pattern = existing_file(engine.example_file(arguments.pattern, "_specification.json"), "a pattern, as tunic")
-    body = existing_file(arguments.on, "a body: a mesh file, or a scene with one, as shirt")
+    pattern = engine.example_file(arguments.pattern, "_specification.json", "a pattern, as tunic")
+    body = engine.example_file(arguments.on, what="a body: a mesh file, or a scene with one, as shirt")
     tell = messages(arguments, f"{arguments.pattern} on {arguments.on}")
-    folder, size = arguments.output.with_name(f"{arguments.output.name}_{DRESSED}"), as_length("--size", arguments.size)
-    scale = None if arguments.scale is None else as_positive_number("--scale", arguments.scale)
+    folder, size = (
+        arguments.output.with_name(f"{arguments.output.name}_{DRESSED}"),
+        as_length("--size", arguments.size, "2cm"),
+    )
+    scale = as_scale("--scale", arguments.scale)
     worn = clothsim.dress(
         pattern,
         body,

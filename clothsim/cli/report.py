@@ -103,15 +103,15 @@ SILENCE = 8.0
 """Longest time of a command without a line [s]."""
 
 
-class _Heard:
+class _WatchedStream:
     """A stream that notes when it was written to; all else is that of the stream itself."""
 
-    def __init__(self, stream: IO[str], heard: deque[float], over: Event) -> None:
-        self._stream, self._heard, self.over = stream, heard, over
+    def __init__(self, stream: IO[str], written: deque[float], over: Event) -> None:
+        self._stream, self._written, self.over = stream, written, over
 
     def write(self, text: str) -> int:
         """Write, and note the time."""
-        self._heard.append(monotonic())
+        self._written.append(monotonic())
         return self._stream.write(text)
 
     def __getattr__(self, name: str) -> Any:
@@ -125,12 +125,12 @@ def never_silent(words: Sequence[str]) -> Iterator[None]:
         yield
         return
     before, over = (sys.stdout, sys.stderr), Event()
-    heard: deque[float] = deque([monotonic()], maxlen=1)
-    sys.stdout, sys.stderr = (cast("TextIO", _Heard(stream, heard, over)) for stream in before)
+    written: deque[float] = deque([monotonic()], maxlen=1)
+    sys.stdout, sys.stderr = (cast("TextIO", _WatchedStream(stream, written, over)) for stream in before)
 
     def watch() -> None:
         while not over.wait(1.0):
-            if monotonic() - heard[-1] > SILENCE:
+            if monotonic() - written[-1] > SILENCE:
                 print(f"still at work ({monotonic() - began:.0f} s)", file=sys.stderr, flush=True)
 
     began = monotonic()
@@ -144,7 +144,7 @@ def never_silent(words: Sequence[str]) -> Iterator[None]:
 
 def end_watch() -> None:
     """No further line of `never_silent`: from here on a command waits for a person, as a page does."""
-    if isinstance(sys.stdout, _Heard):  # stderr may be the stream of --json
+    if isinstance(sys.stdout, _WatchedStream):  # stderr may be the stream of --json
         sys.stdout.over.set()
 
 

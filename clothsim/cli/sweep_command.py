@@ -99,4 +99,6 @@ def _table(rows: list[dict[str, Any]]) -> str:
         ]
         for row in rows
     ]
-    return text_table([*keys, "verdict", "Newton", "CPU s", "drape"], lines)
+    table = text_table([*keys, "verdict", "Newton", "CPU s", "drape"], lines)
+    reasons = [f"{row['id']}: {row['reason']}" for row in rows if not row["usable"]]
+    return "\n".join([table, *reasons])

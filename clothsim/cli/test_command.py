@@ -44,7 +44,7 @@ def _test(arguments: argparse.Namespace) -> Report:
     engine.fabric_named("FABRIC", arguments.fabric)
     lays = None if arguments.lays is None else as_count("--lays", arguments.lays)
     cloth = {"fabric": arguments.fabric, **dict(assigned_number(text) for text in arguments.set)}
-    size = {} if arguments.size is None else {"size": as_length("--size", arguments.size)}
+    size = {} if arguments.size is None else {"size": as_length("--size", arguments.size, "6mm")}
     if arguments.output is not None:
         refuse_replacing([arguments.output / name for name in (TEST_NAME, DRAPE_NAME)], arguments.overwrite)
     message = messages(arguments, f"{arguments.fabric} by {arguments.method}")

@@ -15,7 +15,7 @@ from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import renamed
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.base.stopwatch import Stopwatch
-from clothsim.engine import Fabric, refuse_earlier_run
+from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import stretch_range, worst_gap
 from clothsim.garments.dress.corrections import lifted
@@ -27,7 +27,7 @@ from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turn
 from clothsim.garments.dress.rings import arms_between, lowered_to_crotch
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.fit.moving_body import BODY, REST, START
-from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
+from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh, stands
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, run_stages
 from clothsim.garments.tightness import Tightness, tight_entries
@@ -270,6 +270,7 @@ def dress(
     """
     watch = Stopwatch()
     chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
+    pattern = example_file(pattern, "_specification.json", PATTERN_FILE)
     directory = _directory(output, overwrite, (pattern, on, made_for, seams))
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
@@ -294,6 +295,7 @@ def dress(
         *placing_notes,
         *arm_notes,
         *body.notes,
+        *(() if stands(body) else (f"{body.name} is no standing person in metres: give another body, or its --scale",)),
     )
     begun, done = _sewn_in_poses(task, mesh, notes)
     worn = Dress(
@@ -324,18 +326,18 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     """
     own = Wearer(task.body, task.surface)
     in_the_way = arms_between(lifted(as_placed(mesh), task.body, task.surface)[0], own)
-    posed, said = sewing_pose(own, in_the_way)
-    raised = f"sewn with {said}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
-    begun, done = _sewn(task, mesh, posed, (*notes, raised) if said else notes)
+    posed, change = sewing_pose(own, in_the_way)
+    raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
+    begun, done = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
     if not done.failure:
         return begun, done
     second, differently = sewing_pose(own, (*in_the_way, *done.between))
-    if differently == said:
-        if not said:
+    if differently == change:
+        if not change:
             return begun, done
         second, differently = own, "the body in its own pose"
-    again = f"sewn again with {differently}: at first, {done.reason[:1].lower()}{done.reason[1:]}"
-    first, (begun, done) = (begun, done), _sewn(task, mesh, second, (*notes, again))
+    second_note = f"sewn again with {differently}: at first, {done.reason[:1].lower()}{done.reason[1:]}"
+    first, (begun, done) = (begun, done), _sewn(task, mesh, second, (*notes, second_note))
     return first if done.failure and _widest_gap(done) > _widest_gap(first[1]) else (begun, done)
 
 
@@ -373,6 +375,10 @@ def _graded(
         return graded(pattern, body, body, origin, factors) if factors else None
     source = read_body_mesh(made_for, option="made_for") if isinstance(made_for, str | Path) else as_body_mesh(made_for)
     return graded(pattern, source, body, origin, factors)
+
+
+PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, as tunic"
+"""What the name of a pattern must be."""
 
 
 def body_of_wearer(on: Any, scale: float | None, group: str | Sequence[str] | None) -> BodyMesh:

@@ -16,13 +16,14 @@ from clothsim.base.file_writing import write_atomically
 from clothsim.base.inputs import refuse_uncallable
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.base.stopwatch import Stopwatch
-from clothsim.engine import fabric_named, refuse_earlier_run
+from clothsim.engine import example_file, fabric_named, refuse_earlier_run
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
 from clothsim.garments.fit.pipeline import FitState, Task, run_fit
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, read_markers
 from clothsim.garments.fit.wear_check import Distortion, WearCheck, check_wear, cost_of
 from clothsim.garments.inputs import (
+    BODY_FILE,
     BodyMesh,
     Garment,
     as_body_mesh,
@@ -205,6 +206,8 @@ def fit(
     """
     refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
     watch = Stopwatch()
+    garment = example_file(garment, what="the mesh file of the garment, or a scene with it")
+    to, made_for = (example_file(body, what=BODY_FILE) for body in (to, made_for))
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
     refuse_earlier_run(directory, overwrite, LEFT, (garment, to, made_for, markers))
     named = fabric or (garment.fabric if isinstance(garment, Cloth) else Cloth.fabric)

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.engine import body_mesh, build, cloth_mesh, components, refuse_unwearable, worn_shape
+from clothsim.engine import body_mesh, build, cloth_mesh, components, example_file, refuse_unwearable, worn_shape
 from clothsim.files import MeshFile, moved_obj, read_clothes, read_mesh
 from clothsim.garments.fit.pieces import UNDIVIDED, Division, divided
 from transfer.body_frame import BodyFrame, body_frame, legs_score
@@ -214,6 +214,10 @@ def stands(body: BodyMesh) -> bool:
         return False
 
 
+BODY_FILE = "a mesh file, or a scene with a body, as shirt (a mannequin)"
+"""What the name of a body must be."""
+
+
 def read_body_mesh(
     path: str | Path,
     *,
@@ -228,7 +232,7 @@ def read_body_mesh(
     scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does, with the
     option that gives it.
     """
-    file = Path(path)
+    file: Path = example_file(path, what=BODY_FILE)
     if scale is not None:
         scale = as_positive("scale", scale)
     if file.suffix.lower() == ".toml":

@@ -18,9 +18,9 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
-from clothsim.engine import intersecting_pairs, refuse_earlier_run
+from clothsim.engine import example_file, intersecting_pairs, refuse_earlier_run
 from clothsim.garments.dress.pipeline import FRICTION
-from clothsim.garments.dressed import Dress, body_of_wearer, dress, short_name, surface_of
+from clothsim.garments.dressed import PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
 from clothsim.garments.inputs import BodyMesh, as_body_mesh
 from clothsim.garments.penetration import Counts, counted
 from clothsim.garments.stages import Announcement, Listener, StageCallback, dress_drape, named_stage, simulate_stage
@@ -157,6 +157,7 @@ def outfit(
     >>> clothsim.outfit(["trousers.json", "shirt.json"], on="body.obj", output="worn").status  # doctest: +SKIP
     'completed'
     """
+    patterns = [example_file(pattern, "_specification.json", PATTERN_FILE) for pattern in patterns]
     body, worn = _wearer(on, over, scale, body_group)
     names = _names(patterns, [each.name for each in worn])
     if output is None:

@@ -196,6 +196,10 @@ class Girth(Loss):
     height: float
     frame: int = -1
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.height, float | int):
+            raise InputError(f"The height of a girth is {self.height!r}.", "Give the height of the plane in metres.")
+
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
         """Return the sum of |p - q| over the cut triangles, p and q on their edges."""
         above = positions[:, 2] > self.height
@@ -258,10 +262,13 @@ def as_loss(loss: Loss | Function) -> Loss:
     """Return a loss, made of a function of the last frame's positions where it is none."""
     if isinstance(loss, Loss):
         return loss
+    if isinstance(loss, type):
+        raise InputError(f"The loss is the class {loss.__name__}.", f"Write {loss.__name__}().")
     if callable(loss):
         return Custom(loss)
     raise InputError(
-        f"A loss is needed, not a value of the type {type(loss).__name__}.", "Give a clothsim.gradients loss."
+        f"A loss is needed, not a value of the type {type(loss).__name__}.",
+        "Give one of clothsim.gradients, as Height(), or a function of the positions.",
     )
 
 

@@ -268,7 +268,7 @@ def recover(
         tuple(each.loss for each in ends),
         runs + known.runs,
     )
-    return _weighed(found, problem, logarithms, known.precision) if prior else found
+    return _combine_with_prior(found, problem, logarithms, known.precision) if prior else found
 
 
 def _refuse_no_prior(paths: Sequence[str], loss: Loss) -> None:
@@ -281,7 +281,7 @@ def _refuse_no_prior(paths: Sequence[str], loss: Loss) -> None:
         raise InputError("The prior needs a loss that is a sum of squares.", "Take a target of points.")
 
 
-def _weighed(found: Recovery, problem: Problem, logarithms: Floats, precision: Floats) -> Recovery:
+def _combine_with_prior(found: Recovery, problem: Problem, logarithms: Floats, precision: Floats) -> Recovery:
     """The numbers and errors given the prior of those that are stiffnesses of bending; the others have none."""
     if np.isnan(precision).any():
         raise ClothsimError("A run beside the minimum failed, so that the prior has no weight.", "Leave it out.")

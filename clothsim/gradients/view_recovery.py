@@ -187,7 +187,7 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
         search.note,
         _fits(fit, last, before),
         twins,
-        _told(fit, last, moves),
+        _errors_of_fewer_pictures(fit, last, moves),
         (),
         float(np.max(np.abs(left) / np.maximum(errors, 1e-300))),
         search.folds,
@@ -300,8 +300,8 @@ def _with_middles(mesh: MeshArrays, held: Ints) -> Ints:
     return np.union1d(held, middles[np.isin(ends, held).all(axis=1)])
 
 
-def _told(fit: ViewFit, last: Seen, moves: Floats) -> dict[str, dict[str, float]]:
-    """Errors of numbers by path as fewer pictures tell them, by their name."""
+def _errors_of_fewer_pictures(fit: ViewFit, last: Seen, moves: Floats) -> dict[str, dict[str, float]]:
+    """Errors of numbers by path by fewer pictures, by the name of these."""
     kinds = {what for _, what in fit.pairs}
     parts: dict[str, Callable[[str, str], bool]] = {}
     if "mask" in kinds and len(kinds) > 1:

@@ -1,5 +1,6 @@
 """Remedies for keys that stand in the wrong section of a scene."""
 
+import difflib
 from collections.abc import Sequence
 
 from clothsim.base.inputs import nearest
@@ -17,7 +18,22 @@ MOST = 3
 
 def section_remedy(name: str, sections: Sequence[str]) -> str:
     """The section to which a name at the top of a scene belongs, or the nearest section."""
-    return home_of(name) or nearest(name, sections) or f"Known: {', '.join(sections)}."
+    known = f"Known: {', '.join(sections)}."
+    return home_of(name) or nearest(name, sections, 0.75) or nearest_path(name) or nearest(name, sections) or known
+
+
+def nearest_path(name: str) -> str:
+    """A question for the path of the key whose name is much like this one; empty where there is none.
+
+    Examples
+    --------
+    >>> nearest_path("densty"), nearest_path("nothing")
+    ("Did you mean 'cloth.density'?", '')
+    """
+    kinds: tuple[type[KeyTable], ...] = (Solver, RunSettings, ClothTable, BodyTable, *TYPED_EFFECTS.values())
+    known = list(dict.fromkeys(key for kind in kinds for key in keys_of(kind)))
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.75)
+    return f"Did you mean {paths_of(close[0])[0]!r}?" if close else ""
 
 
 def home_of(name: str) -> str:

@@ -180,7 +180,7 @@ def mended(panel: Panel, border: Border) -> tuple[Border, str]:
     Pattern programs draw darts and slits a fraction of a millimetre past the edge that they end at, and necklines that
     leave their corner just outside the shoulder. The corner is drawn back, or the curve is bent inside.
     """
-    points, said = border.points, []
+    points, crossed = border.points, []
     for _ in range(MENDINGS):
         crossing = crossing_sides(points)
         if not len(crossing):
@@ -194,10 +194,10 @@ def mended(panel: Panel, border: Border) -> tuple[Border, str]:
         if not 0 < largest <= MENDED:
             return border, ""
         points = moved
-        said.append(f"edges {edges[0]} and {edges[1]} by {1e3 * largest:.1g} mm")
-    if not said or len(crossing_sides(points)):
+        crossed.append(f"edges {edges[0]} and {edges[1]} by {1e3 * largest:.1g} mm")
+    if not crossed or len(crossing_sides(points)):
         return border, ""
-    return replace(border, points=points), f"{panel.name} crossed itself and was mended: {', '.join(said)}"
+    return replace(border, points=points), f"{panel.name} crossed itself and was mended: {', '.join(crossed)}"
 
 
 def _opened(panel: Panel, border: Border, points: Floats, edges: Ints, sides: Ints) -> Floats:

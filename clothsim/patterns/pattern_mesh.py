@@ -193,6 +193,16 @@ def refuse_too_fine(pattern: Pattern, spacing: float) -> None:
         )
 
 
+def refuse_too_coarse(pattern: Pattern, spacing: float) -> None:
+    """InputError for a size that no panel has: of another unit."""
+    largest = max(float(np.ptp(panel.vertices, axis=0).max()) for panel in pattern.panels.values())
+    if spacing > largest:
+        raise InputError(
+            f"The size of the mesh is {spacing:.3g} m, and the largest panel is {largest:.2g} m long.",
+            "Give it with its unit, as --size 2cm; in Python in metres, as 0.02.",
+        )
+
+
 NARROWEST = 1e-3
 """Height of a triangle below which it counts as flat, as a fraction of its longest side."""
 
@@ -285,12 +295,13 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     spacing = as_positive("The size of the mesh", spacing)
     turned = turned_panels(pattern)
     refuse_too_fine(pattern, spacing)
+    refuse_too_coarse(pattern, spacing)
     pattern = without_slivers(pattern, spacing)
     sampled = borders(pattern, spacing)
-    said = []
+    repairs = []
     for panel in pattern.panels.values():
         sampled[panel.name], note = mended(panel, sampled[panel.name])
-        said += [note] if note else []
+        repairs += [note] if note else []
         refuse_self_crossing(panel, sampled[panel.name])
     parts, n, m = [], 0, 0
     vertices: dict[str, slice] = {}
@@ -307,7 +318,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         n, m = vertices[name].stop, faces[name].stop
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
-    pattern = replace(pattern, notes=(*pattern.notes, *said, *gather_notes(pattern, spacing)))
+    pattern = replace(pattern, notes=(*pattern.notes, *repairs, *gather_notes(pattern, spacing)))
     fractions = {side: sampled[side.panel].fractions[side.edge] for side in edges}
     return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams, fractions)
 

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from clothsim.run.forces import Forces
     from clothsim.scene.assembly.scene_world import Built
 
+NO_GRADIENT = "Simulate again: clothsim.simulate(scene, differentiable=True)."
 RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate left."
 
 _INTERRUPTED = {"status": "interrupted", "reason": "The run was stopped before its end, or is still going."}
@@ -363,6 +364,10 @@ class Run(Sequence[Frame]):
         refuse_replacing([target], overwrite)
         draw_run(self, target, field=field, progress=progress, **settings)
         return target
+
+    def gradient(self, loss: Any) -> Any:
+        """InputError: the steps of this run were not kept; those of `simulate(scene, differentiable=True)` are."""
+        raise InputError(f"The run {self.directory} kept no steps, and has no gradient.", NO_GRADIENT)
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":
         """Write the frames for other programs, in the format that the ending of the file names.

@@ -115,11 +115,11 @@ def simulate(
         replace_it = overwrite or bool(own)  # solver.error takes several runs
         own.append(some)
         announced = [sessions.append, announce]
-        heard = progress
+        listener = progress
         if progress is not None and len(own) > 1:
             label = f"run {len(own)}"
-            heard = lambda done: progress(replace(done, stage=label))  # noqa: E731
-        return begun_run(some, directory, (heard, on_step), announced, dump_iterates, (replace_it, force))
+            listener = lambda done: progress(replace(done, stage=label))  # noqa: E731
+        return begun_run(some, directory, (listener, on_step), announced, dump_iterates, (replace_it, force))
 
     tell = message or (lambda line: None)
     if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is no scene

@@ -13,8 +13,24 @@ from clothsim.keys.mesh_keys import BodyKeys, ClothKeys, FrameRate, RigidKeys
 from clothsim.scene.mesh_objects import checked_mesh
 
 
+class _Arrays:
+    """Mixin that refuses a name in place of arrays before the keys are looked at."""
+
+    def __new__(cls, *given: Any, **keys: Any) -> Any:
+        """InputError for the name of a file or of a generator."""
+        vertices = given[0] if given else keys.get("vertices")
+        if isinstance(vertices, str | Path):
+            name, table = cls.__name__, {"mesh": str(vertices), **keys}
+            table.pop("vertices", None)
+            raise InputError(
+                f"clothsim.{name} takes arrays or a mesh object, not the name {str(vertices)!r}.",
+                f"Write a table: {name.lower()}={table!r}.",
+            )
+        return super().__new__(cls, *given, **keys)
+
+
 @dataclass(frozen=True, eq=False)
-class Cloth(ClothKeys):
+class Cloth(_Arrays, ClothKeys):
     """A cloth from arrays or a mesh object, with the keys of [cloth].
 
     Parameters
@@ -55,7 +71,6 @@ class Cloth(ClothKeys):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _refuse_file("Cloth", self.vertices)
         made = checked_mesh(self.section, self.vertices, self.triangles, rest=self.rest, groups=self.groups)
         _keep(self, made, "rest", "groups")
 
@@ -65,7 +80,7 @@ class Cloth(ClothKeys):
 
 
 @dataclass(frozen=True, eq=False)
-class Body(BodyKeys, FrameRate):
+class Body(_Arrays, BodyKeys, FrameRate):
     """A body from arrays or a mesh object, with the keys of [[body]].
 
     Parameters
@@ -106,7 +121,6 @@ class Body(BodyKeys, FrameRate):
         super().__post_init__()
         if self.frames is not None and self.motion is not None:
             raise InputError("body has frames and motion.", "Give motion or frames, not both.")
-        _refuse_file("Body", self.vertices)
         _keep(self, checked_mesh(self.section, self.vertices, self.triangles, frames=self.frames), "frames")
 
     def as_table(self) -> dict[str, Any]:
@@ -115,7 +129,7 @@ class Body(BodyKeys, FrameRate):
 
 
 @dataclass(frozen=True, eq=False)
-class Rigid(RigidKeys):
+class Rigid(_Arrays, RigidKeys):
     """A rigid body from arrays or a mesh object, with the keys of [[rigid]].
 
     Parameters
@@ -153,21 +167,11 @@ class Rigid(RigidKeys):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _refuse_file("Rigid", self.vertices)
         _keep(self, checked_mesh(self.section, self.vertices, self.triangles))
 
     def as_table(self) -> dict[str, Any]:
         """The table of [[rigid]] with the arrays as its mesh."""
         return {"mesh": self.arrays, **super().as_table()}
-
-
-def _refuse_file(name: str, vertices: Any) -> None:
-    """InputError for the name of a file in place of arrays."""
-    if isinstance(vertices, str | Path):
-        raise InputError(
-            f"clothsim.{name} takes arrays or a mesh object, not the name {str(vertices)!r}.",
-            f'Name a file in a table: {name.lower()}={{"mesh": {str(vertices)!r}}}.',
-        )
 
 
 def _keep(made: Any, arrays: MeshArrays, *others: str) -> None:

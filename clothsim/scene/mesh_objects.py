@@ -17,6 +17,9 @@ REMEDIES = {
     "PointSet": "Give a surface mesh: vertices and triangles.",
     "PointCloud": "Give a surface mesh: vertices and triangles.",
     "Scene": "Give one mesh of it: scene.to_mesh().",
+    "tuple": "Give two arguments, not a pair: clothsim.Cloth(vertices, triangles), clothsim.Body(vertices, triangles).",
+    "list": "Give two arguments, not one: clothsim.Cloth(vertices, triangles), clothsim.Body(vertices, triangles).",
+    "ndarray": "Give the triangles too: clothsim.Cloth(vertices, triangles), clothsim.Body(vertices, triangles).",
 }
 """Remedies for the objects of these libraries that are no mesh, by the name of their type."""
 

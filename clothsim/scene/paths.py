@@ -20,7 +20,7 @@ from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
 from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth, check_rigid, check_rod
 from clothsim.keys.schema import keys_of
-from clothsim.keys.section_hints import paths_of
+from clothsim.keys.section_hints import paths_of, section_remedy
 from clothsim.keys.value_checks import refuse_unknown
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import SECTIONS, Scene
@@ -160,7 +160,8 @@ def located(scene: Scene, path: str) -> tuple[str, str | int | None, list[str | 
     InputError for another section, for a section alone, and for an entry that is not there or not named among several.
     """
     section, *keys = parts_of(path)
-    refuse_unknown("The scene", [str(section)], SECTIONS)
+    if section not in SECTIONS:
+        raise InputError(f"The scene has no key {section!r}.", section_remedy(str(section), SECTIONS))
     if not keys:
         raise InputError(f"{path!r} names a section, and no key of it.", _EXAMPLES)
     if section == "effects":

@@ -317,8 +317,12 @@ def _matching(name: str) -> tuple[list[Section], str | None]:
     only = None
     if not matching:
         parent, _, only = name.rpartition(".")
-        matching = [section for section in known.values() if section.name in (parent, f"effects.{parent}")]
-        matching = [section for section in matching if only in section.keys]
+        having = [section for section in known.values() if only in section.keys]
+        matching = [
+            section for section in having if parent in ("", section.name) or section.name == f"effects.{parent}"
+        ]
+    if not matching and parent in ("cloth", "body"):  # keys of its generators
+        matching = [section for section in having if section.name.startswith("mesh = ")]
     if not matching:
         raise InputError(f"There is no section or key {name!r}.", _near(name))
     return matching, only

@@ -7,10 +7,11 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import nearest_or_known
+from clothsim.base.inputs import nearest, nearest_or_known
 from clothsim.scene.named_files import named_files
 from clothsim.scene.scene import Scene, make_scene
 
@@ -37,13 +38,26 @@ def scene_file(path: Path) -> Path:
     raise InputError(f"There is no scene file {path} and no installed scene of that name.", _near(path))
 
 
-def example_file(path: Path, ending: str = ".toml") -> Path:
+def example_file(path: Any, ending: str = ".toml", what: str = "") -> Any:
     """The installed file that `path` names where there is no file of that name, else `path`.
 
     ending: ".toml" of the scenes, PATTERN of the sewing patterns. InputError for the name of a scene with its ending.
+
+    what: what the file must be, for the remedy. With it a directory, as of an earlier run of that name, is no file, and
+    InputError where there is none, with the nearest installed name; what is no text or path is left as it is.
     """
-    refuse_ending_of_installed(path)
-    return path if path.exists() else installed(path, ending) or path
+    if what and not isinstance(path, str | Path):
+        return path
+    file = Path(path)
+    refuse_ending_of_installed(file)
+    if file.exists() and not (what and file.is_dir()):
+        return file
+    found = installed(file, ending)
+    if found is None and what and not file.exists():
+        names = [each.name.removesuffix(ending) for folder in folders() for each in folder.glob(f"*{ending}")]
+        near = nearest(file.name, names, CLOSE) if len(file.parts) == 1 and not file.suffix else ""
+        raise InputError(f"There is no file {path}.", near or f"Name {what}.")
+    return found or file
 
 
 def installed(path: Path, ending: str = ".toml") -> Path | None:
@@ -155,6 +169,11 @@ def load_scene(path: str | Path) -> Scene:
     InputError
         Where the file is missing, is no TOML (with the line), or has an unknown key or a bad value.
     """
+    if not isinstance(path, str | Path):
+        kind = type(path).__name__
+        raise InputError(
+            f"A scene file is named by a text, not by a {kind}.", "Of a table make clothsim.Scene(**table)."
+        )
     file = scene_file(Path(path))
     if not file.exists():
         raise InputError(f"There is no scene file {file}.", _near(file))

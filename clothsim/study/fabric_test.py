@@ -153,9 +153,9 @@ def _drapes(name: str, lays: Sequence[cusick.Lay], size: float) -> FabricTest:
     ]
     vertices = len(lays[-1].positions)
     error = f"Mesh of {1e3 * size:g} mm, {vertices} vertices beyond the plate. {MESH_ERROR}"
-    restless = sum(not lay.at_rest for lay in lays)
-    if restless:
-        error += f" {restless} of {len(lays)} lays were not at rest."
+    unfinished = sum(not lay.at_rest for lay in lays)
+    if unfinished:
+        error += f" {unfinished} of {len(lays)} lays were not at rest."
     return FabricTest(name, "cusick", tuple(rows), tuple(specimens), error, lays[-1])
 
 

@@ -80,7 +80,7 @@ class MovingClip:
 
     @property
     def settled(self) -> Any:
-        """The frames that are learned and judged, a slice."""
+        """The frames that are learned and checked, a slice."""
         return slice(int(np.searchsorted(self.times, SETTLED - 1e-9)), None)
 
     @property

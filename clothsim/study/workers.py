@@ -175,12 +175,12 @@ def _listen(worker: _Process, process: "subprocess.Popen[str]") -> None:
     assert process.stdout is not None
     before = 0.0
     for line in process.stdout:
-        said = json.loads(line)
-        if "processor" in said:
-            worker.spent.add(said["processor"] - before)
-            before = said["processor"]
+        message = json.loads(line)
+        if "processor" in message:
+            worker.spent.add(message["processor"] - before)
+            before = message["processor"]
         else:
-            worker.answers.put((worker, said))
+            worker.answers.put((worker, message))
     code = process.wait()
     if worker.process is process:
         worker.process = None
@@ -199,8 +199,8 @@ def main() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     jobs: Queue[str] = Queue()
     Thread(target=_read, args=(jobs,), daemon=True).start()
-    said = Lock()
-    Thread(target=_count, args=(answers, said), daemon=True).start()
+    lock = Lock()
+    Thread(target=_count, args=(answers, lock), daemon=True).start()
     warm = 0.0
     while True:
         job = json.loads(jobs.get())
@@ -208,21 +208,21 @@ def main() -> None:
             started = process_time()
             answer({**job, "scene": job["warm"], "seed": 0})
             warm = process_time() - started
-        _say(answers, said, {"warmup_seconds": warm, **answer(job)})
+        _write_message(answers, lock, {"warmup_seconds": warm, **answer(job)})
 
 
-def _say(answers: TextIO, said: Lock, line: dict[str, Any]) -> None:
+def _write_message(answers: TextIO, lock: Lock, line: dict[str, Any]) -> None:
     """Write a line of JSON, after what the process has taken so far, where it is an answer."""
     lines = [{"processor": process_time()}, line] if "processor" not in line else [line]
-    with said:
+    with lock:
         print("\n".join(map(json.dumps, lines)), file=answers, flush=True)
 
 
-def _count(answers: TextIO, said: Lock) -> None:
+def _count(answers: TextIO, lock: Lock) -> None:
     """Say what the process has taken, as long as it lives."""
     while True:
         sleep(TICK)
-        _say(answers, said, {"processor": process_time()})
+        _write_message(answers, lock, {"processor": process_time()})
 
 
 def _read(jobs: "Queue[str]") -> None:

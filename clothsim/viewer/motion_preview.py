@@ -11,7 +11,7 @@ from typing import Any
 from clothsim import Scene
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
-from clothsim.engine import MovingGarment, judged_motion
+from clothsim.engine import MovingGarment, checked_motion
 from clothsim.viewer.gate import Gate
 from clothsim.viewer.page import up_direction
 from clothsim.viewer.preview import CLEAR, DRAPED, add_surfaces, put_cloth
@@ -32,10 +32,10 @@ class MotionPreview(Served):
         Frames a second of the motion [1/s].
     up : (3,) array
         Unit vector; across it the view follows the figure.
-    frames : list of JudgedFrame
-        Those that are judged so far; all others follow in their order.
+    frames : list of CheckedFrame
+        Those that are checked so far; all others follow in their order.
     fault : str
-        Why no more follow; empty where all are judged.
+        Why no more follow; empty where all are checked.
     """
 
     rate: float
@@ -47,7 +47,7 @@ class MotionPreview(Served):
         return f"<MotionPreview of {len(self.frames)} frames at {self.url}>"
 
     def show(self, number: int) -> Any:
-        """Show a frame with its verdict, and return it: the last that is judged, where it is a later one."""
+        """Show a frame with its verdict, and return it: the last that is checked, where it is a later one."""
         with self._lock:
             frame = self.frames[min(number, len(self.frames) - 1)]
             way = frame.cloth.mean(axis=0) - self.frames[0].cloth.mean(axis=0)
@@ -63,7 +63,7 @@ class MotionPreview(Served):
         """How many frames have each verdict."""
         counts = Counter(frame.verdict for frame in self.frames)
         text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in COLOURS)
-        return f"{len(self.frames)} frames judged: {text}." + (f" **{self.fault}**" if self.fault else "")
+        return f"{len(self.frames)} frames checked: {text}." + (f" **{self.fault}**" if self.fault else "")
 
     def play(self) -> None:
         """Go from frame to frame at the rate of the motion, where Play is ticked, until the page is closed."""
@@ -84,7 +84,7 @@ def verdict_text(frame: Any) -> str:
 def preview_motion(
     scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPBACK, trusted: Sequence[str] = ()
 ) -> MotionPreview:
-    """Serve the page of a garment in motion; frames are judged while the page is shown.
+    """Serve the page of a garment in motion; frames are checked while the page is shown.
 
     Parameters
     ----------
@@ -103,12 +103,12 @@ def preview_motion(
     viser = require_viser()
     garment = MovingGarment.of_scene(scene)
     made = garment.model_in(Path(model))
-    coming = judged_motion(garment, made)
+    coming = checked_motion(garment, made)
     first = next(coming)
     gate = Gate(host, trusted)
     up = up_direction(scene.up)
     page = MotionPreview(made.rate, up, [first], server=serve(viser, gate, port), gate=gate)
-    page.nodes |= add_surfaces(page.server, garment.judge, first, up)
+    page.nodes |= add_surfaces(page.server, garment.surfaces, first, up)
     gui = page.server.gui
     gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     page.controls["verdict"] = gui.add_markdown("")
@@ -117,12 +117,12 @@ def preview_motion(
     page.controls["counts"] = gui.add_markdown("")
     page.controls["frame"].on_update(lambda _: page.show(page.controls["frame"].value))
     page.show(0)
-    for name, work in (("judge", lambda: _judge(page, coming)), ("play", page.play)):
+    for name, work in (("check", lambda: _check(page, coming)), ("play", page.play)):
         threading.Thread(target=work, name=f"clothsim {name}", daemon=True).start()
     return page
 
 
-def _judge(page: MotionPreview, coming: Any) -> None:
+def _check(page: MotionPreview, coming: Any) -> None:
     """Add the frames that are still to come to a page."""
     try:
         for frame in coming:

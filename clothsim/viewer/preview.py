@@ -130,25 +130,25 @@ def preview(
     first = made.predicted(middle)
     gate = Gate(host, trusted)
     page = Preview(made, middle, server=serve(viser, gate, port), gate=gate)
-    page.nodes |= add_surfaces(page.server, made.judge, first, scene.up)
+    page.nodes |= add_surfaces(page.server, made.surfaces, first, scene.up)
     _add_controls(page)
     page.show([each.value for each in page.controls["sliders"]])
     return page
 
 
-def add_surfaces(server: "viser.ViserServer", judge: Any, first: Any, up: Any) -> dict[str, Any]:
-    """Add the surfaces of a judge with the positions of a first prediction, and return their nodes by role."""
+def add_surfaces(server: "viser.ViserServer", surfaces: Any, first: Any, up: Any) -> dict[str, Any]:
+    """Add the surfaces of a scene with the positions of a first prediction, and return their nodes by role."""
     add_background(server)
     everything = np.concatenate([first.cloth, *first.bodies])
     look_at(server, everything, up)
     nodes: dict[str, Any] = {"cloths": [], "bodies": []}
-    for part in judge.cloths:
+    for part in surfaces.cloths:
         low, high = int(part.triangles.min()), int(part.triangles.max()) + 1
         points, faces = everything[low:high].astype(np.float32), (part.triangles - low).astype(np.uint32)
         nodes["cloths"].append(
             server.scene.add_mesh_simple(f"/cloth/{part.name}", points, faces, color=CLEAR, side="double")
         )
-    for part, points in zip(judge.bodies, first.bodies, strict=True):
+    for part, points in zip(surfaces.bodies, first.bodies, strict=True):
         nodes["bodies"].append(add_body(server, part.name, points, part.triangles - int(part.triangles.min())))
     return nodes
 

@@ -3,7 +3,7 @@
 `python -m tests.benchmarks.drape_refinement [--body FILE] [--depths 10,30] [--chain]`.
 
 The garment is the torso of a body, 5 mm outside it; the body is then inflated along its vertex normals, so that all of
-the garment is inside. Judged by the exact test. --chain adds what a fit makes of it before its drape: DRAPE and, where
+the garment is inside. Checked by the exact test. --chain adds what a fit makes of it before its drape: DRAPE and, where
 that does not free the garment, the guaranteed path, which takes minutes on a body of thousands of vertices.
 """
 

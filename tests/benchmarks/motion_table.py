@@ -5,9 +5,9 @@ kind of motion, and bodies):
 
 * the error, a root mean square distance of a vertex, in mm and in multiples of the twins' floor: the distance of each
   clip to the same clip from a start that is moved by a millionth of its size;
-* beside the models, `last frame`: the first frame that is judged, as it was simulated, skinned through the motion;
+* beside the models, `last frame`: the first frame that is checked, as it was simulated, skinned through the motion;
 * vertices inside the body before repair;
-* for some clips of each set the verdicts of `judged_motion` on the best model, the time of each part, and that of the
+* for some clips of each set the verdicts of `checked_motion` on the best model, the time of each part, and that of the
   simulation in the same process.
 """
 
@@ -27,7 +27,7 @@ from clothsim import Simulation
 from clothsim.base.arrays import Floats
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.text import text_table
-from clothsim.engine import example_file, judged_motion
+from clothsim.engine import checked_motion, example_file
 from clothsim.study.farm.drape import drape
 from clothsim.study.farm.plan import Farm, open_farm, plan
 from clothsim.study.farm.publication import processor
@@ -110,11 +110,11 @@ def simulated(clip: MovingClip) -> float:
     return process_time() - began
 
 
-def judged(clip: MovingClip, model: MotionModel) -> dict[str, Any]:
+def checked(clip: MovingClip, model: MotionModel) -> dict[str, Any]:
     """Verdicts, processor time of each part [s], and the error after repair [m] of a clip as a model predicts it."""
-    frames = list(judged_motion(clip.garment, model))
+    frames = list(checked_motion(clip.garment, model))
     for frame in frames:
-        assert clip.garment.judged(frame.cloth, frame.time).clean, f"{clip.id} at {frame.time:g} s"
+        assert clip.garment.checked(frame.cloth, frame.time).clean, f"{clip.id} at {frame.time:g} s"
     seconds: Counter[str] = Counter()
     for frame in frames:
         seconds.update(frame.seconds)
@@ -135,11 +135,11 @@ def spread(own: Sequence[MovingClip], count: int) -> list[MovingClip]:
 
 
 def verdicts(learned: LearnedMotion, clips: Sequence[MovingClip], count: int) -> list[dict[str, Any]]:
-    """Rows of `judged` for some clips of each held-out set, with the time of the simulation in the same process."""
+    """Rows of `checked` for some clips of each held-out set, with the time of the simulation in the same process."""
     rows = []
     for part in HELD:
         for clip in spread([clips[k] for k in learned.division.rows(part)], count):
-            row = judged(clip, learned.models[learned.best])
+            row = checked(clip, learned.models[learned.best])
             rows.append({"set": part, "model": learned.best, "simulation": simulated(clip), **row})
             print(json.dumps(rows[-1]), flush=True)
     return rows
@@ -151,7 +151,7 @@ def text_of(report: dict[str, Any]) -> str:
     lines = [[name, *(_cell(report["errors"][part][name]) for part in HELD)] for name in names]
     rates = []
     for part in HELD:
-        rows = [row for row in report["judged"] if row["set"] == part]
+        rows = [row for row in report["checked"] if row["set"] == part]
         frames, spent = sum(row["frames"] for row in rows), Counter[str]()
         counts: Counter[str] = Counter()
         for row in rows:
@@ -180,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--held-kind", help="kind of motion that is held out (default: drawn)")
     parser.add_argument("--held-bodies", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--judged", type=int, default=2, help="clips of each set that are judged frame by frame")
+    parser.add_argument("--checked", type=int, default=2, help="clips of each set that are checked frame by frame")
     parser.add_argument("-o", "--output", type=Path, help="the table as JSON")
     given = parser.parse_args(arguments)
     farm = farm_of(given.folder, given.recipe, given.count, given.as_it_is)
@@ -203,7 +203,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "best": learned.best,
         "validation": {name: each["validation"] for name, each in learned.errors.items()},
         "errors": errors(learned, clips, twins),
-        "judged": verdicts(learned, clips, given.judged),
+        "checked": verdicts(learned, clips, given.checked),
     }
     if given.output is not None:
         write_atomically(given.output, json.dumps(report, indent=1).encode())

@@ -121,14 +121,18 @@ def test_bad_input_is_a_sentence_and_a_remedy(words, sentence, capsys):
     assert lines[1]
 
 
-def test_a_garment_may_be_an_installed_scene_by_name(monkeypatch):
+@pytest.mark.parametrize("there", [False, True], ids=["nothing", "a directory of that name"])
+def test_a_garment_may_be_an_installed_scene_by_name(tmp_path, monkeypatch, there):
+    """Also where an earlier run has left a directory of that name."""
+    monkeypatch.chdir(tmp_path)
     given = []
 
-    def recorded(*arguments, **_):
-        given.extend(arguments)
+    def recorded(file):
+        given.append(file.name)
         raise InputError("Far enough.")
 
-    monkeypatch.setattr("clothsim.fit", recorded)
-    assert main(["fit", "shirt", "--to", "shirt_large", "--quiet"]) == 2
-    assert [file.name for file in given[:2]] == ["shirt.toml", "shirt_large.toml"]
-    assert given[2] is None
+    if there:
+        (tmp_path / "shirt").mkdir()
+    monkeypatch.setattr("clothsim.garments.fitted.worn_in_scene", recorded)
+    assert main(["fit", "shirt", "--to", "shirt_large", "-o", "out", "--quiet", "--no-picture"]) == 2
+    assert given == ["shirt.toml"]

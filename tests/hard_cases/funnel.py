@@ -49,7 +49,7 @@ def through(run: Run) -> str:
     Cloth beside the neck is no fault: what has left it springs open, and a corner may fold up over the neck's end. An
     edge is through the wall where it goes out of both circles between which the wall's polygon lies, INSIDE and NECK,
     at a height of the neck; one that passes close under the end may do so at the outer circle alone. What else cuts the
-    wall is the exact test's to find, which judges each frame too.
+    wall is the exact test's to find, which checks each frame too.
     """
     for time, x in zip(run.times, frames(run), strict=True):
         ways = np.stack([ways_out(x, run.triangles, radius) for radius in (INSIDE, NECK)])

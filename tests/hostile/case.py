@@ -101,7 +101,7 @@ class Outcome:
     text: str
 
 
-def judged(case: Case, folder: Path, code: int | None, text: str, figures: tuple[float, float, float]) -> Outcome:
+def checked(case: Case, folder: Path, code: int | None, text: str, figures: tuple[float, float, float]) -> Outcome:
     """The outcome by exit code (None: it did not end; below 0: a signal), output and (seconds, silence, memory)."""
     seconds, silence, memory = figures
     got = "hung" if code is None else CODES.get(code, "fell")

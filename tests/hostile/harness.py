@@ -20,7 +20,7 @@ import clothsim
 from clothsim import engine, files, gradients, patterns, render
 from clothsim.base.errors import MissingPackageError
 from clothsim.cli import main, on_demand
-from tests.hostile.case import MOST_SECONDS, Case, Outcome, judged
+from tests.hostile.case import MOST_SECONDS, Case, Outcome, checked
 
 WALL = 10 * MOST_SECONDS
 """Largest time on the clock, of a machine that others use too [s]."""
@@ -51,7 +51,7 @@ def run_case(case: Case, place: Path) -> Outcome:
     for words in case.before:
         _watched(Case(case.name, words, ""), folder)
     code, text, figures = _watched(case, folder)
-    outcome = judged(case, folder, code, text, figures)
+    outcome = checked(case, folder, code, text, figures)
     changed = {name for name in before ^ _listed(place) if not name[0].startswith("here")}
     if changed and not outcome.wrong:
         return Outcome(outcome.got, *figures, f"outside of its folder: {sorted(changed)[0][0]}", text)
@@ -70,7 +70,7 @@ def run_here(case: Case, folder: Path) -> Outcome:
         code = int(end.code or 0)
     finally:
         os.chdir(home)
-    return judged(case, folder, code, out.getvalue(), (time.process_time() - begun, 0.0, 0.0))
+    return checked(case, folder, code, out.getvalue(), (time.process_time() - begun, 0.0, 0.0))
 
 
 def _listed(place: Path) -> set[tuple[str, int]]:

@@ -1,11 +1,11 @@
-"""The small form of the list, in this process; and that the judge and the oracle see what is wrong."""
+"""The small form of the list, in this process; and that the check and the oracle see what is wrong."""
 
 import numpy as np
 import pytest
 import trimesh
 
 from tests.hostile import meshes, motions, scenes, sewing, words
-from tests.hostile.case import Case, judged
+from tests.hostile.case import Case, checked
 from tests.hostile.drawn import as_toml, drawn, drawn_cases
 from tests.hostile.harness import run_here
 from tests.hostile.oracle import crossing_pairs, last_frame
@@ -37,13 +37,13 @@ def test_the_small_form_has_some_of_every_room():
         (None, "", "hung"),
     ],
 )
-def test_the_judge(tmp_path, code, text, got):
+def test_the_check(tmp_path, code, text, got):
     case = Case("x", "x", "refused")
-    outcome = judged(case, tmp_path, code, text, (1.0, 1.0, 1e8))
+    outcome = checked(case, tmp_path, code, text, (1.0, 1.0, 1e8))
     assert outcome.got == got
     assert bool(outcome.wrong) == (got != "refused")
-    assert judged(case, tmp_path, 2, text, (1.0, 11.0, 1e8)).wrong
-    assert judged(case, tmp_path, 2, text, (1.0, 1.0, 3e9)).wrong
+    assert checked(case, tmp_path, 2, text, (1.0, 11.0, 1e8)).wrong
+    assert checked(case, tmp_path, 2, text, (1.0, 1.0, 3e9)).wrong
 
 
 def test_the_oracle_counts_what_crosses():

@@ -1,6 +1,6 @@
 """Cylindrical bending of plates: columns of vertices tied at a fixed distance (docs/results/validation.md, A3).
 
-The unknowns are the slopes of the cells, x = P(slopes). So the numbers judge bending and the clamp alone, not the
+The unknowns are the slopes of the cells, x = P(slopes). So the numbers show bending and the clamp alone, not the
 membrane. nu = 0, so B = D.
 """
 

@@ -1,4 +1,4 @@
-"""Garments in motion: sets without leaks, a farm of clips learned and judged, files and farms that are refused."""
+"""Garments in motion: sets without leaks, a farm of clips learned and checked, files and farms that are refused."""
 
 import json
 from contextlib import nullcontext

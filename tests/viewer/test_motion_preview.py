@@ -9,13 +9,13 @@ from moving_garments import moving_scene, skinned_model
 from clothsim import InputError
 from clothsim.base.arrays import write_arrays
 from clothsim.engine import MovingGarment
-from clothsim.run.judged_motion import JudgedFrame
+from clothsim.run.checked_motion import CheckedFrame
 
 
 def frames_of(garment):
     for k, verdict in enumerate(("certified", "repaired", "simulated")):
-        found = garment.judged(garment.start + np.array([2.0 * k, 0.0, k]), 0.04 * k)
-        yield JudgedFrame(0.04 * k, verdict, found.cloth, found.bodies, found, {"test": 0.01})
+        found = garment.checked(garment.start + np.array([2.0 * k, 0.0, k]), 0.04 * k)
+        yield CheckedFrame(0.04 * k, verdict, found.cloth, found.bodies, found, {"test": 0.01})
     raise InputError("It stops here.")
 
 
@@ -25,7 +25,7 @@ def test_the_figure_moves_with_its_verdicts(tmp_path, monkeypatch):
 
     garment = MovingGarment.of_scene(moving_scene())
     file = write_arrays(tmp_path / "model.npz", skinned_model(garment).arrays())
-    monkeypatch.setattr(motion_preview, "judged_motion", lambda garment, _: frames_of(garment))
+    monkeypatch.setattr(motion_preview, "checked_motion", lambda garment, _: frames_of(garment))
     page = motion_preview.preview_motion(garment.scene, file, port=18_785)
     try:
         page.controls["play"].value = False

@@ -227,7 +227,7 @@ def _read(file: Path) -> Polygons:
     if ending not in (*ENDINGS, *USD_ENDINGS):
         known = ", ".join((*ENDINGS, *USD_ENDINGS))
         raise InputError(f"{file} has an unknown ending {ending!r}.", f"Known are {known}.")
-    content = read_regular_file(file)
+    content = read_regular_file(file, remedy="Correct the path of the mesh file.")
     if not content.strip():
         raise InputError(f"{file} is empty.")
     if ending in USD_ENDINGS:

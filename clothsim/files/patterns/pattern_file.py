@@ -3,7 +3,6 @@
 A sewing file is TOML that names the seams of a drawing's pieces, and places them in space.
 """
 
-import difflib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -15,6 +14,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
+from clothsim.base.inputs import refuse_unknown
 from clothsim.files.patterns.dxf.drawing import SEW, UNITS, Drawing, Piece, read_drawing
 from clothsim.files.patterns.dxf.outline import Part, edges_of, loop_of, polygon, reflected, unfolded
 from clothsim.patterns.pattern import Panel, Pattern, Side, Stitch
@@ -101,7 +101,7 @@ def read_sewing_file(path: Path) -> SewingFile:
 
 def sewing_of(data: Mapping[str, Any]) -> SewingFile:
     """Entries of a sewing file as tables. InputError as `read_sewing_file`."""
-    _refuse_unknown("The file", data, TOP)
+    refuse_unknown("The file", data, TOP)
     units = _take_value(data, "units", str, "")
     if units and units not in UNITS:
         raise InputError(f"units is {units!r}.", f"Known: {', '.join(UNITS)}.")
@@ -126,7 +126,7 @@ def _panel_keys(name: str, keys: Any, notches: bool) -> PanelKeys:
     where = f"panels.{name}"
     if not isinstance(keys, Mapping):
         raise InputError(f"{where} is no table.", f"Write [{where}] and its keys below.")
-    _refuse_unknown(where, keys, OF_PANEL)
+    refuse_unknown(where, keys, OF_PANEL)
     position = keys.get("position")
     return PanelKeys(
         _take_value(keys, "piece", str, name, where),
@@ -143,23 +143,15 @@ def _seam(number: int, keys: Any) -> Stitch:
     where = f"seam {number}"
     if not isinstance(keys, Mapping):
         raise InputError(f"{where} is no table.", "Write [[seam]] and from and to below.")
-    _refuse_unknown(where, keys, ("from", "to", "right_wrong"))
+    refuse_unknown(where, keys, ("from", "to", "right_wrong"))
     sides = []
     for end in ("from", "to"):
         side = keys.get(end)
         if not (isinstance(side, Mapping) and isinstance(side.get("panel"), str) and type(side.get("edge")) is int):
             raise InputError(f"{where} has no panel and edge under {end}.", f'{end} = {{ panel = "front", edge = 2 }}')
-        _refuse_unknown(f"{where}.{end}", side, ("panel", "edge"))
+        refuse_unknown(f"{where}.{end}", side, ("panel", "edge"))
         sides.append(Side(side["panel"], side["edge"]))
     return Stitch(sides[0], sides[1], _take_value(keys, "right_wrong", bool, False, where))
-
-
-def _refuse_unknown(where: str, keys: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    for key in keys:
-        if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            hint = f"Did you mean {close[0]!r}?" if close else f"Known: {', '.join(known)}."
-            raise InputError(f"{where} has no key {key!r}.", hint)
 
 
 def _take_value(keys: Mapping[str, Any], key: str, kind: Any, default: Any, where: str = "") -> Any:

@@ -82,7 +82,7 @@ def packed(checkpoint: Checkpoint) -> bytes:
 def read_checkpoint(path: str | Path) -> Checkpoint:
     """Read a checkpoint. InputError where the file is missing, broken or another program's."""
     if not Path(path).is_file():
-        raise InputError(f"There is no checkpoint {path}.")
+        raise InputError(f"There is no checkpoint {path}.", "Name the directory that `clothsim run SCENE -o DIR` left.")
     try:
         return unpacked(Path(path).read_bytes(), str(path))
     except OSError as error:

@@ -137,15 +137,15 @@ def sewing_pose(wearer: Wearer, limbs: Iterable[str]) -> tuple[Wearer, str]:
     found = " ".join(limbs)
     legs = PARTING if "leg" in found or TORSO in found else 0.0
     arms = _raise_of_arms(wearer.body) if "arm" in found or "hand" in found else 0.0
-    said = [
+    changes = [
         *([f"the legs parted by {np.degrees(legs):.0f} degrees each"] if legs else []),
         *([f"the arms raised by {np.degrees(arms):.0f} degrees"] if arms else []),
     ]
-    if not said:
+    if not changes:
         return wearer, ""
     way = np.stack([_posed(wearer.body, t * legs, t * arms) for t in np.linspace(1.0, 0.0, STATIONS)])
     body = replace(wearer.body, positions=way[0])
-    return Wearer(body, body_surface(body.positions, body.triangles), way), " and ".join(said)
+    return Wearer(body, body_surface(body.positions, body.triangles), way), " and ".join(changes)
 
 
 def _raise_of_arms(body: BodyMesh) -> float:

@@ -22,7 +22,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.inputs import shown
 from clothsim.scene import paths
-from clothsim.scene.assembly.judged_garment import Judge, Prediction
+from clothsim.scene.assembly.checked_garment import CheckedSurfaces, Prediction
 from clothsim.scene.assembly.meshes import body_of, mesh_shape
 from clothsim.scene.assembly.model_body import value_of
 from clothsim.scene.assembly.scene_world import world_of
@@ -184,13 +184,13 @@ class Predictor:
         Of the model.
     scene : Scene
         Its cloth and body without the varied keys; every varied key may have any value.
-    judge : Judge
+    surfaces : CheckedSurfaces
     """
 
     model: DrapeModel
     file: Path
     scene: Scene
-    judge: Judge
+    surfaces: CheckedSurfaces
 
     @classmethod
     def of_model(cls, scene: Scene, file: str | Path) -> "Predictor":
@@ -215,12 +215,12 @@ class Predictor:
         if scene.rigid_bodies:
             raise InputError("The preview shows cloths and bodies, the scene has rigid bodies.", "Leave [[rigid]] out.")
         middle = 0.5 * (model.low + model.high)
-        draft = cls(model, path, scene, Judge((), (), False))
+        draft = cls(model, path, scene, CheckedSurfaces((), (), False))
         at = draft.scene_of(middle)
         predicted(model, at)  # refuses another garment
         world = world_of(replace(at, seed={}))
         mannequin = bool(scene.bodies) and getattr(scene.bodies[0], "mesh", "") == "mannequin"
-        return replace(draft, judge=Judge.of_world(world, mannequin))
+        return replace(draft, surfaces=CheckedSurfaces.of_world(world, mannequin))
 
     def values(self, inputs: ArrayLike) -> dict[str, float]:
         """Values of all varied keys, those that are the same too."""
@@ -238,8 +238,8 @@ class Predictor:
         given = as_vector("inputs", inputs, len(self.model.inputs))
         cloth = self.model.positions(given)
         scene = self._varied(given)
-        bodies = tuple(_body_at_start(scene, number) for number in range(len(self.judge.bodies)))
-        return self.judge.judged(cloth, bodies)
+        bodies = tuple(_body_at_start(scene, number) for number in range(len(self.surfaces.bodies)))
+        return self.surfaces.check(cloth, bodies)
 
     def _varied(self, inputs: ArrayLike) -> Scene:
         """The scene with the values of all varied keys."""

@@ -116,8 +116,8 @@ def material_schedules(keys: ClothTable, where: str) -> dict[str, Schedule]:
         if name in SHRINKAGES and (known >= 1).any():
             raise InputError(f"{where}.{name} reaches {known.max():g}.", "Keep it below 1: 0.1 is a tenth.")
         if name not in (*SHRINKAGES, *CURLS) and (known <= 0).any():
-            said = f"has a key frame of {known.min():g}" if each.function is None else f"is {known.min():g} at 0 s"
-            raise InputError(f"{where}.{name} {said}.", "Keep it above 0.")
+            fault = f"has a key frame of {known.min():g}" if each.function is None else f"is {known.min():g} at 0 s"
+            raise InputError(f"{where}.{name} {fault}.", "Keep it above 0.")
         found[name] = each
     return found
 

@@ -11,8 +11,8 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import World
+from clothsim.scene.assembly.checked_garment import CheckedSurfaces, Prediction
 from clothsim.scene.assembly.drape_model import family, predicted, read_model, refuse_unlike
-from clothsim.scene.assembly.judged_garment import Judge, Prediction
 from clothsim.scene.assembly.model_body import MANNEQUIN, PlacedCharacter, character_of_scene
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
@@ -82,11 +82,11 @@ class MovingGarment:
         return kernel_average(self.made.vertices(0.0), self.made.character.triangles).averaging(self.start)
 
     @cached_property
-    def judge(self) -> Judge:
-        """The surfaces that are judged."""
+    def surfaces(self) -> CheckedSurfaces:
+        """The surfaces that are checked."""
         number = [body.name for body in self.world.bodies].index(self.name)
         mannequin = number == 0 and getattr(self.scene.bodies[0], "model", "") == MANNEQUIN
-        return Judge.of_world(self.world, mannequin)
+        return CheckedSurfaces.of_world(self.world, mannequin)
 
     def bodies(self, time: float) -> tuple[Floats, ...]:
         """Positions of all bodies at a time [s], each (b, 3) [m]."""
@@ -192,9 +192,9 @@ class MovingGarment:
         times = np.append(np.arange(0.0, time, 1.0 / model.rate), time)
         return self.posed(self.canonical(model, times)[-1], time, model.reference)
 
-    def judged(self, cloth: Floats, time: float) -> Prediction:
+    def checked(self, cloth: Floats, time: float) -> Prediction:
         """The verdict on positions of all cloths (k, 3) [m] at a time [s]."""
-        return self.judge.judged(cloth, self.bodies(time))
+        return self.surfaces.check(cloth, self.bodies(time))
 
 
 def positions_of_model(file: Path, scene: Scene) -> Floats:

@@ -99,7 +99,8 @@ def build(scene: Scene, affordable: bool = False) -> Built:
     if not isinstance(scene, Scene):
         raise InputError(
             f"A clothsim.Scene is needed, not a value of the type {type(scene).__name__}.",
-            'Load one with clothsim.load_scene("scene.toml"), or make it: clothsim.Scene(cloth=..., effects=...).',
+            f"Load one with clothsim.load_scene({scene if isinstance(scene, str) else 'scene.toml'!r}), "
+            "or make it: clothsim.Scene(cloth=..., effects=...).",
         )
     if affordable:
         refuse_costly(scene)

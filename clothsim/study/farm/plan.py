@@ -11,6 +11,7 @@ from typing import Any
 from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing, write_atomically
+from clothsim.base.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.engine import build
 from clothsim.study.farm.publication import content_id
 from clothsim.study.farm.reading import checked_id, file_hash, read_file
@@ -146,6 +147,8 @@ def refuse_other_plan(recipe: Recipe, directory: str | Path, settings: Mapping[s
             raise InputError(f"{folder} has another plan.", "Choose another folder with -o.")
     elif not (folder / FOLDERS[-1]).is_dir():  # else a plan that was stopped
         refuse_replacing([folder / JOBS_NAME], overwrite=False)
+        if any((folder / name).is_file() for name in (RECORD_NAME, SUMMARY_NAME)):
+            raise InputError(f"{folder} holds a run, and no farm.", "Choose another folder with -o.")
 
 
 def _planned(recipe: Recipe) -> tuple[dict[str, Any], bytes]:

@@ -257,6 +257,9 @@ def load_recipe(path: str | Path) -> Recipe:
         data = tomllib.loads(read_regular_file(file, 1 << 24, absent).decode("utf-8"))
     except ValueError as error:
         raise InputError(f"{file} is not a TOML file: {error}.", "Write key = value, as in toml.io.") from error
+    if "cloth" in data and "farm" not in data:
+        remedy = f'Write a recipe that names it: [farm] with scene = "{file.name}", and [vary].'
+        raise InputError(f"{file} is a scene, and no recipe.", remedy)
     refuse_unknown("The recipe", data, ("farm", "set", "usable", "vary"))
     farm = table("farm", data.get("farm", {}))
     refuse_unknown("farm", farm, FARM_KEYS)

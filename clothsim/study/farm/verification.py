@@ -85,8 +85,8 @@ def verify(farm: Farm, fraction: float = 0.01, seed: int = 0) -> Verified:
     with_positions = [job for job in whole if read_drape(farm.directory, job.id)[0].get("hash")]
     count = math.ceil(fraction * len(with_positions))
     chosen = np.random.default_rng(seed).choice(len(with_positions), count, replace=False).tolist() if count else []
-    again = [_again(farm, with_positions[k]) for k in sorted(chosen)]
-    here = [each for each in again if each["here"]]
+    repeats = [_repeat_drape(farm, with_positions[k]) for k in sorted(chosen)]
+    here = [each for each in repeats if each["here"]]
     done = Verified(
         whole=len(whole),
         torn=torn
@@ -98,9 +98,9 @@ def verify(farm: Farm, fraction: float = 0.01, seed: int = 0) -> Verified:
         plan=farm.plan_fault,
         repeated=len(here),
         same=sum(each["same"] for each in here),
-        elsewhere=len(again) - len(here),
+        elsewhere=len(repeats) - len(here),
         different=tuple(each["id"] for each in here if not each["same"]),
-        largest=max((each["distance"] for each in again), default=0.0),
+        largest=max((each["distance"] for each in repeats), default=0.0),
     )
     if done.good:
         content = {"plan": _plan_hashes(farm), "drapes": hashes}
@@ -123,13 +123,13 @@ def demand_verified(farm: Farm) -> None:
     for sentence in found.torn.values():
         raise InputError(sentence, REPAIR)
     hashes = found.hashes
-    again = f"`clothsim farm verify {farm.directory} --fraction 0` checks and signs what is there."
+    remedy = f"`clothsim farm verify {farm.directory} --fraction 0` checks and signs what is there."
     if not signed or signed["plan"] != _plan_hashes(farm):
-        raise InputError(f"The drapes of {farm.directory} are not verified.", again)
+        raise InputError(f"The drapes of {farm.directory} are not verified.", remedy)
     for name in sorted({*hashes, *signed["drapes"]}):
         if hashes.get(name) != signed["drapes"].get(name):
             happened = "taken away" if name not in hashes else "changed" if name in signed["drapes"] else "published"
-            raise InputError(f"Drape {name} was {happened} after the farm was verified.", again)
+            raise InputError(f"Drape {name} was {happened} after the farm was verified.", remedy)
 
 
 def _signed(farm: Farm) -> dict[str, Any]:
@@ -203,7 +203,7 @@ def _mesh_fault(farm: Path, digest: str) -> str:
     return ""
 
 
-def _again(farm: Farm, job: DrapeJob) -> Mapping[str, Any]:
+def _repeat_drape(farm: Farm, job: DrapeJob) -> Mapping[str, Any]:
     """A drape made again, compared with what was published."""
     summary, _ = read_drape(farm.directory, job.id)
     before = positions_of(farm.directory, job.id)

@@ -5,7 +5,7 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-from tests.cli.mistakes import judged, mistakes, prepare
+from tests.cli.mistakes import checked, mistakes, prepare
 
 
 def main() -> int:
@@ -15,7 +15,7 @@ def main() -> int:
         folder = Path(name)
         prepare(folder)
         for mistake in mistakes():
-            answer = judged(mistake, folder)
+            answer = checked(mistake, folder)
             counts[answer.kind] += 1
             print(f"{answer.kind:5} {mistake.label}", flush=True)
             if answer.kind != "good" or "--all" in sys.argv:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.cli.mistakes import judged, mistakes, prepare
+from tests.cli.mistakes import checked, mistakes, prepare
 
 LIST = mistakes()
 FEW = 30
@@ -24,5 +24,5 @@ def test_the_list_is_long_enough():
 
 @pytest.mark.parametrize("mistake", CHOSEN, ids=lambda each: each.label[:60])
 def test_the_answer_names_what_is_wrong_and_what_to_do(folder, mistake):
-    answer = judged(mistake, folder)
+    answer = checked(mistake, folder)
     assert answer.kind == "good", (answer.missing, answer.text)

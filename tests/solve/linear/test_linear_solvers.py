@@ -150,7 +150,7 @@ def test_single_precision_is_refined_as_far_as_is_asked_for():
 
     solver.factorise(data)
     assert 1e-9 < error(solver.back_solve(b)) < 1e-4
-    assert error(solver.solve(data, b, accuracy=1e-2)) < 1e-7  # one refinement is always made: it judges the factor
+    assert error(solver.solve(data, b, accuracy=1e-2)) < 1e-7  # one refinement is always made: it checks the factor
     assert error(solver.solve(data, b)) < 1e-13
     assert solver.doubles == 0
 

@@ -161,7 +161,7 @@ def read_drawing(path: Path, units: str = "", layer: str = "") -> Drawing:
             f"{path.name} has no piece: no block with an outline on layer {layer or f'{SEW} or {BOUNDARY}'}.",
             "Export it as AAMA or ASTM DXF, or name the layer: layer = ... in the file of --seams.",
         )
-    return Drawing(pieces, _said(_texts(document.modelspace()), "sample size"), notes)
+    return Drawing(pieces, _value_of(_texts(document.modelspace()), "sample size"), notes)
 
 
 def _document(path: Path) -> Any:
@@ -191,7 +191,7 @@ def _unit(document: Any, given: str) -> tuple[str, tuple[str, ...]]:
     """Name of the unit, and a note where it is assumed."""
     if given:
         return given, ()
-    system = _said(_texts(document.modelspace()), "units").lower()
+    system = _value_of(_texts(document.modelspace()), "units").lower()
     if system in SYSTEMS:
         return SYSTEMS[system], ()
     header = HEADER_UNITS.get(document.header.get("$INSUNITS", 0))
@@ -219,11 +219,11 @@ def _piece(block: str, given: Iterable[Any], inserted: bool, metres: float, laye
     outline = layer or (SEW if SEW in drawn else BOUNDARY)
     if outline not in drawn:
         return None
-    said = list(_texts(entities))
+    texts = list(_texts(entities))
     parts = tuple(part for entity in layers[outline] for part in parts_of(entity, metres, budget))
     return Piece(
-        _said(said, "piece name") or block,
-        _said(said, "size"),
+        _value_of(texts, "piece name") or block,
+        _value_of(texts, "size"),
         outline,
         parts,
         _points(layers.get(NOTCHES, []), metres),
@@ -234,7 +234,7 @@ def _piece(block: str, given: Iterable[Any], inserted: bool, metres: float, laye
     )
 
 
-def _said(texts: Iterable[str], key: str) -> str:
+def _value_of(texts: Iterable[str], key: str) -> str:
     """What a text "KEY: ..." says; empty where there is none."""
     pattern = re.compile(rf"\s*{key}\s*:\s*(.*?)\s*$", re.IGNORECASE)
     return next((match[1] for text in texts if (match := pattern.match(text)) and match[1]), "")

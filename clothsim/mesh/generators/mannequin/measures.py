@@ -131,9 +131,8 @@ def measured_body(**wanted: float) -> MeasuredBody:
     """
     for name, value in wanted.items():
         if name not in MEASURES:
-            near = nearest(name, MEASURES)
-            meant = f"Did you mean {near}?" if near else f"Known: {', '.join(MEASURES)}."
-            raise InputError(f"There is no measure {name!r}.", meant)
+            known = f"Known: {', '.join(MEASURES)}."
+            raise InputError(f"There is no measure {name!r}.", nearest(name, MEASURES) or known)
         wanted[name] = as_positive(name, value)
     _refuse_absurd(wanted, {"height": Proportions.height})
     height = Proportions(height=wanted.get("height", Proportions.height)).height

@@ -1,4 +1,4 @@
-"""Garments judged on their bodies: the exact test, what is inside a body, and the part of the body where it is."""
+"""Garments checked on their bodies: the exact test, what is inside a body, and the part of the body where it is."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -62,8 +62,8 @@ class Prediction:
 
 
 @dataclass(frozen=True, eq=False)
-class Judge:
-    """Surfaces of a scene, whose positions are judged.
+class CheckedSurfaces:
+    """Surfaces of a scene, whose positions are checked.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Judge:
     mannequin: bool
 
     @classmethod
-    def of_world(cls, world: World, mannequin: bool) -> "Judge":
+    def of_world(cls, world: World, mannequin: bool) -> "CheckedSurfaces":
         """The surfaces of the cloths and bodies of a world."""
         surfaces: list[Any] = [*world.cloths, *world.bodies]
         roles = ["cloth"] * len(world.cloths) + ["body"] * len(world.bodies)
@@ -96,7 +96,7 @@ class Judge:
             return ()
         return tuple(JOINTS[j].replace("_", " ") for j in template().weights.argmax(axis=1))
 
-    def judged(self, cloth: Floats, bodies: Sequence[Floats]) -> Prediction:
+    def check(self, cloth: Floats, bodies: Sequence[Floats]) -> Prediction:
         """The verdict on positions of all cloths (n, 3) and of each body (b, 3) [m]."""
         found = crossings(np.concatenate([cloth, *bodies]), [*self.cloths, *self.bodies])
         return Prediction(cloth, tuple(bodies), found, self._place(found), self._count_inside(cloth, bodies))

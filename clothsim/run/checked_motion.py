@@ -1,6 +1,6 @@
 """Predicted garment of a moving scene, frame by frame: certified as it is, repaired, or simulated.
 
-A model predicts the garment in each frame, and the exact test judges it. Where it intersects, or a piece is inside a
+A model predicts the garment in each frame, and the exact test checks it. Where it intersects, or a piece is inside a
 body, the frame is repaired: the prediction a moment earlier is untangled, and one step of backward Euler leads from
 there to the frame. The inertia of that step is the soft target: with the velocity of the prediction its minimum
 without other forces is the prediction itself, and contact keeps the step free of intersections. Where that fails in
@@ -20,7 +20,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.geometry.untangling.untangle import untangle
 from clothsim.run.session import Session, prepare
-from clothsim.scene.assembly.judged_garment import Prediction
+from clothsim.scene.assembly.checked_garment import Prediction
 from clothsim.scene.assembly.moving_garment import MotionModel, MovingGarment
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.stepping.integrators import BACKWARD_EULER
@@ -37,7 +37,7 @@ EARLIER = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedFrame:
+class CheckedFrame:
     """A frame of a predicted motion.
 
     Attributes
@@ -66,9 +66,9 @@ class JudgedFrame:
     newton_iterations: int = 0
 
 
-def judged_motion(
+def checked_motion(
     garment: MovingGarment, model: MotionModel, duration: float | None = None, newton: int = NEWTON
-) -> Iterator[JudgedFrame]:
+) -> Iterator[CheckedFrame]:
     """The frames of a scene's motion as a model predicts them, each with its verdict.
 
     Parameters
@@ -94,7 +94,7 @@ def judged_motion(
     shared = (process_time() - began) / len(times)
     motion = _Motion(garment, model, times, canonical, prepare(scene, build(scene)), newton)
     for k in range(len(times)):
-        frame = motion.judged(k)
+        frame = motion.checked(k)
         seconds = frame.seconds | {"prediction": frame.seconds["prediction"] + shared}
         yield replace(frame, seconds=seconds)
 
@@ -112,12 +112,12 @@ class _Motion:
     before: list[Floats] = field(default_factory=list)
     state: State | None = None
 
-    def judged(self, k: int) -> JudgedFrame:
+    def checked(self, k: int) -> CheckedFrame:
         """Frame k, after frame k - 1."""
         clock, time = process_time(), float(self.times[k])
         points = self.garment.posed(self.canonical[k], time, self.model.reference)
         bodies, predicted_at = self.garment.bodies(time), process_time()
-        found = self.garment.judge.judged(points, bodies)
+        found = self.garment.surfaces.check(points, bodies)
         seconds = {"prediction": predicted_at - clock, "test": process_time() - predicted_at}
         verdict, cloth, iterations = CERTIFIED, points if found.clean else None, 0
         state = None
@@ -132,7 +132,7 @@ class _Motion:
             cloth = state.positions[: len(points)] + self.session.built.world.origin
             seconds["simulation"] = process_time() - clock
         self.state, self.before = state, [*self.before[-1:], cloth]
-        return JudgedFrame(time, verdict, cloth, bodies, found, seconds, iterations)
+        return CheckedFrame(time, verdict, cloth, bodies, found, seconds, iterations)
 
     def _repaired(self, k: int, bodies: tuple[Floats, ...]) -> tuple[Floats | None, int]:
         """Positions of frame k by a step from the untangled prediction before it, None where that fails; iterations."""
@@ -166,7 +166,7 @@ class _Motion:
         if report.failure is not None:
             return None, iterations
         made = report.state.positions[:n] + world.origin
-        return (made if self.garment.judge.judged(made, bodies).clean else None), iterations
+        return (made if self.garment.surfaces.check(made, bodies).clean else None), iterations
 
     def _simulated(self, k: int) -> tuple[State, int]:
         """The state at frame k by steps from the last frame, or else from the start of the scene; iterations."""
@@ -187,7 +187,7 @@ class _Motion:
             iterations += more
             if not why:
                 cloth = state.positions[: world.n_cloth] + world.origin
-                if self.garment.judged(cloth, time).clean:
+                if self.garment.checked(cloth, time).clean:
                     return state, iterations
                 why = "It intersects."
         raise InputError(f"The scene cannot be simulated to {time:.3g} s: {why}", "See `clothsim run`.")
