@@ -108,12 +108,12 @@ def separated(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple
     levels = body.positions @ body.up
     middle = np.bincount(of_panel, state.positions @ body.up) / np.bincount(of_panel)
     above = middle > levels.min() + SHOULDERS * np.ptp(levels)
-    names, said = _group_names(state, of_panel), []
+    names, texts = _group_names(state, of_panel), []
     for where, directions in (("outward", outward_of_groups(state, body)), ("upward", above[:, None] * body.up)):
         state, shift = _moved_apart(state, surface, of_panel, directions)
         moved = ", ".join(name for name, distance in zip(names, shift, strict=True) if distance > 0)
-        said += [f"moved {where} by at most {1e3 * shift.max():.3g} mm: {moved}"] if moved else []
-    return state, ", ".join(said)
+        texts += [f"moved {where} by at most {1e3 * shift.max():.3g} mm: {moved}"] if moved else []
+    return state, ", ".join(texts)
 
 
 def _moved_apart(
