@@ -30,7 +30,7 @@ from clothsim.garments.dress.placement import (
     is_of_arm,
     middle_of,
 )
-from clothsim.garments.dress.rings import open_pairs_of, rings, vertices_of
+from clothsim.garments.dress.rings import open_pairs_by_seam, rings, vertices_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body, crosses_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted, penetrations
@@ -253,11 +253,13 @@ def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[Se
         for names in rings(state, body)
         if hangs_on_shoulders(state.positions[vertices_of(state, names)], body, level=CHEST)
     ]
-    joined = np.concatenate([np.zeros((0, 2), np.int64), *(open_pairs_of(state, names) for names in hanging)])
-    if not len(joined):
+    seams = [pairs for names in hanging for pairs in open_pairs_by_seam(state, names)]
+    if not seams:
         return state, ""
-    through = [count_crossing_body(state.positions[joined] + lift * body.up, surface) for lift in LIFTS]
-    best = int(np.argmin(through))
+    through = np.array(
+        [[count_crossing_body(state.positions[pairs] + lift * body.up, surface) for pairs in seams] for lift in LIFTS]
+    )
+    best = _best_lift(through)
     if best == 0:
         return state, ""
     on_top = tuple(name for name, panel in state.mesh.pattern.panels.items() if is_on_top(panel))
@@ -265,8 +267,20 @@ def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[Se
     positions = state.positions.copy()
     height = LIFTS[best] + LIFT_CLEAR
     positions[rows] += height * body.up
-    note = f"the torso was lifted by {1e3 * height:.0f} mm: {through[0]} springs of its seams ran through the body"
-    return state.moved_to(positions), f"{note}, {through[best]} do now"
+    note = (
+        f"the torso was lifted by {1e3 * height:.0f} mm: {through[0].sum()} springs of its seams ran through the body"
+    )
+    return state.moved_to(positions), f"{note}, {through[best].sum()} do now"
+
+
+def _best_lift(through: Ints) -> int:
+    """Number of the least of `LIFTS` with the fewest springs through the body, from those of each seam at each, (s, k).
+
+    Where more springs of a seam run through the body on the way up, as those of a side seam through an arm, it is not
+    freed above: it would close there.
+    """
+    most = np.maximum.accumulate(through, axis=0)
+    return int(np.argmin(np.where(most > through[0], most, through).sum(axis=1)))
 
 
 SHIFTS = np.arange(0.0, 0.301, 0.01)

@@ -46,15 +46,19 @@ def _goes_round(state: SewingState, seam: Seam, body: BodyMesh) -> bool:
     return bool(apart.argmax() == 2 or span.argmax() == 1)
 
 
-def open_pairs_of(state: SewingState, names: tuple[str, ...]) -> Ints:
-    """Pairs of all open seams between two of these panels, (k, 2)."""
+def open_pairs_by_seam(state: SewingState, names: tuple[str, ...]) -> list[Ints]:
+    """Pairs of each open seam between two of these panels, (k, 2)."""
     inside = set(names)
-    pairs = [
+    return [
         state.pairs(seam)
         for seam in (state.mesh.seams[k] for k in state.open_seams)
         if {side.panel for side in seam.stitch.sides} <= inside and order_of(seam, state) == WITHIN
     ]
-    return np.concatenate([np.zeros((0, 2), np.int64), *pairs])
+
+
+def open_pairs_of(state: SewingState, names: tuple[str, ...]) -> Ints:
+    """Pairs of all open seams between two of these panels, (k, 2)."""
+    return np.concatenate([np.zeros((0, 2), np.int64), *open_pairs_by_seam(state, names)])
 
 
 def vertices_of(state: SewingState, names: tuple[str, ...]) -> Ints:

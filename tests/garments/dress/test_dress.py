@@ -12,7 +12,7 @@ import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments import pictures
 from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases, worst_gap
-from clothsim.garments.dress.corrections import approached, crossing_panels, lifted, separated
+from clothsim.garments.dress.corrections import _best_lift, approached, crossing_panels, lifted, separated
 from clothsim.garments.dress.pipeline import _closed_seams
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
 from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
@@ -330,3 +330,10 @@ def test_low_shoulders_are_lifted(body):
     )
     assert after < before
     assert note
+
+
+@pytest.mark.parametrize(("side", "best"), [((0, 2, 4, 4, 2, 0), 1), ((4, 2, 0, 0, 0, 0), 2), ((0, 0, 0, 0, 0, 0), 1)])
+def test_a_side_seam_is_not_lifted_over_an_arm(side, best):
+    """A shoulder seam whose three springs are free from the second lift on, beside a side seam."""
+    through = np.column_stack([[3, 0, 0, 0, 0, 0], side])
+    assert _best_lift(through) == best
