@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import errno
 import gc
 import os
 import re
@@ -9,6 +10,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import NamedTuple
 
 from clothsim import __version__
@@ -112,6 +114,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = join_vectors(sys.argv[1:] if argv is None else argv)
     if argv is None:  # called as a program, whose settings are its own
         gc.set_threshold(*_MANY_OBJECTS)
+        _open_closed_streams()
     with never_silent(words), events(words):
         return _guarded(words)
 
@@ -119,7 +122,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _guarded(words: Sequence[str]) -> int:
     """The exit code of a command; errors become two lines, or an event."""
     try:
-        return _dispatch(words)
+        code = _dispatch(words)
+        sys.stdout.flush()
+        return code
     except ClothsimError as error:
         if "--debug" in words:
             raise
@@ -129,21 +134,37 @@ def _guarded(words: Sequence[str]) -> int:
         print("Stopped.", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # `clothsim explain | head` has closed the pipe
-        with contextlib.suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _print_nothing_more()
         return FAILED
     except Exception as error:
         if "--debug" in words:
             raise
         lines = _explain_system_error(error)
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC and error.filename is None:
+            _print_nothing_more()
         _two_lines(*lines or (f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where."))
         return BAD_INPUT if lines else FAILED
+
+
+def _print_nothing_more() -> None:
+    """Leave out what is still to be printed, which Python would try again at its end."""
+    with contextlib.suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _open_closed_streams() -> None:
+    """Send what is printed to a stream that the caller has closed to nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115, it lasts
 
 
 def _explain_system_error(error: Exception) -> tuple[str, str] | None:
     """Sentence and remedy of an error of files or memory; None of another one."""
     if isinstance(error, OSError) and error.filename is not None:  # a name that is too long, a folder without rights
         return f"{error.filename} cannot be used: {error.strerror}.", "Choose another name, or change its rights."
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        return "No space is left for what is written or printed.", "Make room, or send it elsewhere."
     if isinstance(error, MemoryError):
         return f"There is not enough memory ({error}).", "Use a coarser mesh, or a part of it."
     return None
@@ -253,7 +274,12 @@ def _remedy(sentence: str, words: Sequence[str]) -> str:
     return COMMANDS[command].remedy or f"`clothsim {command} --help` lists what it takes."
 
 
+LONGEST = 1000
+"""Letters of a word in a sentence beyond which it is cut: a name may have any length."""
+
+
 def _two_lines(sentence: str, remedy: str) -> None:
+    sentence = re.sub(rf"\S{{{LONGEST},}}", lambda word: f"{word[0][:100]}... ({len(word[0]):,} letters)", sentence)
     if (own := stream()) is not None:
         own.event("error", sentence=" ".join(sentence.split()), remedy=remedy)
         return

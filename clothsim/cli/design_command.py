@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, gradients
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import write_atomically
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     add_output_options,
@@ -90,7 +91,7 @@ def _design(arguments: argparse.Namespace) -> Report:
     if arguments.output is not None:
         run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
         completed = run.status == "completed"
-        (arguments.output / DESIGN_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
+        write_atomically(arguments.output / DESIGN_NAME, on_demand.to_json(content).encode())
     good = completed and found.best.met and not found.best.intersecting_pairs
     return Report(content, "\n".join(lines(found, list(aims), arguments.output)), good, verdict=True)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from clothsim import engine, gradients
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import replacing
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     LOSSES,
@@ -56,7 +57,8 @@ def _gradient(arguments: argparse.Namespace) -> Report:
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
     scene = scene_of(arguments)
     if arguments.output is not None:
-        refuse_output(arguments.output, arguments, arguments.scene, arguments.loss.partition("=")[2])
+        read = (arguments.scene, arguments.loss.partition("=")[2], *scene.files)
+        refuse_output(arguments.output, arguments, *read)
     messages(arguments, arguments.scene)
     loss = loss_of(arguments.loss, engine.build(scene, affordable=True).world)
     trace = gradients.traced(scene)
@@ -95,7 +97,5 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
 
 
 def _save(file: Path, derivatives: "dict[str, Floats]") -> None:
-    try:
-        on_demand.savez(file, **derivatives)  # type: ignore[arg-type]
-    except OSError as error:
-        raise InputError(f"{file} cannot be written ({error.strerror}).", "Choose another with -o.") from error
+    with replacing(file) as beside, beside.open("wb") as target:
+        on_demand.savez(target, **derivatives)  # type: ignore[arg-type]

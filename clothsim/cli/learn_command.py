@@ -63,7 +63,9 @@ def _learn(arguments: argparse.Namespace) -> Report | int:
         raise InputError(f"{lost[0]} is for models of motion.", "Add --motion, or leave it out.")
     components = 16 if arguments.components is None else arguments.components
     held_out = 0.25 if arguments.held_out is None else arguments.held_out
-    made = on_demand.learn(on_demand.open_farm(arguments.directory), held_out, components)
+    farm = on_demand.open_farm(arguments.directory)
+    farm.refuse_output([arguments.output])
+    made = on_demand.learn(farm, held_out, components)
     made.model.write(arguments.output, arguments.overwrite)
     names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
     return Report(
@@ -91,6 +93,7 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
             return worked
     components = 48 if arguments.components is None else arguments.components
     farm = on_demand.open_farm(directory)
+    farm.refuse_output([arguments.output])
     recurrent = on_demand.RegressorTraining(seed=seed) if "recurrent" in (arguments.model, arguments.kind) else None
     made = on_demand.learn_motion(farm, arguments.held_kind, bodies, components, seed, recurrent)
     made.write(arguments.output, arguments.kind, arguments.overwrite)

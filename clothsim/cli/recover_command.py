@@ -117,7 +117,7 @@ def _recover(arguments: argparse.Namespace) -> Report:
     if arguments.output is not None:
         run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
         good = good and run.status == "completed"
-        (arguments.output / RECOVERY_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
+        write_atomically(arguments.output / RECOVERY_NAME, on_demand.to_json(content).encode())
     return Report(content, "\n".join(lines(found, arguments.output)), good, verdict=True)
 
 
@@ -229,7 +229,7 @@ _TWINS = {
     "mesh": "a mesh of half the size",
     "step": "steps of half the length",
     "time": "twice the time",
-    "start": "from the first start",
+    "start": "from the first start, pulled to the pictures",
 }
 
 

@@ -70,9 +70,11 @@ def _unpose(arguments: argparse.Namespace) -> Report:
 def _repose(arguments: argparse.Namespace) -> Report:
     _refuse_ending(arguments.output, ".obj")
     refuse_output(arguments.output, arguments, arguments.file, arguments.scene)
+    scene = clothsim.load_scene(arguments.scene)
+    refuse_output(arguments.output, arguments, *scene.files)
     made = on_demand.read_canonical(arguments.file)
     rows = made.rows_of(arguments.cloth)
-    placed, _ = engine.character_of_scene(clothsim.load_scene(arguments.scene))
+    placed, _ = engine.character_of_scene(scene)
     time = _seconds(arguments.time)
     points = made.posed(as_frame(arguments.frame), placed.skinning(time, made.body))[rows]
     inside = (made.triangles >= rows.start).all(axis=1) & (made.triangles < rows.stop).all(axis=1)

@@ -48,7 +48,7 @@ class Dress:
         Output directory.
     status : str
         "completed" (every seam is closed and the garment rests on the body, free of intersections), "sewn" (closed and
-        free of intersections, but its drape did not complete) or "failed".
+        free of intersections, but its drape did not complete, or did not come to rest) or "failed".
     reason : str
         Reason for the status, one sentence.
     pattern : Pattern

@@ -175,7 +175,7 @@ def read_canonical(path: Path) -> CanonicalGarments:
         kept = {name: arrays[name] for name in _ARRAYS[:5]}
         if len(names) + 1 != len(kept["starts"]) or len(kept["times"]) != len(kept["positions"]):
             raise ValueError("its arrays do not fit")
-    except (ValueError, IndexError, TypeError) as error:
+    except (ValueError, IndexError, TypeError, RecursionError, OverflowError) as error:
         raise InputError(f"{path.name} is broken: {error}.", _REMEDY) from error
     body = {name: arrays[name] for name in ("body", "body_triangles")}
     return CanonicalGarments(**kept, **body, names=names, rows=rows, field=bool(arrays["field"][0]))

@@ -23,6 +23,8 @@ class HeldInside:
         Number of connected pieces inside, and of all.
     vertex : int
         A vertex of the first of them.
+    touch : bool
+        False for a rod in a rigid body: contact does not know these pairs.
     """
 
     cloth: str
@@ -30,6 +32,7 @@ class HeldInside:
     pieces: int
     of: int
     vertex: int
+    touch: bool = True
 
     @property
     def where(self) -> str:
@@ -57,7 +60,7 @@ def held_inside(world: World, x: Floats) -> list[HeldInside]:
 
     Of a piece that does not intersect the body the first tells for all; one that passes through has others outside.
     """
-    found = []
+    found, rigid = [], {body.name for body in world.rigid}
     for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
         labels, firsts, points = _labels(cloth), first_vertices(cloth), x[rows]
         for body, body_rows in zip(world.bodies, world.body_slices, strict=True):
@@ -68,7 +71,8 @@ def held_inside(world: World, x: Floats) -> list[HeldInside]:
                 and _outermost_inside(points[labels == labels[first]], x[body_rows], body.triangles)
             ]
             if inside:
-                found.append(HeldInside(cloth.name, body.name, len(inside), len(firsts), inside[0]))
+                touch = bool(len(cloth.triangles)) or body.name not in rigid
+                found.append(HeldInside(cloth.name, body.name, len(inside), len(firsts), inside[0], touch))
     return found
 
 

@@ -50,6 +50,11 @@ class Residuals:
         return np.clip(self.values, -self.huber, self.huber)
 
     @property
+    def curvatures(self) -> Floats:
+        """Weight of the square of each in Gauss and Newton's Hessian: less beyond `huber`, (k,)."""
+        return self.weights * np.minimum(1.0, self.huber / np.maximum(np.abs(self.values), 1e-12))
+
+    @property
     def mean(self) -> float:
         """Weighed mean of rho."""
         return float(self.weights @ self.costs / self.weights.sum())

@@ -4,7 +4,8 @@ The sum of rho(r) over the residuals of all pictures, r over its noise and rho t
 logarithms q of the numbers. Its gradient is that of the adjoint of the run. Its Hessian is that of Gauss and Newton:
 the derivatives of the cloth's vertices by q are differences of runs at first, and then follow the steps by Broyden's
 update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations"); the correspondence is found
-again at each run, and held in a step. A run begins from the drape that was accepted last, so that folds go on as they
+again at each run, and held in a step. The drape is first pulled to its pictures (`pulled_drape`), since friction holds
+it where it was put on. A run begins from the drape that was accepted last, so that folds go on as they
 are. How far the end is from a minimum, in standard errors, does not rest on the differences.
 """
 
@@ -27,6 +28,7 @@ from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import full_path
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import Obstacle
+from clothsim.gradients.pulled_drape import pulled
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.gradients.view_fit import Seen, ViewFit, by_kind
 from clothsim.gradients.view_recovery import Search, ViewRecovery, recovery_of
@@ -118,7 +120,7 @@ def recover_views(
         begun = drapes[int(np.argmin(misfits))] if start == 1 else fit.seen(problem.origin + offset, own)
         tell(begun)
         if begun.parts:
-            last, before, moves, taken, seconds = _descended(fit, begun, tell)
+            last, before, moves, taken, seconds = _pulled_and_descended(fit, begun, tell)
             ends.append((last, before, moves))
             runs, adjoint = runs + taken, adjoint + seconds
     best = min(ends, key=lambda each: each[0].total)
@@ -195,6 +197,22 @@ def _step(fit: ViewFit, gradient: Floats, hessian: Floats, within: tuple[Floats,
     """
     factor = np.linalg.cholesky(hessian + np.diag(fit.known**-2.0))
     return np.asarray(lsq_linear(factor.T, -np.linalg.solve(factor, gradient), bounds=within).x)
+
+
+def _pulled_and_descended(
+    fit: ViewFit, begun: Seen, tell: Callable[[Seen], None]
+) -> tuple[Seen, Seen, Floats, int, float]:
+    """As of `_descended`, of the drape pulled to its pictures, and again where a pull lowers the sum at the end."""
+    drape = pulled(fit, begun)
+    tell(drape)
+    end = _descended(fit, drape, tell)
+    again = pulled(fit, end[0])
+    if not again.total < end[0].total - ENOUGH:
+        return end
+    tell(again)
+    further = _descended(fit, again, tell)
+    last, before, moves, _, _ = min(further, end, key=lambda each: each[0].total)
+    return last, before, moves, end[3] + further[3], end[4] + further[4]
 
 
 def _descended(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> tuple[Seen, Seen, Floats, int, float]:

@@ -143,9 +143,8 @@ class ViewFit:
                 continue
             rows = each.jacobian @ moves
             steep = each.weights * each.slopes
-            bent = each.weights * np.minimum(1.0, each.huber / np.maximum(np.abs(each.values), 1e-12))
             gradient = gradient + rows.T @ steep
-            hessian = hessian + (rows * bent[:, None]).T @ rows
+            hessian = hessian + (rows * each.curvatures[:, None]).T @ rows
             cells = np.floor(each.pixels / BLOCK).astype(np.int64)
             unique, number = np.unique(cells, axis=0, return_inverse=True)
             sums = np.zeros((len(unique), k))

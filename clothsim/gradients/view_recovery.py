@@ -14,6 +14,7 @@ from clothsim.gradients.loss_of_numbers import intersecting_pairs
 from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import PictureLoss
+from clothsim.gradients.pulled_drape import pulled
 from clothsim.gradients.recover import Recovery
 from clothsim.gradients.run import traced
 from clothsim.gradients.view_fit import Seen, ViewFit, errors_of
@@ -60,7 +61,8 @@ class Twin:
     Parameters
     ----------
     name : str
-        "mesh" and "step" of half the size, "time" twice as long, "start" of the scene in place of the last drape.
+        "mesh" and "step" of half the size, "time" twice as long, "start" of the scene, pulled to the pictures,
+        in place of the last drape.
     shifts : mapping of str to float
         Relative change of each number, in one step of Gauss and Newton from the recovered ones; empty if it failed.
     failure : str
@@ -212,7 +214,7 @@ def _twins(fit: ViewFit, last: Seen, moves: Floats) -> tuple[Twin, ...]:
         "mesh": lambda: _halved(fit, last, moves),
         "step": lambda: (stepped, stepped.seen(last.at, last.begun), moves),
         "time": lambda: (fit, fit.seen(last.at, last.positions), moves),
-        "start": lambda: (fit, fit.seen(last.at, np.zeros((0, 3))), moves),
+        "start": lambda: (fit, pulled(fit, fit.seen(last.at, np.zeros((0, 3)))), moves),
     }
     own, found = fit.left(last, moves), list[Twin]()
     for name, model in models.items():

@@ -110,8 +110,8 @@ class KeyTable(Locked, Mapping[str, Any]):
         _refuse_arguments(cls, others, keys)
         given = [name for name, value in keys.items() if value is not None]
         known = {key.field: key.default for key in keys_of(cls).values()}
-        if len(known) > 1 and known.keys() - _fixed(cls) <= keys.keys():
-            given = [name for name in given if not _is(keys[name], known.get(name))]
+        if len(known) > 1 and known.keys() - _fixed_fields(cls) <= keys.keys():
+            given = [name for name in given if not _equals_default(keys[name], known.get(name))]
         object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in given))
         return made
 
@@ -195,7 +195,7 @@ class KeyTable(Locked, Mapping[str, Any]):
         """The section of a table whose keys it has. InputError for a value of another type or out of range."""
         known = keys_of(cls)
         values = {name: check_value(f"{where}.{name}", value, known[name]) for name, value in keys.items()}
-        fixed = _fixed(cls)  # such as the kind of a wind
+        fixed = _fixed_fields(cls)  # such as the kind of a wind
         made = cls(**{known[name].field: value for name, value in values.items() if known[name].field not in fixed})
         object.__setattr__(made, "_given", tuple(name for name in keys if known[name].field not in fixed))
         object.__setattr__(made, "_written", frozen(dict(keys)))
@@ -217,7 +217,7 @@ class KeyTable(Locked, Mapping[str, Any]):
     def as_table(self) -> dict[str, Any]:
         """The keys as a scene file has them: those that were given."""
         known = keys_of(type(self))
-        fixed = [name for name, key in known.items() if key.field in _fixed(type(self))]
+        fixed = [name for name, key in known.items() if key.field in _fixed_fields(type(self))]
         return {name: as_tables(getattr(self, known[name].field)) for name in (*fixed, *self.given)}
 
 
@@ -258,7 +258,7 @@ def _refuse_arguments(cls: type[KeyTable], others: Sequence[Any], keys: Mapping[
     names = [field.name for field in taken]
     refuse_unknown(where, keys, names)
     if len(others) > len(first):
-        example = next((f"{each.name}={_value(each.default)}" for each in taken if each.kw_only), "")
+        example = next((f"{each.name}={_default_text(each.default)}" for each in taken if each.kw_only), "")
         raise InputError(
             f"{where} takes its keys by name: {others[len(first)]!r} has none.", f"Write {where}({example})."
         )
@@ -268,15 +268,15 @@ def _refuse_arguments(cls: type[KeyTable], others: Sequence[Any], keys: Mapping[
             raise InputError(f"{where} needs {each.name}.", f"Write {where}({each.name}=...).")
 
 
-def _value(default: Any) -> str:
+def _default_text(default: Any) -> str:
     return "..." if default is MISSING or default is None else repr(default)
 
 
-def _is(value: Any, default: Any) -> bool:
+def _equals_default(value: Any, default: Any) -> bool:
     """True for a value that is the default, or of its type and equal to it."""
     return value is default or (type(value) is type(default) and bool(value == default))
 
 
-def _fixed(section: type[KeyTable]) -> set[str]:
+def _fixed_fields(section: type[KeyTable]) -> set[str]:
     """Fields that have one value."""
     return {field.name for field in fields(section) if not field.init}

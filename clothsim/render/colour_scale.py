@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.triangles import triangle_areas
+from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 
 DIVERGING = np.array(
     [
@@ -81,10 +81,8 @@ def painted(values: Floats, low: float, high: float, table: np.ndarray) -> Float
 
 def per_vertex(values: Floats, positions: Floats, triangles: Ints) -> Floats:
     """Values (m,) of triangles as means at the vertices (n,), weighted by area; 0 at a vertex without area."""
-    area = np.repeat(triangle_areas(positions[triangles]), 3)
-    corners = triangles.ravel()
-    total = np.bincount(corners, weights=area, minlength=len(positions))
-    summed = np.bincount(corners, weights=area * np.repeat(values, 3), minlength=len(positions))
+    areas = triangle_areas(positions[triangles])
+    total, summed = (thirds_at_vertices(each, triangles, len(positions)) for each in (areas, areas * values))
     return np.divide(summed, total, out=np.zeros(len(positions)), where=total > 0)
 
 

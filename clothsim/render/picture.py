@@ -146,8 +146,18 @@ def draw(
     InputError
         For a bad argument, or a renderer that does not work here.
     """
-    look = {"colour": colour, "title": title, "smooth": smooth, "style": style, "limits": limits}
-    setup = picture_setup([surfaces], size=size, up=up, view=view, renderer=renderer, **look)  # type: ignore[arg-type]
+    setup = picture_setup(
+        [surfaces],
+        size=size,
+        colour=colour,
+        up=up,
+        view=view,
+        title=title,
+        renderer=renderer,
+        smooth=smooth,
+        style=style,
+        limits=limits,
+    )
     written = {"dpi": (dots_per_inch, dots_per_inch)} if dots_per_inch else {}
     with replacing(Path(path)) as beside:
         beside.touch()  # what cannot be written is named before it is drawn
@@ -207,53 +217,55 @@ def picture_setup(
     scale = scale_of(wanted, [s for surfaces in frames for s in surfaces if s.role == "cloth"], limits)
     if follow:
         frames = [_centred(surfaces) for surfaces in frames]
-    everything = np.concatenate([extreme_points(s.positions) for surfaces in frames for s in surfaces])
-    cloths = [s for surfaces in frames for s in surfaces if s.role == "cloth"]
-    cloth = np.concatenate([np.zeros((0, 3)), *(extreme_points(s.positions) for s in cloths)])
-    if isinstance(view, str):
-        if view not in ("auto", *VIEWS):
-            raise InputError(f"view must be a direction, auto or one of {', '.join(VIEWS)}, not {view!r}.")
-        last = [s for s in frames[-1] if s.role == "cloth"] or list(frames[-1])
-        corners = np.concatenate([s.positions[s.triangles] for s in last])
-        heights = everything @ upright
-        stands = traced and np.ptp(heights) > 0.6 * np.ptp(everything, axis=0).max()
-        usual = three_quarter_view(corners, upright, LOW if stands else HIGH)
-        backward = usual if view == "auto" else named_view(view, upright)
-    else:
-        backward = _direction("view", view)
+    everything = np.concatenate(_extremes(frames, "cloth", "body"))
+    backward = _backward(view, frames, upright, everything, traced)
     title = "" if traced else title
-    room = margins(pixels, scale is not None, title)
     if focus is not None:
-        cloth = everything = focus
-    elif traced:
-        cloth = everything = _figure(frames, cloth)
+        framed = everything = focus
     else:
-        cloth = np.concatenate([cloth, *_standing(frames, upright)])
-    camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
-    look = {"smooth": smooth, "style": STYLES[style], "follow": follow, "dyes": dyes}
-    return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note, **look)  # type: ignore[arg-type]
+        worn_by = _figures(frames) if traced else _standing(_figures(frames), upright)
+        framed = np.concatenate([np.zeros((0, 3)), *_extremes(frames, "cloth"), *worn_by])
+        everything = framed if traced else everything
+    room = margins(pixels, scale is not None, title)
+    camera = frame(framed, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
+    return PictureSetup(
+        camera, pixels, scale, upright, title, chosen, samples, note, smooth, STYLES[style], follow, dyes
+    )
 
 
-def _figure(frames: Sequence[Sequence[Surface]], cloth: Floats) -> Floats:
-    """Extreme points (k, 3) [m] of the cloths, with those of bodies up to FIGURE times as large, or of all bodies."""
-    bodies = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "body"]
+def _backward(
+    view: ArrayLike | str, frames: Sequence[Sequence[Surface]], upright: Floats, everything: Floats, traced: bool
+) -> Floats:
+    """Unit vector (3,) from the scene to the camera; of "auto" by the cloths of the last frame."""
+    if not isinstance(view, str):
+        return _direction("view", view)
+    if view not in ("auto", *VIEWS):
+        raise InputError(f"view must be a direction, auto or one of {', '.join(VIEWS)}, not {view!r}.")
+    if view != "auto":
+        return named_view(view, upright)
+    last = [s for s in frames[-1] if s.role == "cloth"] or list(frames[-1])
+    corners = np.concatenate([s.positions[s.triangles] for s in last])
+    stands = traced and np.ptp(everything @ upright) > 0.6 * np.ptp(everything, axis=0).max()
+    return three_quarter_view(corners, upright, LOW if stands else HIGH)
+
+
+def _extremes(frames: Sequence[Sequence[Surface]], *roles: str) -> list[Floats]:
+    """Extreme points (k, 3) [m] of each surface of some roles, in all frames."""
+    return [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role in roles]
+
+
+def _figures(frames: Sequence[Sequence[Surface]]) -> list[Floats]:
+    """Extreme points (k, 3) [m] of each body up to FIGURE times as large as the cloths; of all without a cloth."""
     largest = _largest_figure(frames)
-    return np.concatenate([cloth, *(points for points in bodies if np.ptp(points, axis=0).max() <= largest)])
+    return [points for points in _extremes(frames, "body") if np.ptp(points, axis=0).max() <= largest]
 
 
-def _standing(frames: Sequence[Sequence[Surface]], upright: Floats) -> list[Floats]:
-    """Extreme points (k, 3) [m] of each body that stands, up to FIGURE times as large as the cloths.
+def _standing(bodies: Sequence[Floats], upright: Floats) -> list[Floats]:
+    """Those of the bodies that stand.
 
     A person who wears a garment is seen from head to feet, a table or a wall that is wider than high is not.
     """
-    bodies = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "body"]
-    largest = _largest_figure(frames)
-    sizes = [(np.ptp(points @ upright), np.ptp(points, axis=0).max()) for points in bodies]
-    return [
-        points
-        for points, (height, size) in zip(bodies, sizes, strict=True)
-        if size <= largest and height > STANDS * size
-    ]
+    return [points for points in bodies if np.ptp(points @ upright) > STANDS * np.ptp(points, axis=0).max()]
 
 
 def _check_size(pixels: tuple[int, int], samples: int) -> None:
@@ -281,7 +293,7 @@ def _centred(surfaces: Sequence[Surface]) -> list[Surface]:
 
 def _largest_figure(frames: Sequence[Sequence[Surface]]) -> float:
     """FIGURE times the size of the cloths of all frames [m]: a larger body is ground; inf without a cloth."""
-    cloths = [extreme_points(s.positions) for surfaces in frames for s in surfaces if s.role == "cloth"]
+    cloths = _extremes(frames, "cloth")
     return FIGURE * float(np.ptp(np.concatenate(cloths), axis=0).max()) if cloths else np.inf
 
 
@@ -324,14 +336,12 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
 
 
 def _shaded(setup: PictureSetup, camera: Camera, drawn: Sequence[Surface], surfaces: Sequence[Surface]) -> np.ndarray:
-    """Surfaces under light before the background; `surfaces`: those that throw a soft shadow on the floor."""
+    """Surfaces under light before the background; `surfaces`: what throws a soft shadow, unrefined."""
     render = import_module(_RENDERERS[setup.renderer]).render
     seen = render(looks(drawn, setup.scale, setup.dyes), camera, setup.size, setup.up, setup.samples)
     behind: Floats | float = 1.0
     if not setup.style.paper:
-        triangles = np.concatenate(
-            [each.positions[each.triangles] for each in surfaces]
-        )  # soft: it needs no finer ones
+        triangles = np.concatenate([each.positions[each.triangles] for each in surfaces])
         behind = backdrop(triangles, camera, setup.size, setup.up)
     return np.asarray(seen[:, :, :3] + (1 - seen[:, :, 3:]) * behind)
 

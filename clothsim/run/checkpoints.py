@@ -16,7 +16,7 @@ from clothsim.run.changes import HandMotions, hand_motions_from
 from clothsim.run.intersections import IntersectionHistory
 from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.named_files import named_files, refuse_outside, relocated
+from clothsim.scene.named_files import refuse_outside, relocated
 from clothsim.scene.scene import scene_from_text
 from clothsim.solve.stepping.state import State
 from clothsim.solve.timers import EffectCounters, Timers
@@ -31,7 +31,7 @@ def saved_simulation(session: Session, state: State, by_hand: HandMotions, histo
     refuse_functions("effects", session.scene.effects)
     saved = checkpoint_of(session, state, Certificate(intersections=history))
     saved = replace(saved, counters={**saved.counters, "by_hand": by_hand.as_json()})
-    if not named_files(session.scene):
+    if not session.scene.file_names:
         return saved
     text, sources = relocated(session.scene)
     return replace(saved, scene_text=text, files={name: source.read_bytes() for name, source in sources.items()})

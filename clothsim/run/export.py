@@ -18,6 +18,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
+from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary
 from clothsim.files.exchange.animation import Animation
 from clothsim.files.exchange.formats import Format, format_of
@@ -25,6 +26,7 @@ from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, read_che
 from clothsim.run.checkpoints import refuse_functions
 from clothsim.run.frames import parts_of, samples_of, with_frames
 from clothsim.run.pictures import upright
+from clothsim.run.resume import RUN_FILES
 from clothsim.scene.named_files import FOLDER, refuse_outside, relocated
 from clothsim.scene.scene import scene_from_text
 
@@ -135,6 +137,7 @@ def export(
     times = np.array([each.time for each in samples])
     animation = Animation(parts, times, rate, 1 / scale, axis, np.zeros(3), lambda k: (), frame is not None)
     files = tuple(kind.writer.files(animation, target))
+    refuse_replacing(files, True, (run.directory / name for name in RUN_FILES))
     _refuse_files(target, files, overwrite)
     turn = scale * _rotation(upright(run.directory), axis)
     animation = with_frames(animation, run.trajectory, samples, turn, colour == "stretch", kind.relative)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import make_directory, refuse_replacing
 from clothsim.base.inputs import refuse_uncallable
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME
@@ -24,7 +25,6 @@ from clothsim.run.results import Run
 from clothsim.run.session import check_displacement_per_step, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cost import expected_cost
-from clothsim.scene.named_files import named_files
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.solve.stepping.state import State, first_state
 
@@ -68,7 +68,7 @@ def refuse_earlier_run(
     if not os.path.isdir(directory):
         return
     files = [directory / name for name in (*RUN_FILES, *names)]
-    read = [file for given in inputs for file in (_files_of(given) if isinstance(given, Scene) else (given,))]
+    read = [file for given in inputs for file in (given.files if isinstance(given, Scene) else (given,))]
     refuse_replacing(files, True, read)
     if any(isinstance(file, str | Path) and Path(file).resolve() == directory.resolve() for file in read):
         raise InputError(f"{directory} is read, and would be replaced by the output.", "Choose another with -o.")
@@ -85,11 +85,6 @@ def refuse_earlier_run(
             f"Continue it with `clothsim resume {directory}`, or replace it: --overwrite.",
         )
     refuse_replacing(files, overwrite)
-
-
-def _files_of(scene: Scene) -> list[Path]:
-    """The files that a scene names; none of one that was made with functions of Python."""
-    return [scene.directory / name for name in named_files(scene)]
 
 
 def _remove(file: Path) -> None:
@@ -223,7 +218,7 @@ def _refuse_another_state(state: State, scene: Scene) -> None:
 def _refuse_a_fit(folder: Path) -> None:
     """InputError for a finished fit: its drape alone would count as completed, whatever the status of the fit."""
     summary = folder / SUMMARY_NAME
-    if (folder / FITTED_NAME).is_file() and summary.is_file() and b'"fit_seconds"' in summary.read_bytes():
+    if (folder / FITTED_NAME).is_file() and summary.is_file() and b'"fit_seconds"' in read_regular_file(summary):
         raise InputError(
             f"{folder} is a finished fit.", "`clothsim bundle` it: its drape is replayed from the archive."
         )

@@ -72,13 +72,17 @@ class Cost:
 
     def __str__(self) -> str:
         hours = self.seconds / 3600
-        time = f"{hours:.2g} hours" if hours < 72 else f"{hours / 24:,.0f} days"
+        time = f"{hours:.2g} hours" if hours < 72 else f"{_count(hours / 24)} days"
         meshes = f"{self.vertices:,} generated vertices of cloth"
         meshes += f", {self.body_vertices:,} of bodies" if self.body_vertices else ""
         return (
-            f"{meshes}, {self.steps:,.0f} steps and {self.frames:,.0f} frames: about {self.memory / 1e9:,.2g} GB of "
-            f"memory, {time} of processor time, {self.disk / 1e9:,.2g} GB of trajectory"
+            f"{meshes}, {_count(self.steps)} steps and {_count(self.frames)} frames: about "
+            f"{self.memory / 1e9:,.2g} GB of memory, {time} of processor time, {self.disk / 1e9:,.2g} GB of trajectory"
         )
+
+
+def _count(number: float) -> str:
+    return f"{number:,.0f}" if number < 1e12 else f"{number:.2g}"
 
 
 def expected_cost(scene: Scene) -> Cost:

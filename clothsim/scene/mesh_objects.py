@@ -22,6 +22,10 @@ REMEDIES = {
     "ndarray": "Give the triangles too: clothsim.Cloth(vertices, triangles), clothsim.Body(vertices, triangles).",
 }
 """Remedies for the objects of these libraries that are no mesh, by the name of their type."""
+KNOWN = (
+    "Give vertices and triangles, or a mesh of trimesh, pyvista, meshio or scikit-fem; "
+    'a file is named in a table: {"mesh": "shirt.obj"}.'
+)
 
 FACES = ("triangle", "quad", "polygon")
 LOWER = ("vertex", "line")
@@ -60,25 +64,14 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
     InputError
         Where the object is no mesh, or no surface.
     """
-    for is_of_kind, read in _KINDS:
-        if is_of_kind(mesh):
-            try:
-                points, faces = read(where, mesh)
-            except (TypeError, ValueError) as error:  # another library's object, whose faces may be anything
-                raise InputError(
-                    f"{where}: the faces of the {type(mesh).__name__} cannot be read ({error}).",
-                    "Give vertices and triangles.",
-                ) from error
-            break
-    else:
-        known = (
-            "Give vertices and triangles, or a mesh of trimesh, pyvista, meshio or scikit-fem; "
-            'a file is named in a table: {"mesh": "shirt.obj"}.'
-        )
-        raise InputError(
-            f"{where} is of the type {type(mesh).__name__}, which is no surface mesh.",
-            REMEDIES.get(type(mesh).__name__, known),
-        )
+    kind, read = type(mesh).__name__, _reader_of(mesh)
+    if read is None:
+        raise InputError(f"{where} is of the type {kind}, which is no surface mesh.", REMEDIES.get(kind, KNOWN))
+    try:
+        points, faces = read(where, mesh)
+    except (TypeError, ValueError) as error:  # another library's object, whose faces may be anything
+        sentence = f"{where}: the faces of the {kind} cannot be read ({error})."
+        raise InputError(sentence, "Give vertices and triangles.") from error
     vertices = np.array(points, np.float64)
     if vertices.ndim != 2 or vertices.shape[1] not in (2, 3):
         raise InputError(f"{where}: its points have shape {vertices.shape}, not (n, 3).", "Give points in space.")
@@ -86,14 +79,14 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
         vertices = np.column_stack([vertices, np.zeros(len(vertices))])
     faces = [block for block in faces if len(block)]
     if not faces:
-        raise InputError(f"{where}: the {type(mesh).__name__} has no faces.", "Give a surface mesh of triangles.")
+        raise InputError(f"{where}: the {kind} has no faces.", "Give a surface mesh of triangles.")
     triangles = _triangles(where, vertices, faces)
     return vertices, _wound_alike(vertices, triangles) if read is _read_skfem else triangles
 
 
 def is_mesh(value: Any) -> bool:
     """True for an object that `surface_of` reads."""
-    return any(is_of_kind(value) for is_of_kind, _ in _KINDS)
+    return _reader_of(value) is not None
 
 
 def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
@@ -224,7 +217,10 @@ def _is_meshio(mesh: Any) -> bool:
     return hasattr(mesh, "points") and isinstance(cells, Iterable) and all(hasattr(block, "type") for block in cells)
 
 
-_KINDS: tuple[tuple[Callable[[Any], bool], Callable[[str, Any], tuple[Any, Faces]]], ...] = (
+Reader = Callable[[str, Any], tuple[Any, Faces]]
+"""Points and faces of an object, whose name in messages comes first."""
+
+_KINDS: tuple[tuple[Callable[[Any], bool], Reader], ...] = (
     (_has("vertices", "faces"), _read_trimesh),
     (_has("points", "faces"), _read_polydata),
     (_has("points", "cells_dict", "celltypes"), _read_grid),
@@ -232,6 +228,11 @@ _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[str, Any], tuple[Any, Faces
     (_is_meshio, _read_meshio),
     (_has("p", "t", "elem"), _read_skfem),
 )
+
+
+def _reader_of(mesh: Any) -> Reader | None:
+    """What reads an object; None where it is no mesh."""
+    return next((read for is_of_kind, read in _KINDS if is_of_kind(mesh)), None)
 
 
 def checked_mesh(where: str, vertices: Any, triangles: Any = None, **others: Any) -> MeshArrays:

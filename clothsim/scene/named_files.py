@@ -83,11 +83,6 @@ def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
     return json.dumps({**data, "directory": "."}), files
 
 
-def named_files(scene: Scene) -> list[str]:
-    """The files that a scene names, as it names them; of an animation the pattern."""
-    return [str(table[key]) for _, table, key in named_keys(json.loads(scene.to_text(names_of_functions=True)))]
-
-
 def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
     """InputError for a text that is no scene, or that names a file outside of its own folder, or for such `files`."""
     try:

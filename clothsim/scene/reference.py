@@ -10,21 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import nearest
-from clothsim.keys.effect_tables import (
-    Band,
-    Buttons,
-    Cord,
-    Crease,
-    Gust,
-    Motion,
-    PinGroup,
-    Seam,
-    SeamLine,
-    Spring,
-    Stiffener,
-    Vortex,
-    Zip,
-)
+from clothsim.keys.effect_tables import Motion
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.mesh_keys import (
     BodyTable,
@@ -45,19 +31,6 @@ from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.keys.value_checks import as_toml
 from clothsim.scene.effects import EFFECTS
-
-NESTED: dict[str, tuple[tuple[str, type], ...]] = {
-    "pins": (("effects.pins.group", PinGroup),),
-    "springs": (("effects.springs.spring", Spring),),
-    "elastic_bands": (("effects.elastic_bands.band", Band),),
-    "cords": (("effects.cords.cord", Cord),),
-    "seams": (("effects.seams.seam", Seam), ("effects.seams.seam.from, .to", SeamLine)),
-    "stiffeners": (("effects.stiffeners.stiffener", Stiffener),),
-    "closures": (("effects.closures.zip", Zip), ("effects.closures.buttons", Buttons)),
-    "rest_angle": (("effects.rest_angle.crease", Crease),),
-    "air": (('effects.air.wind, kind = "gust"', Gust), ('effects.air.wind, kind = "vortex"', Vortex)),
-}
-"""The nested tables of effects."""
 
 COLUMNS = ("key", "type", "default", "unit", "range", "meaning")
 
@@ -139,13 +112,28 @@ def _sections() -> Iterator[Section]:
     yield _section("cloth of a sewing pattern", PatternFile)
     for name, kind in GENERATOR_KEYS.items():
         yield _section(f'mesh = "{name}"', kind)
+    known: set[type] = {Motion}
     for name, effect in EFFECTS.items():
         own = "" if name in TYPED_EFFECTS else f"{effect.summary[:1].upper()}{effect.summary[1:]}."
         yield _section(f"effects.{name}", effect.keys_class, own)
-        for nested, kind in NESTED.get(name, ()):
-            yield _section(nested, kind)
+        yield from _nested_sections(f"effects.{name}", effect.keys_class, known)
     for kind in (Solver, Contact, RunSettings, Seed):
         yield _section(kind.section, kind)
+
+
+def _nested_sections(where: str, kind: type, known: set[type]) -> Iterator[Section]:
+    """The tables that keys of a section take, and those in them; each once, as `known` grows."""
+    keys_by_table: dict[type, list[str]] = {}
+    for name, key in keys_of(kind).items():
+        for table in key.key.tables:
+            keys_by_table.setdefault(table, []).append(name)
+    for table, names in keys_by_table.items():
+        if table not in known:
+            known.add(table)
+            of_kind = f', kind = "{table.kind}"' if hasattr(table, "kind") else ""
+            path = f"{where}.{', .'.join(names)}"
+            yield _section(f"{path}{of_kind}", table)
+            yield from _nested_sections(path, table, known)
 
 
 def _section(name: str, kind: type, summary: str = "") -> Section:

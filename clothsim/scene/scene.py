@@ -163,6 +163,17 @@ class Scene:
         return _several(self.body)
 
     @property
+    def file_names(self) -> tuple[str, ...]:
+        """The files that it names, as it names them; of an animation the pattern."""
+        data = json.loads(self.to_text(names_of_functions=True))
+        return tuple(str(table[key]) for _, table, key in named_keys(data))
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that it names, in its directory."""
+        return tuple(self.directory / name for name in self.file_names)
+
+    @property
     def rigid_bodies(self) -> tuple[RigidTable, ...]:
         """The rigid bodies."""
         return _several(self.rigid)

@@ -12,7 +12,6 @@ from typing import Any
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.inputs import nearest, nearest_or_known
-from clothsim.scene.named_files import named_files
 from clothsim.scene.scene import Scene, make_scene
 
 INSTALLED = Path("share") / "clothsim" / "scenes"
@@ -135,7 +134,7 @@ class _Examples(dict[str, str]):
 
 def _described(file: Path) -> ExampleScene:
     scene = load_scene(file)
-    missing = [name for name in named_files(scene) if not any(scene.directory.glob(name))]
+    missing = [name for name in scene.file_names if not any(scene.directory.glob(name))]
     return ExampleScene(file.stem, file, headline(file.read_text(encoding="utf-8")), tuple(missing))
 
 

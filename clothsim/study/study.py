@@ -270,7 +270,7 @@ def _written(study_data: StudyData, spent: dict[str, Any]) -> Study:
         known = None
     rest = document(study_data, known, statement, spent)
     result = write_points(directory, study_data.gatherer.fingerprint, **rest)
-    (directory / REPORT_NAME).write_text(markdown(study_data.name, result), encoding="utf-8")
+    write_atomically(directory / REPORT_NAME, markdown(study_data.name, result).encode())
     (directory / PICTURE_NAME).unlink(missing_ok=True)
     if known is not None:
         draw_study(study_data, known, directory / PICTURE_NAME)

@@ -251,6 +251,8 @@ BODY = (146, 137, 128)
 """Colour of bodies: darker than the cloth and than the background."""
 PANEL_WIDTH, NARROW = 416.0, 640.0
 """The panel's part of a window [px], at the right; in a narrower window than this it covers the lower half."""
+WINDOW = 1200.0, 800.0
+"""Width and height of a usual window [px]."""
 FILLED = 0.8
 """Part of what the panel leaves free that the points fill in the first view."""
 
@@ -269,8 +271,9 @@ def first_view(points: Floats, up: Floats, fov: float, width: float, height: flo
     fov : float
         Vertical angle of view [rad].
     width, height : float
-        Of the window [px].
+        Of the window [px]; one without an area, as of a page that is not shown yet, is taken as WINDOW.
     """
+    width, height = (width, height) if width > 0.0 and height > 0.0 else WINDOW
     across = np.cross(up, [0.0, 1.0, 0.0] if abs(up[1]) < 0.9 else [1.0, 0.0, 0.0])
     backward = 0.42 * across - 0.95 * np.cross(across, up) + 0.42 * up
     backward /= np.linalg.norm(backward)

@@ -46,7 +46,7 @@ def cameras(middle, count: int = 4, size: tuple[int, int] = (320, 240)) -> list[
 
 
 def write_truth(
-    folder: Path, size: float, pattern: str, body: str, factors: Mapping[str, float]
+    folder: Path, size: float, pattern: str, body: str, factors: Mapping[str, float], pixels: tuple[int, int]
 ) -> tuple[Path, dict[str, float]]:
     """Dress the true garment, write its pictures, and return their file and the true numbers."""
     file = engine.example_file(Path(pattern), "_specification.json")
@@ -64,7 +64,7 @@ def write_truth(
     bending = float(world.cloths[0].fabric.bending_stiffness)
     truth = traced(engine.override(scene, f"cloth.bending_stiffness={2 * bending}"))
     x = truth.cloth_positions()
-    made = cameras(0.5 * (x.min(axis=0) + x.max(axis=0)))
+    made = cameras(0.5 * (x.min(axis=0) + x.max(axis=0)), size=pixels)
     return views.write_views(folder, made, truth), true | {BENDING: 2 * bending}
 
 
@@ -76,10 +76,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--pattern", default=PATTERN)
     parser.add_argument("--on", default=BODY)
     parser.add_argument("--true", action="append", metavar="PATH=FACTOR", help="a number of the true pattern")
+    parser.add_argument("--width", type=int, default=320, help="of the pictures [pixels]; their height is 3/4 of it")
     given = parser.parse_args(arguments)
     pairs = (text.rsplit("=", 1) for text in given.true or TRUTH)
     factors = {path: float(factor) for path, factor in pairs}
-    file, true = write_truth(given.output, 0.035, given.pattern, given.on, factors)
+    file, true = write_truth(given.output, 0.035, given.pattern, given.on, factors, (given.width, 3 * given.width // 4))
     before, out = time.process_time(), given.output / "recovered"
     words = ["recover", "--views", str(file), "--pattern", given.pattern, "--on", given.on, "--size", given.size]
     code = command([*words, "--free", ",".join(true), "-o", str(out), "--overwrite"])

@@ -36,6 +36,9 @@ READS = {
     "out/summary.json": "recover free.toml --target out/summary.json --free density -o out",
     "run/checkpoint.npz": "recover run --target tri.obj --free density -o run",
     "drape.npz": "gradient free.toml --loss target=drape.npz --wrt start -o drape.npz",
+    "run/trajectory.vtkhdf": "export run -o run/trajectory.vtkhdf",
+    "seed.npz": "gradient seeded.toml --loss height --wrt start -o seed.npz",
+    "worn.obj": "repose rest.npz worn.toml -o worn.obj",
     "fitted.obj": "fit tri.obj --to shirt --markers fitted.obj -o .",
 }
 
@@ -47,6 +50,8 @@ def folder(tmp_path_factory):
     (made / "out").mkdir()
     (made / "free.toml").write_text(FREE)
     (made / "meshed.toml").write_text(FREE.replace('"rectangle"\ncells = [4, 4]', '"out/record.jsonl"'))
+    (made / "worn.toml").write_text(FREE.replace('"rectangle"\ncells = [4, 4]', '"worn.obj"'))
+    (made / "seeded.toml").write_text(FREE + '[seed]\nfrom = "model"\nfile = "seed.npz"\n')
     recipe = '[farm]\nscene = "free.toml"\ncount = 1\nuntil = "time"\n[vary]\n"solver.dt" = [0.01]\n'
     (made / "recipe.toml").write_text(recipe)
     (made / "tri.obj").write_text(TRIANGLE)

@@ -14,6 +14,9 @@ CODES = {0: "completed", 1: "found", 2: "refused", 130: "stopped"}
 """Classes by exit code; "warned" is completed with the words that the case asks for."""
 FALLS = re.compile(r"Traceback \(most recent|fault of clothsim|Fatal Python error|Segmentation fault")
 
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+"""What no line may hold: control characters of a file, printed raw."""
+
 MOST_SECONDS, MOST_SILENCE, MOST_MEMORY = 60.0, 10.0, 2e9
 """Bounds: processor time [s], processor time without a line [s], memory [bytes]."""
 
@@ -115,6 +118,8 @@ def checked(case: Case, folder: Path, code: int | None, text: str, figures: tupl
         wrong = f"it does not say {case.says!r}"
     if not wrong and got == "refused" and not 1 <= len(text.strip().splitlines()[-2:]) <= 2:
         wrong = "no sentence"
+    if not wrong and CONTROL.search(text):
+        wrong = "a control character is printed"
     if not wrong and got in ("completed", "warned"):
         wrong = case.check(folder, text)
     for what, value, most in (

@@ -1,9 +1,9 @@
 """The counted list, room by room."""
 
-from tests.hostile import farms, features, machine, meshes, motions, runs, scenes, sewing, words
+from tests.hostile import farms, features, machine, meshes, motions, places, runs, scenes, sewing, words
 from tests.hostile.case import Case
 
-ROOMS = (meshes, motions, sewing, runs, farms, scenes, words, machine, features)
+ROOMS = (meshes, motions, sewing, runs, farms, scenes, words, machine, features, places)
 
 
 def all_cases() -> list[Case]:

@@ -66,7 +66,7 @@ def cases() -> Iterator[Case]:
         ("a zip of a gap of 1e9", f"{ZIP}{EDGES}gap = 1e9", ANY),
         ("a zip that is a number", "[effects.closures]\nzip = 3", "refused"),
         ("buttons of no places", f"{BUTTONS}from = {{ vertices = [] }}\nto = {{ vertices = [] }}", "refused"),
-        ("buttons of numbers", f"{BUTTONS}from = [1000000000]\nto = [0]", "refused"),
+        ("buttons of numbers", f"{BUTTONS}from = {{ vertices = [1000000000] }}\nto = {{ vertices = [0] }}", "refused"),
         ("a band of a ratio of 0", f'{BAND}select = "top"\nstiffness = 10\nlength_ratio = 0', "refused"),
         ("a band of a ratio of 1e9", f'{BAND}select = "top"\nstiffness = 10\nlength_ratio = 1e9', ANY),
         ("a band of 1e30 N", f'{BAND}select = "top"\nstiffness = 1e30', "refused"),

@@ -3,10 +3,13 @@
 Kills of the worker processes of `farm work --workers` take minutes: `python -m tests.benchmarks.farm_kills -o DIR`.
 """
 
+import json
+import platform
 import signal
 from collections.abc import Iterator
 from pathlib import Path
 
+from clothsim.files.runs.run_lock import LOCK_NAME
 from tests.hostile.case import Case
 from tests.hostile.farms import farm_with
 from tests.hostile.oracle import fault_of_run, run_is_right
@@ -126,13 +129,17 @@ def _folders() -> Iterator[Case]:
     yield Case(
         "folder: a picture that is one", "run a.toml -o out", "refused", {"a.toml": SHEET, "out/picture.png": None}
     )
-    yield Case(
-        "folder: a lock of a process that is gone",
-        RUN,
-        "completed|refused",
-        {"a.toml": SHEET, "out/.lock": "999999999"},
-        check=_right,
-    )
+    for what, content in {
+        "of a process that is gone": json.dumps({"pid": 999_999_999, "host": platform.node()}),
+        "of garbage": bytes(range(256)),
+        "of lists 4,096 deep": "[" * 4096,
+        "of lists": '[{"pid": 1}]',
+    }.items():
+        files = {"a.toml": SHEET, f"out/{LOCK_NAME}": content}
+        yield Case(f"folder: a lock {what}", RUN, "completed", files, check=_right)
+    elsewhere = '{"pid": 1, "host": "elsewhere"}'
+    yield Case("folder: a lock of another machine", RUN, "refused", {"a.toml": SHEET, f"out/{LOCK_NAME}": elsewhere})
+    yield Case("folder: a lock that is a folder", RUN, "refused", {"a.toml": SHEET, f"out/{LOCK_NAME}": None})
 
 
 def _right(folder: Path, text: str) -> str:

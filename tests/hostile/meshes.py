@@ -84,7 +84,7 @@ def _objects() -> Iterator[Case]:
         ("three triangles on one edge", TRIANGLE + "v 0 0 1\nv 0 0 -1\nf 1 2 4\nf 1 2 5\n", "found|completed"),
         ("both sides of one triangle", TRIANGLE + "f 3 2 1\n", "found|completed"),
     ):
-        yield Case(f"obj: {name}", "check mesh.obj", wanted, {"mesh.obj": text}, check=_plain_output)
+        yield Case(f"obj: {name}", "check mesh.obj", wanted, {"mesh.obj": text})
     yield Case("obj: UTF-16", "check mesh.obj", "refused", {"mesh.obj": TRIANGLE.encode("utf-16")})
     yield Case("obj: a scale of nan", "check mesh.obj --scale nan", "refused", {"mesh.obj": TRIANGLE})
     yield Case(
@@ -104,10 +104,6 @@ def _objects() -> Iterator[Case]:
         "refused",
         {"a.toml": text, "mesh.obj": "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"},
     )
-
-
-def _plain_output(folder: Path, text: str) -> str:
-    return "a control character is printed" if re.search(r"[\x00-\x08\x0b-\x1f\x7f]", text) else ""
 
 
 def _flips() -> Iterator[Case]:

@@ -1,7 +1,7 @@
 """Independent reference of a scene, and the RMS distance of a run from it over the same material points.
 
-The reference is one run that shares nothing with an extrapolation: BDF2, dt / 8, cells x 2, d_hat / 4, tight tolerance,
-`midedge` bending. Its own error is not known from it; another one with finer settings shows it.
+The reference is one run that shares nothing with an extrapolation: BDF2, dt / 16, cells x 4, d_hat / 8, tight
+tolerance, `midedge` bending. Two coarser ones show how far it may be from the exact solution itself (`truth`).
 """
 
 from dataclasses import dataclass, replace
@@ -26,10 +26,15 @@ from clothsim.study.resample import Material, at_points_of, point_areas, world_m
 class Refinement:
     """Factors by which a reference is finer than the scene; tolerance [m/s]."""
 
-    dt: int = 8
-    cells: int = 2
-    d_hat: int = 4
+    dt: int = 16
+    cells: int = 4
+    d_hat: int = 8
     tolerance: float = 1e-4
+
+    @property
+    def coarser(self) -> "Refinement":
+        """A level coarser in everything but the tolerance."""
+        return replace(self, dt=self.dt // 2, cells=self.cells // 2, d_hat=self.d_hat // 2)
 
 
 @dataclass(frozen=True)
@@ -80,3 +85,41 @@ def distance(one: Solution, other: Solution) -> float:
     areas = point_areas(one.material)
     there = at_points_of(one.material, other.material, other.positions)
     return Norm(areas / areas.sum())(one.positions - there)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The finest of three references and its doubt: its own RMS distance from the exact solution [m], or inf."""
+
+    solution: Solution
+    doubt: float
+
+
+STEEPEST = 4.0
+"""Ratio of two successive distances at most, of order 2: a larger one is a coincidence on the coarsest run."""
+LEAST = 1.25
+"""Ratio below which three solutions show no convergence."""
+
+
+def doubt_of(coarse: float, fine: float) -> float:
+    """Distance of the finest of three solutions from their limit [m] by the distances of neighbours.
+
+    With e_k = c q^-k the distances are coarse = c (q - 1) / q and fine = coarse / q, and what is left is
+    fine / (q - 1).
+
+    Examples
+    --------
+    >>> doubt_of(4e-3, 1e-3)  # order 2
+    0.000333...
+    >>> doubt_of(1e-3, 1e-3)  # no convergence
+    inf
+    """
+    ratio = min(coarse / fine, STEEPEST) if fine > 0 else STEEPEST
+    return fine / (ratio - 1) if ratio >= LEAST else float("inf")
+
+
+def truth(scene: Scene, finest: Refinement = Refinement()) -> Truth:
+    """The reference of a scene with its doubt, by three runs each a level finer than the one before."""
+    levels = (finest.coarser.coarser, finest.coarser, finest)
+    first, second, last = (solution(reference_scene(scene, each)) for each in levels)
+    return Truth(last, doubt_of(distance(first, second), distance(second, last)))

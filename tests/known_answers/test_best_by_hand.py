@@ -5,7 +5,6 @@ from tests.known_answers import best_by_hand as module
 from tests.known_answers.best_by_hand import best_by_hand
 from tests.known_answers.error_reference import Refinement, distance, reference_scene, solution
 from tests.known_answers.error_scenes import ERROR_SCENES
-from tests.known_answers.error_table import coarser
 
 
 def test_the_cheapest_run_with_the_error_is_found(monkeypatch):
@@ -25,7 +24,3 @@ def test_no_fixed_settings_have_no_error(monkeypatch):
     reference = solution(reference_scene(scene, Refinement(2, 2, 1, 1e-3)))
     monkeypatch.setattr(module, "STEPS", (1,))
     assert best_by_hand(scene, 1e-12, reference) is None
-
-
-def test_the_doubt_of_a_reference_is_a_level_coarser():
-    assert coarser(Refinement(16, 4, 8)) == Refinement(8, 2, 8)

@@ -64,7 +64,7 @@ def test_the_lock_of_a_killed_process_is_taken_over(tmp_path):
     assert not (tmp_path / LOCK_NAME).exists()
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"pid": 1}'])
+@pytest.mark.parametrize("content", ["", "{", "[]", "[" * 4096, '{"pid": 1}'], ids=len)
 def test_a_lock_of_another_host_is_left_alone_and_one_that_says_nothing_is_taken(tmp_path, content):
     lock = tmp_path / LOCK_NAME
     lock.write_text(json.dumps({"pid": 1, "host": "elsewhere", "started": "2026-11-22"}))

@@ -4,7 +4,7 @@ from time import process_time, sleep
 
 import numpy as np
 import pytest
-from small_scenes import BALL, EFFECTS, RUN, SHEET, small_scene, without
+from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene, without
 
 from clothsim import check, resume, simulate
 from clothsim.base.errors import InputError
@@ -49,6 +49,25 @@ def test_without_contact_too(tmp_path):
     assert (inside["cloth"], inside["body"]) == ("cloth", "ball")
     (warning,) = run.summary["warnings"]
     assert "effects.body_contact" in warning
+
+
+@pytest.mark.parametrize(
+    ("end", "velocity", "solver"),
+    [
+        ("at rest", [0, 0, 0], SOLVER),
+        ("time is over", [0, 0, 1], SOLVER),
+        ("stopped", [0, 0, 0], SOLVER | {"max_iterations": 1}),
+    ],
+)
+def test_each_end_has_its_word(tmp_path, end, velocity, solver):
+    effects = {"inertia": {}, "membrane": {}}
+    if end == "stopped":
+        effects |= {"gravity": {"acceleration": [0.0, -9.81, 0.0]}, "pins": {"select": "left"}}
+    run = {"duration": 0.4, "frames_per_second": 25, "until": "rest"}
+    made = simulate(small_scene(SMALL | {"velocity": velocity}, (), effects, solver, run), tmp_path)
+    assert made.summary["end"] == end
+    assert made.summary["certificate"]["at_rest"] == (end == "at rest")
+    assert made.status == ("failed" if end == "stopped" else "completed")
 
 
 def test_cloth_that_starts_inside_a_body_is_refused():

@@ -16,7 +16,7 @@ from clothsim.run.frames import PLAIN, STRETCH, Colouring
 from clothsim.run.results import open_run
 from clothsim.viewer import page as view_module
 from clothsim.viewer.gate import Gate
-from clothsim.viewer.page import PANEL_WIDTH, as_glb, first_view, picked_vertex
+from clothsim.viewer.page import PANEL_WIDTH, WINDOW, as_glb, first_view, picked_vertex
 from clothsim.viewer.side_texts import legend_html, solver_text, speeds
 
 
@@ -130,6 +130,15 @@ def test_the_first_view_has_all_points_beside_the_panel(width, height, up):
     assert np.all(pixels > 0.0999 * free)
     assert np.all(pixels < 0.9001 * free)
     assert np.isclose(np.max(np.ptp(pixels, axis=0) / free), 0.8)
+
+
+@pytest.mark.parametrize(("width", "height"), [(0, 0), (0, 800), (390, 0)])
+def test_a_window_without_an_area_has_the_first_view_of_a_usual_one(width, height):
+    """A page in a tab that is not shown yet reports 0 px."""
+    points, up = np.random.default_rng(3).normal(size=(20, 3)), np.array([0.0, 0.0, 1.0])
+    found = np.stack(first_view(points, up, 1.3, width, height))
+    assert np.isfinite(found).all()
+    assert np.array_equal(found, np.stack(first_view(points, up, 1.3, *WINDOW)))
 
 
 def test_texts(run):

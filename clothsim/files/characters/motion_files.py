@@ -131,7 +131,7 @@ def _bvh_frames(path: Path, text: str, width: int) -> tuple[int, float, Floats]:
     if not width:
         raise InputError(f"{path.name} has no CHANNELS: nothing moves.", "Export it with its motion.")
     if len(values) != count * width:
-        whole = len(values) // max(width, 1)
+        whole = len(values) // width
         raise InputError(f"{path.name} says {count:,} frames of {width} channels, and has {whole:,}.", "Copy it again.")
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):

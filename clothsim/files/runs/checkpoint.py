@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import write_atomically
 from clothsim.solve.stepping.state import Previous, Rest, State
 
@@ -83,10 +84,7 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
     """Read a checkpoint. InputError where the file is missing, broken or another program's."""
     if not Path(path).is_file():
         raise InputError(f"There is no checkpoint {path}.", "Name the directory that `clothsim run SCENE -o DIR` left.")
-    try:
-        return unpacked(Path(path).read_bytes(), str(path))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}).", "Make it readable, or copy it.") from error
+    return unpacked(read_regular_file(path), str(path))
 
 
 def unpacked(data: bytes, name: str) -> Checkpoint:

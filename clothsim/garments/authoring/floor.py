@@ -18,7 +18,8 @@ import numpy as np
 import clothsim
 from clothsim import Scene
 from clothsim.base.arrays import Floats
-from clothsim.base.errors import ClothsimError
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import build
 from clothsim.garments.authoring.arrays import scene_of_arrays
@@ -121,10 +122,10 @@ def _key(run: "Run") -> str:
 
 def _written(file: Path, key: str, frames: int) -> Floor | None:
     try:
-        content = json.loads(file.read_bytes())
+        content = json.loads(read_regular_file(file))
         arrays = [np.array(content[name], np.float64) for name in ("start", "stop")]
         of_run = content["run"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (InputError, ValueError, KeyError, TypeError, RecursionError):
         return None
     if of_run != key or any(each.shape != (frames,) for each in arrays):
         return None

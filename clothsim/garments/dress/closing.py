@@ -19,7 +19,7 @@ from clothsim.engine import build
 from clothsim.garments.dress.limbs import Wearer, limbs_between
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
-from clothsim.garments.dress.welding import welded_where_closed
+from clothsim.garments.dress.welding import mean_edge, welded_where_closed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
 from clothsim.patterns import Panel, Seam
@@ -319,12 +319,6 @@ def _closing_scene(state: SewingState, body: BodyMesh, fabrics: Fabrics, phase: 
         seams.append({**lines, "start": springs.start, "end": springs.end, "stiffness": phase.stiffness})
     sections = dress_closing(mean_edge(state), seams, phase.held.tolist(), phase.duration, phase.friction)
     return sections.scene(cloth=sewn_cloth(state, fabrics), body=Body(body.positions, body.triangles, name="body"))
-
-
-def mean_edge(state: SewingState) -> float:
-    """Mean length of the sides of all triangles at rest [m]."""
-    corners = state.mesh.material_coordinates
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
 
 def stretch_range(stretches: Floats) -> tuple[float, float]:

@@ -15,7 +15,8 @@ import numpy as np
 
 from clothsim import Body, Run
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.closing import close, mean_edge, worst_gap
+from clothsim.base.text import length
+from clothsim.garments.dress.closing import close, worst_gap
 from clothsim.garments.dress.corrections import (
     approached,
     lifted,
@@ -29,7 +30,7 @@ from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.rings import centred
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
-from clothsim.garments.dress.welding import welded_and_untangled, welded_where_closed
+from clothsim.garments.dress.welding import mean_edge, welded_and_untangled, welded_where_closed
 from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import (
@@ -191,7 +192,7 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     except InputError as error:
         return replace(done, status="sewn", reason=f"The drape could not start: {error.sentence}")
     if run.status != "completed":
-        return replace(done, run=run, status="sewn", reason=run.reason)
+        return replace(done, run=run, status="sewn", reason=f"{run.reason} The garment is sewn, and not at rest.")
     ended = f"draped for {run.times[-1]:.3g} s"
     draped = _add_stage(task, done, "drape", done.state.moved_to(run.positions(-1)), ended, started)
     draped = replace(draped, run=run)
@@ -214,18 +215,21 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     tight = tight_parts_of_run(run, {name: every[rows] for name, rows in draped.state.mesh.faces.items()})
     at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(tight))
     draped = replace(draped, notes=(*draped.notes, *at_rest), tight=tight)
-    return replace(draped, reason=_closed_seams(draped.state, task.body.name))
+    status, reason = end_of_drape(draped.state, run, task.body.name)
+    return replace(draped, status=status, reason=reason)
 
 
-def _closed_seams(state: SewingState, body: str) -> str:
-    """What was closed, in a sentence."""
+def end_of_drape(state: SewingState, run: Run, body: str) -> tuple[str, str]:
+    """Status of a garment whose drape completed, and what was closed and whether it rests, in a sentence."""
     seams, (gap, name) = len(state.mesh.seams), worst_gap(state)
-    if not state.open_seams:
-        return f"All {seams} seams are closed and the garment rests on {body}."
-    return (
-        f"{len(state.welded)} of {seams} seams are welded throughout, springs hold the rest, within {1e3 * gap:.2g} mm"
-        f" ({name}); the garment rests on {body}."
-    )
+    closed = f"All {seams} seams are closed"
+    if state.open_seams:
+        closed = f"{len(state.welded)} of {seams} seams are welded throughout, springs hold the rest, within "
+        closed += f"{1e3 * gap:.2g} mm ({name})"
+    if run.summary["certificate"]["at_rest"]:
+        return "completed", f"{closed}, and the garment rests on {body}."
+    speed = run.summary["certificate"]["fastest_speed"]
+    return "sewn", f"{closed}, but the garment is not at rest on {body}: fastest vertex {length(speed or 0.0)}/s."
 
 
 STAGES = (

@@ -8,11 +8,15 @@ from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.penetration import counted
 from transfer.signed_distance import BodySurface
 
+FARTHEST = 1.0
+"""Largest gap that a weld may close, as a fraction of the mean edge: it moves a vertex by half an edge at most."""
+
 
 def welded_where_closed(state: SewingState, limit: float, surface: BodySurface) -> SewingState:
     """State in which every pair with a gap of at most `limit` [m] is welded, unless its weld would intersect.
 
-    All pairs are tried at one time; pairs that would intersect are halved, seam after seam, down to single ones.
+    No gap above FARTHEST of the mean edge is welded, whatever the limit. All pairs are tried at one time; pairs that
+    would intersect are halved, seam after seam, down to single ones.
     """
     groups = [pairs for k in state.open_seams if len(pairs := _find_closed_pairs(state, k, limit))]
     if not groups:
@@ -46,7 +50,13 @@ def _find_closed_pairs(state: SewingState, seam: int, limit: float) -> Ints:
     pairs = state.mesh.seams[seam].pairs
     ends = state.number[pairs]
     gaps = np.linalg.norm(state.positions[ends[:, 0]] - state.positions[ends[:, 1]], axis=1)
-    return np.asarray(pairs[(ends[:, 0] != ends[:, 1]) & (gaps <= limit)])
+    return np.asarray(pairs[(ends[:, 0] != ends[:, 1]) & (gaps <= min(limit, FARTHEST * mean_edge(state)))])
+
+
+def mean_edge(state: SewingState) -> float:
+    """Mean length of the sides of all triangles at rest [m]."""
+    corners = state.mesh.material_coordinates
+    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
 
 ROUNDS = 100
@@ -59,7 +69,9 @@ def welded_and_untangled(state: SewingState, surface: BodySurface) -> SewingStat
     Between the sides of such a seam other cloth lies, folded between two godets or at a corner of several panels: it is
     moved out by the motion that shrinks the contours of intersection (`untangle`). First all of them, then each alone.
     """
-    seams = [state.mesh.seams[k].pairs for k in state.open_seams]
+    farthest = FARTHEST * mean_edge(state)
+    near = [k for k in state.open_seams if state.gaps(state.mesh.seams[k]).max(initial=0.0) <= farthest]
+    seams = [state.mesh.seams[k].pairs for k in near]
     for pairs in (np.concatenate(seams), *seams) if seams else ():
         if np.ptp(state.number[pairs], axis=1).any():
             joined = state.join(pairs)

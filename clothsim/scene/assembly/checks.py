@@ -193,7 +193,8 @@ def refuse_large_error(world: World, scene: Scene) -> None:
 def held_sentences(found: Sequence[HeldInside], verb: str, contact: bool) -> list[str]:
     """A sentence on each cloth that is inside a body, where it `verb` ("is", "starts"), with or without contact."""
     why = "contact keeps it in" if contact else "without [effects.body_contact] it passes through the surface"
-    return [f"{each.cloth} {verb} inside {each.body}, {each.where}: {why}." for each in found]
+    rods = "rods do not touch rigid bodies, so it passes through the surface"
+    return [f"{each.cloth} {verb} inside {each.body}, {each.where}: {why if each.touch else rods}." for each in found]
 
 
 def _nested_bodies(world: World, energies: dict[str, Energy]) -> list[str]:

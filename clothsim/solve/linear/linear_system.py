@@ -21,13 +21,9 @@ from clothsim.solve.newton.nonlinear_elimination import Patch
 
 NEW_BLOCKS = 0.02
 """Fraction of blocks that may be missing from the last symbolic analysis for a preconditioner to do without them: a
-crumpling sheet would otherwise be reanalysed at every second iteration.
-"""
-
+crumpling sheet would otherwise be reanalysed at every second iteration."""
 SPARE_BLOCKS = 0.1
 """Fraction of blocks beyond those of a matrix that `System.cover` keeps, as the next matrix may need them again."""
-
-
 MIN_TOGETHER = 1000
 """Vertices from which on two assemblies, of a millisecond each at this size, are worth a thread each."""
 
@@ -160,17 +156,19 @@ class System:
         pattern = self.pattern
 
         def first() -> tuple[Floats, int]:
-            return pattern.assemble(hessians, lambda elements: _of(elements, offsets, pattern))
+            return pattern.assemble(hessians, lambda elements: _block_offsets(elements, offsets, pattern))
 
         def second() -> tuple[Floats, int]:
             own = self._own(others()) if others is not None else []
-            return pattern.assemble(own, lambda elements: _of(elements, offsets, pattern))
+            return pattern.assemble(own, lambda elements: _block_offsets(elements, offsets, pattern))
 
         tasks = (first,) if others is None else (first, second)
         (data, outside), *more = together(*tasks, long=pattern.n_vertices >= MIN_TOGETHER)
         if outside:  # of a sparse matrix, which has no offsets
             offsets = self._extended(hessians)
-            return self.pattern.assemble(hessians, lambda elements: _of(elements, offsets, self.pattern))[0], None
+            return self.pattern.assemble(hessians, lambda elements: _block_offsets(elements, offsets, self.pattern))[
+                0
+            ], None
         return data, (more[0][0] if more and not more[0][1] else None)
 
     def _extended(self, hessians: list[Explicit]) -> Offsets:
@@ -199,7 +197,7 @@ class System:
             self._offsets = {}
 
 
-def _of(elements: Ints, known: Offsets, pattern: SparsityPattern) -> NDArray[np.int32]:
-    """Block offsets of a list, the known ones where it is known."""
-    found = known.get(id(elements))
-    return pattern.block_offsets(elements) if found is None else found[1]
+def _block_offsets(elements: Ints, known: Offsets, pattern: SparsityPattern) -> NDArray[np.int32]:
+    """Block offsets of a list in a pattern, the known ones where there are any."""
+    cached = known.get(id(elements))
+    return pattern.block_offsets(elements) if cached is None else cached[1]

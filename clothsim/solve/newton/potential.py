@@ -114,9 +114,9 @@ class Potential:
 
     def values(self, x: Floats) -> tuple[float, ...]:
         """Return the energies one by one [J]; they end at the first that is not defined at x, with +inf."""
-        return self._values.at(x, self._evaluated)
+        return self._values.at(x, self._evaluate)
 
-    def _evaluated(self, x: Floats) -> tuple[float, ...]:
+    def _evaluate(self, x: Floats) -> tuple[float, ...]:
         values: list[float] = []
         with self.timers.effects_in_turn() as effects:
             for name, energy in self.acting.items():
@@ -129,13 +129,13 @@ class Potential:
 
     def gradient(self, x: Floats) -> Floats:
         """Return dE/dx, (N, 3) [N]."""
-        return self._gradients.at(x, self._derived)[0].copy()
+        return self._gradients.at(x, self._differentiate)[0].copy()
 
     def largest_force(self, x: Floats) -> float:
         """Return the largest component of the gradient of one energy at x [N]."""
-        return self._gradients.at(x, self._derived)[1]
+        return self._gradients.at(x, self._differentiate)[1]
 
-    def _derived(self, x: Floats) -> tuple[Floats, float]:
+    def _differentiate(self, x: Floats) -> tuple[Floats, float]:
         total, largest = np.zeros_like(x), 0.0
         with self.timers.effects_in_turn() as effects:
             for name, energy in self.acting.items():

@@ -148,7 +148,8 @@ def confirmed(search: ResolutionSearch, found: Found) -> Found:
         finer = search.refinable.refined(found.trial.resolution, parameters)
         run, trial = search.run(finer, expected)
         if run.status != "completed":
-            return replace(repeated(search, found), known=False)
+            found = repeated(search, found)
+            return found if reason else _compared_with_twins(search, found)
         found = Found(run, trial, parts_of(run, {"all": expected}), True)
     return replace(found, known=False)
 

@@ -17,6 +17,9 @@ from pathlib import Path
 from time import time
 from typing import Any
 
+from clothsim.base.errors import InputError
+from clothsim.base.file_reading import read_regular_file
+
 
 @dataclass(frozen=True)
 class Worker:
@@ -147,8 +150,8 @@ def _file_system_time(folder: Path, worker: Worker) -> float:
 
 def _content(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = json.loads(read_regular_file(path))
+    except (InputError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
 

@@ -33,6 +33,8 @@ TICK = 0.2
 """Time between two looks at the workers and at what they have done [s]."""
 PATIENCE = 60.0
 """A scheduler that does not answer for this time is lost [s]."""
+HOST = "127.0.0.1"
+"""Address of the scheduler and of own workers: whoever reaches a port of theirs runs code of his."""
 DASK_WORKER = "distributed.cli.dask_worker"
 GRACE = 5.0
 """Time that a worker has to end by itself [s]."""
@@ -243,7 +245,8 @@ class OwnWorkers:
         self.processes += [self._started() for _ in range(self.count - len(self.processes))]
 
     def _started(self) -> subprocess.Popen[bytes]:
-        words = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--death-timeout", "60")
+        words = ["--host", HOST, "--dashboard-address", f"{HOST}:0", "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+        words += ["--death-timeout", "60"]
         return subprocess.Popen(
             [sys.executable, "-m", DASK_WORKER, self.address, *words, "--local-directory", self.scratch],
             env={**os.environ, "DASK_LOGGING__DISTRIBUTED": "error"},
@@ -271,7 +274,7 @@ def _own_workers(farm: Farm, count: int) -> Iterator[OwnWorkers]:
     package = dask_package()
     with (
         TemporaryDirectory(prefix="clothsim-farm-", ignore_cleanup_errors=True) as scratch,
-        package.LocalCluster(n_workers=0, processes=True, dashboard_address=None, host="127.0.0.1") as cluster,
+        package.LocalCluster(n_workers=0, processes=True, dashboard_address=None, host=HOST) as cluster,
     ):
         own = OwnWorkers(cluster.scheduler_address, scratch, count, farm)
         try:

@@ -144,6 +144,7 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD, overwrite: bool = F
     """
     earlier = sorted(Path(target).glob("shard-[0-9]*.tar"))
     refuse_replacing([*packed_files(Path(target)), *earlier], overwrite)
+    farm.refuse_output(packed_files(Path(target)))
     demand_verified(farm)
     rows = manifest(farm)
     used = [row for row in rows if row["usable"]]

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -53,6 +53,13 @@ class Farm:
     def scene(self) -> Scene:
         """The base scene."""
         return Scene.from_text(json.dumps(self.settings["scene"]), self.directory)
+
+    def refuse_output(self, files: Iterable[Path]) -> None:
+        """InputError for an output file that is a part of the farm: its plan, or in one of its FOLDERS."""
+        parts = [(self.directory / name).resolve() for name in (FARM_NAME, JOBS_NAME, *FOLDERS)]
+        for file in files:
+            if any(file.resolve().is_relative_to(part) for part in parts):
+                raise InputError(f"{file} is a part of the farm {self.directory}.", "Choose another name with -o.")
 
     @cached_property
     def jobs(self) -> tuple[DrapeJob, ...]:

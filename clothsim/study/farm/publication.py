@@ -130,7 +130,7 @@ def as_npy(array: NDArray[Any]) -> bytes:
 def note_attempt(farm: Path, name: str, event: str) -> None:
     """Append "started" or "withdrawn" (stopped by its user) to the attempts of a drape."""
     path = farm / "attempts" / name
-    if path.is_symlink() or path.is_dir():
+    if path.is_symlink() or (path.exists() and not path.is_file()):
         set_aside(farm, path)
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     try:

@@ -1,12 +1,14 @@
 """Drape of a sewn garment: one that hangs on the shoulders is shaken down with little friction, others are not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
 from capsule_bodies import person
 from sewing_patterns import panel, specification
 
-from clothsim.garments.dress.pipeline import drape_sewn
+from clothsim.garments.dress.pipeline import drape_sewn, end_of_drape
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
@@ -53,3 +55,11 @@ def test_the_level_of_the_shoulders_decides(top, hangs):
     levels = body.positions @ body.up
     positions = np.outer(levels.min() + np.linspace(0.4, top, 5) * np.ptp(levels), body.up)
     assert hangs_on_shoulders(positions, body) == hangs
+
+
+@pytest.mark.parametrize(("at_rest", "status"), [(True, "completed"), (False, "sewn")])
+def test_a_garment_rests_only_where_its_drape_came_to_rest(ball, at_rest, status):
+    run = SimpleNamespace(summary={"certificate": {"at_rest": at_rest, "fastest_speed": 0.037}})
+    found, reason = end_of_drape(sheet_over(ball), run, "ball")
+    assert found == status
+    assert ("37 mm/s" in reason) is not at_rest

@@ -13,7 +13,7 @@ from clothsim.base.errors import InputError
 from clothsim.garments import pictures
 from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases, worst_gap
 from clothsim.garments.dress.corrections import _best_lift, approached, crossing_panels, lifted, separated
-from clothsim.garments.dress.pipeline import _closed_seams
+from clothsim.garments.dress.pipeline import end_of_drape
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
 from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
@@ -208,10 +208,11 @@ def test_a_panel_with_no_way_out_fails_by_name(body, tmp_path):
 
 
 def test_the_reason_names_seams_that_strings_hold(dressed):
-    assert _closed_seams(dressed.state, "person") == dressed.reason
+    assert end_of_drape(dressed.state, dressed.run, "person") == (dressed.status, dressed.reason)
     opened = dressed.placed
-    assert f"{len(opened.welded)} of {len(opened.mesh.seams)}" in _closed_seams(opened, "person")
-    assert worst_gap(opened)[1] in _closed_seams(opened, "person")
+    _, reason = end_of_drape(opened, dressed.run, "person")
+    assert f"{len(opened.welded)} of {len(opened.mesh.seams)}" in reason
+    assert worst_gap(opened)[1] in reason
 
 
 def test_placement_by_axes_and_origin(body):

@@ -62,6 +62,16 @@ def test_welding_in_two_parts_is_welding_at_once(surface):
     assert np.allclose(parts.positions, whole.positions, atol=1e-15)
 
 
+def test_a_far_gap_is_not_welded_without_a_limit(surface):
+    """Sides 40 cm apart on a mesh of 5 cm stay open, also where the cloth could be untangled after the weld."""
+    state = side_by_side()
+    positions = state.positions.copy()
+    positions[state.mesh.vertices["right"], 0] += 0.4
+    state = state.moved_to(positions)
+    assert welded_where_closed(state, np.inf, surface) is state
+    assert welded_and_untangled(state, surface) is state
+
+
 def test_all_pairs_but_the_one_that_would_intersect_are_welded(surface, monkeypatch):
     state = opened(side_by_side())
     pairs = state.mesh.seams[0].pairs
@@ -71,7 +81,8 @@ def test_all_pairs_but_the_one_that_would_intersect_are_welded(surface, monkeypa
     assert [k for k, pair in enumerate(pairs) if np.ptp(welded.number[pair])] == [3]
 
 
-def test_pairs_whose_weld_would_meet_the_body_stay_open(surface):
+def test_pairs_whose_weld_would_meet_the_body_stay_open(surface, monkeypatch):
+    monkeypatch.setattr(welding, "FARTHEST", np.inf)  # the sides lie before and behind the body
     state = side_by_side(0.0)
     positions = state.positions.copy()
     positions[:, 0] -= 0.5

@@ -97,6 +97,19 @@ def test_a_rigid_body_inside_another_body_is_reported():
     assert "starts inside" not in nested([ring, inner])  # in its hole
 
 
+def test_a_rod_inside_a_rigid_body_is_not_advised_a_contact_that_rods_do_not_have():
+    rod = {"name": "wire", "points": [[-0.05, 0, 0], [0.05, 0, 0]], "edge": 0.02}
+    rod |= {"radius": 1e-3, "density": 1e3, "youngs_modulus": 1e6}
+    box = {"name": "box", "mesh": "sphere", "radius": 0.3, "subdivisions": 1}
+    solver = {"linear": "superlu"}
+    scene = Scene(rod=rod, rigid=box, effects={"inertia": {}}, solver=solver)
+    notes = " ".join(prepare(scene, build(scene)).notes)
+    assert "wire starts inside box" in notes
+    assert "body_contact" not in notes
+    held = Scene(rod=rod, body=box, effects={"inertia": {}}, solver=solver)
+    assert "body_contact" in " ".join(prepare(held, build(held)).notes)
+
+
 def test_a_d_hat_wider_than_the_edges_is_reported_and_one_wider_than_the_cloth_refused():
     above = {**SMALL, "position": [0, 0, 0.7]}
     assert "more than the median edge" in contact_notes(above, {"body_contact": {"d_hat": 0.06}}, BALL)

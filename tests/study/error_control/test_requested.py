@@ -101,6 +101,22 @@ def test_a_search_goes_on_where_three_runs_find_more_than_what_is_asked(tmp_path
     assert estimate["parts"]["newton"] > 0
 
 
+def test_a_refinement_that_fails_does_not_hide_what_three_runs_know(tmp_path, monkeypatch):
+    scene = replace(strip(error=1e-3), cloth={**STRIP, "cells": [8, 2]}, run={**RUN, "duration": 0.16})
+
+    def failing(self, resolution, expected=None):
+        run, result = original(self, resolution, expected)
+        return (run if resolution.steps < 16 else SimpleNamespace(status="failed", summary=run.summary)), result
+
+    original = search.ResolutionSearch.run
+    monkeypatch.setattr(search.ResolutionSearch, "run", failing)
+    run = simulate(scene, tmp_path)
+    estimate = run.summary["certificate"]["error_estimate"]
+    assert run.status == "completed"
+    assert (estimate["known"], estimate["met"]) == (True, False)
+    assert estimate["total"] == pytest.approx(1.041e-3, rel=0.01)
+
+
 def test_meshes_without_cells_keep_theirs():
     triangle = Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     scene = Scene(cloth=triangle, effects={"inertia": {}, "membrane": {}}, solver={"error": 1e-3}, run=RUN)

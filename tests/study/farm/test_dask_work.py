@@ -58,6 +58,17 @@ def test_workers_that_never_live_end_the_work(farm, monkeypatch):
         work_with_dask(farm, None, 2)
 
 
+def test_nothing_listens_beyond_this_machine(farm):
+    """Its dashboard was served on 0.0.0.0:8787."""
+    psutil = pytest.importorskip("psutil")
+    with dask_work._own_workers(farm, 1) as own, distributed.Client(own.address) as client:
+        client.wait_for_workers(1, timeout=60)
+        processes = [psutil.Process(), *(psutil.Process(each.pid) for each in own.processes)]
+        listening = [each.laddr for one in processes for each in one.net_connections("tcp") if each.status == "LISTEN"]
+    assert len(listening) >= 2
+    assert {address.ip for address in listening} == {"127.0.0.1"}
+
+
 def test_a_scheduler_that_is_lost_is_exit_code_1_and_one_sentence(farm, monkeypatch, capsys):
     cluster = distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=None, host="127.0.0.1")
 

@@ -1,0 +1,112 @@
+"""A drape that friction holds elsewhere than its pictures show it, pulled there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from views import looking, seen
+
+from clothsim import load_scene, recover_views
+from clothsim.gradients.loss_of_numbers import Problem
+from clothsim.gradients.mask_border import MaskBorder
+from clothsim.gradients.pulled_drape import PULL, displacement, frictionless_step, pulled, pulled_positions
+from clothsim.gradients.run import traced
+from clothsim.gradients.view_fit import ViewFit
+from clothsim.gradients.views import View
+
+SCENE = """
+[cloth]
+mesh = "rectangle"
+size = [0.2, 0.2]
+cells = [6, 6]
+position = [0.0, 0.0, 0.003]
+fabric = "cotton"
+[[body]]
+mesh = "rectangle"
+size = [0.6, 0.6]
+cells = [1, 1]
+[effects.inertia]
+[effects.membrane]
+[effects.bending]
+model = "hinge"
+[effects.gravity]
+[effects.damping]
+rate = 4.0
+[effects.body_contact]
+[effects.friction]
+coefficient = 0.5
+[solver]
+linear = "superlu"
+dt = 0.02
+integrator = "backward_euler"
+[run]
+duration = 0.1
+frames_per_second = 10
+"""
+MOVED = np.array([0.01, -0.006, 0.0])
+"""How far from the start the pictures show the cloth [m]."""
+
+
+@pytest.fixture(scope="module")
+def lying(tmp_path_factory):
+    """The fit of a cloth that lies on a plate, of a picture from above where it lies elsewhere, and its first run."""
+    file = tmp_path_factory.mktemp("plate") / "plate.toml"
+    file.write_text(SCENE)
+    scene = load_scene(file)
+    trace = traced(scene)
+    x, triangles = trace.cloth_positions(), trace.session.built.world.triangles
+    camera = looking((0.0, -0.1, 0.8), x.mean(axis=0), focal=500.0)
+    mask = seen(camera, (x + MOVED)[triangles])[0] == 0
+    view = View("above", camera, {"mask": MaskBorder(camera, mask)})
+    paths = ("cloth.bending_stiffness",)
+    problem = Problem(scene, None, paths, np.log([1e-5]), trace.stiffness, None)
+    fit = ViewFit(problem, (view,), triangles, problem.origin, np.zeros((1, 1)))
+    return fit, fit.seen(problem.origin, np.zeros((0, 3)))
+
+
+def offset(seen_run, fit):
+    """Mean offset in the plane from where the picture shows the cloth [m]."""
+    at_start = fit.seen(seen_run.at, np.zeros((0, 3))).positions
+    return np.linalg.norm((seen_run.positions - at_start - MOVED).mean(axis=0)[:2])
+
+
+def test_friction_is_off_while_the_cloth_is_pulled_and_holds_it_then(lying):
+    fit, first = lying
+    assert offset(first, fit) > 0.01
+    found = pulled(fit, first)
+    assert offset(found, fit) < 1e-3
+    assert found.total < 0.05 * first.total
+    again = fit.seen(first.at, found.positions)  # friction: it stays
+    assert np.abs(again.positions - found.positions).max() < 1e-3
+
+
+def test_a_pull_is_bound_and_lowers_the_sum(lying):
+    fit, first = lying
+    moved = displacement(first.parts, first.positions, fit.triangles)
+    lengths = np.linalg.norm(moved, axis=1)
+    assert lengths.max() <= PULL * np.ptp(first.positions, axis=0).max() * (1 + 1e-12)
+    slope = sum(each.jacobian.T @ (each.weights * each.slopes) for each in first.parts)
+    assert slope @ moved.ravel() < 0.0
+    assert fit.total(fit.residuals(first.positions + 0.5 * moved), first.at) < first.total
+    positions = pulled_positions(fit, first, frictionless_step(fit.problem.scene))
+    assert fit.total(fit.residuals(positions), first.at) < first.total
+
+
+def test_what_is_not_pulled(lying):
+    """A scene that friction does not hold, a run that failed, and a drape that no pull makes better."""
+    fit, first = lying
+    failed = replace(first, total=float("inf"), parts=())
+    assert pulled(fit, failed) is failed
+    scene = fit.problem.scene
+    effects = {name: each for name, each in scene.effects.items() if name != "friction"}
+    smooth = replace(fit, problem=replace(fit.problem, scene=replace(scene, effects=effects)))
+    assert pulled(smooth, first) is first
+    better = replace(first, total=0.0)
+    assert pulled(fit, better) is better
+
+
+def test_a_search_begins_where_the_pictures_show_the_cloth(lying):
+    fit, first = lying
+    found = recover_views(fit.problem.scene, fit.views, ["bending_stiffness"], folds=1, twins=False)
+    assert found.best.loss < 0.05 * first.total
+    assert found.wide == ("cloth.bending_stiffness",)  # a cloth that lies flat
