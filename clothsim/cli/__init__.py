@@ -45,11 +45,7 @@ COMMANDS = {
     "render": Command("export_command", "draw a picture or a movie of a run", _RUN),
     "export": Command("export_command", "write a run for other programs", _RUN),
     "bundle": Command("export_command", "pack a run to replay it elsewhere", _RUN),
-    "fit": Command(
-        "garment_command",
-        "fit a garment onto a body",
-        "`clothsim check FILE` examines a mesh; units are given by --scale.",
-    ),
+    "fit": Command("garment_command", "fit a garment onto a body", _GARMENT),
     "dress": Command("garment_command", "sew a pattern on a body", _PATTERN),
     "body": Command("body_command", "make a body from its measurements"),
     "unpose": Command("unpose_command", "bring the garments of a run to the rest pose", _RUN),

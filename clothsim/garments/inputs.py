@@ -124,6 +124,8 @@ NEARLY = 0.7
 """Ratio of the extents in y and z from which the longer one need not be the height."""
 FARTHEST = 1e6
 """No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
+ASIDE_DEGREES = 20.0
+"""Angle from the usual direction up to which a body counts as facing it: feet turned out do not turn a garment."""
 LONG = 0.5
 """Least extent of a body candidate as a fraction of the file's extent."""
 CELL = 0.006
@@ -204,6 +206,21 @@ class BodyMesh:
             if scores[0] != scores[1]:
                 return np.eye(3)[1 + int(np.argmax(scores))]
         return np.eye(3)[1 if extent[1] >= extent[2] else 2]
+
+    @cached_property
+    def front(self) -> Floats:
+        """Unit direction that it faces, (3,): that of its feet where it is far from the usual one, else the usual."""
+        usual = usual_front(self.up)
+        try:
+            front = body_frame(self.positions, self.triangles, self.up).front
+        except TransferError:  # no feet to go by
+            return usual
+        return usual if front @ usual > np.cos(np.radians(ASIDE_DEGREES)) else np.asarray(front, np.float64)
+
+
+def usual_front(up: Floats) -> Floats:
+    """Direction that bodies of a vertical axis face, (3,): z where y is up, -y where z is."""
+    return np.array([0.0, 0.0, 1.0]) if up[1] else np.array([0.0, -1.0, 0.0])
 
 
 def stands(body: BodyMesh) -> bool:

@@ -22,7 +22,7 @@ from clothsim.engine import example_file, intersecting_pairs, refuse_earlier_run
 from clothsim.garments.dress.pipeline import FRICTION
 from clothsim.garments.dressed import PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
 from clothsim.garments.inputs import BodyMesh, as_body_mesh
-from clothsim.garments.penetration import Counts, counted
+from clothsim.garments.penetration import Counts, count_penetrations
 from clothsim.garments.stages import Announcement, Listener, StageCallback, dress_drape, named_stage, simulate_stage
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
@@ -188,7 +188,7 @@ def outfit(
         return _written(replace(end, reason=f"The drape of all could not start: {error.sentence}"))
     if run.status != "completed":
         return _written(replace(end, run=run, reason=f"In the drape of all: {run.reason}"))
-    counts = counted(run.positions(-1), run.triangles, surface)
+    counts = count_penetrations(run.positions(-1), run.triangles, surface)
     last = tuple(each.moved_to(run[-1].positions[each.name]) for each in worn)
     notes += _sunk(worn, last, body)
     reason = f"{len(worn)} garments rest on {body.name}: {', '.join(each.name for each in worn)}."

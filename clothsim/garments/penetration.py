@@ -74,7 +74,7 @@ class Counts:
 NO_ROWS: Ints = np.zeros(0, np.int64)
 
 
-def counted(garment: Floats, triangles: Ints, body: BodySurface, carried: Ints = NO_ROWS) -> Counts:
+def count_penetrations(garment: Floats, triangles: Ints, body: BodySurface, carried: Ints = NO_ROWS) -> Counts:
     """Penetration counts of `garment (n, 3)` [m] with `triangles (m, 3)` on `body`; arguments of `penetrations`."""
     return penetrations(garment, triangles, body, carried)[0]
 

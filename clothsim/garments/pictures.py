@@ -14,7 +14,6 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.triangles import vertex_normals
 from clothsim.engine import Fabric
 from clothsim.garments.dress.corrections import touching_seams
-from clothsim.garments.dress.placement import front_of
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.render import WIDTHS, Surface, picture_setup, rendered, write_movie
@@ -205,7 +204,7 @@ def _pair(file: Path, title: str, garments: Sequence[Surface], body: BodyMesh) -
 def view_of(view: tuple[float, float, float], body: BodyMesh) -> Floats:
     """Direction (3,) from a body to the camera, given along its left, up and front."""
     left, up, front = view
-    forward = front_of(body)
+    forward = body.front
     return np.asarray(left * np.cross(body.up, forward) + up * body.up + front * forward, np.float64)
 
 

@@ -11,7 +11,7 @@ from clothsim import Gravity, Progress, Run, Scene, simulate
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import IntersectionWarning
 from clothsim.engine import Session
-from clothsim.garments.penetration import NO_ROWS, Counts, counted
+from clothsim.garments.penetration import NO_ROWS, Counts, count_penetrations
 from transfer.signed_distance import BodySurface
 
 Listener = Callable[[Progress], None]
@@ -73,7 +73,7 @@ def staged(
     started = process_time() if started is None else started
     positions, description = make()
     seconds = process_time() - started
-    stage = Stage(name, seconds, positions, counted(positions, triangles, body, carried()), description)
+    stage = Stage(name, seconds, positions, count_penetrations(positions, triangles, body, carried()), description)
     on_stage(stage)
     return stage
 

@@ -6,6 +6,7 @@ of what is left: least squares over the cantilever tests of 618 fabrics of 0.015
 no better (1 to 3 % of the variance).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,20 @@ class LogNormal:
         covariance = np.linalg.inv(prior + precision)
         mean = np.asarray(covariance @ (prior @ self.mean + precision @ measured), np.float64)
         return LogNormal(mean, np.asarray(covariance, np.float64))
+
+
+def bending_keys(paths: Sequence[str]) -> dict[int, str]:
+    """The key of `WEIGHTS` of each path that is one of a cloth, by its number.
+
+    InputError where there is none, or the density, by which the prior goes, is among the paths.
+    """
+    names = {k: path.rpartition(".")[2] for k, path in enumerate(paths) if path.startswith("cloth.")}
+    found = {k: name for k, name in names.items() if name in WEIGHTS}
+    if not found:
+        raise InputError("The prior covers bending stiffnesses, and none is free.", f"Free {', '.join(WEIGHTS)}.")
+    if any(path.endswith(".density") for path in paths):
+        raise InputError("The prior is for a cloth of known weight, and the density is free.", "Weigh the cloth.")
+    return found
 
 
 def bending_prior(keys: tuple[str, ...], density: float) -> LogNormal:

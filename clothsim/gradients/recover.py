@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.fabric_prior import SOURCE, WEIGHTS, LogNormal, bending_prior
+from clothsim.gradients.fabric_prior import SOURCE, LogNormal, bending_keys, bending_prior
 from clothsim.gradients.loss_of_numbers import SPREAD, Evaluation, Problem, problem_of
 from clothsim.gradients.losses import Distance, Loss, Scan
 from clothsim.gradients.parameters import full_path
@@ -273,10 +273,7 @@ def recover(
 
 def _refuse_no_prior(paths: Sequence[str], loss: Loss) -> None:
     """InputError where the prior says nothing, or the loss does not tell how well it knows."""
-    if not any(path.rpartition(".")[2] in WEIGHTS and path.startswith("cloth.") for path in paths):
-        raise InputError("The prior covers bending stiffnesses, and none is free.", f"Free {', '.join(WEIGHTS)}.")
-    if any(path.endswith(".density") for path in paths):
-        raise InputError("The prior is for a cloth of known weight, and the density is free.", "Weigh the cloth.")
+    bending_keys(paths)
     if residuals_of(loss) is None:
         raise InputError("The prior needs a loss that is a sum of squares.", "Take a target of points.")
 
@@ -286,9 +283,10 @@ def _combine_with_prior(found: Recovery, problem: Problem, logarithms: Floats, p
     if np.isnan(precision).any():
         raise ClothsimError("A run beside the minimum failed, so that the prior has no weight.", "Leave it out.")
     paths = problem.paths
-    bending = [k for k, path in enumerate(paths) if path.rpartition(".")[2] in WEIGHTS and path.startswith("cloth.")]
+    keys = bending_keys(paths)
+    bending = list(keys)
     density = world_of(problem.scene).cloths[0].fabric.density
-    before = bending_prior(tuple(paths[k].rpartition(".")[2] for k in bending), density)
+    before = bending_prior(tuple(keys.values()), density)
     mean, covariance = logarithms.copy(), np.eye(len(paths)) * NO_PRIOR
     mean[bending] = before.mean
     covariance[np.ix_(bending, bending)] = before.covariance

@@ -22,7 +22,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.clips.gauss_newton import broyden_update, halved_until_lower
 from clothsim.gradients.exact_system import NoMinimumError
-from clothsim.gradients.fabric_prior import SOURCE, WEIGHTS, bending_prior
+from clothsim.gradients.fabric_prior import SOURCE, bending_keys, bending_prior
 from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import full_path
@@ -159,14 +159,10 @@ def _views(views: str | Path | Sequence[View], scene: Scene, shaped: ShapedScene
 
 def _with_prior(fit: ViewFit) -> tuple[ViewFit, str]:
     """The fit with the prior of stiffnesses of bending, and what it is."""
-    paths = fit.problem.paths
-    bending = [k for k, path in enumerate(paths) if path.startswith("cloth.") and path.rpartition(".")[2] in WEIGHTS]
-    if not bending:
-        raise InputError("The prior covers bending stiffnesses, and none is free.", f"Free {', '.join(WEIGHTS)}.")
-    if any(path.endswith(".density") for path in paths):
-        raise InputError("The prior is for a cloth of known weight, and the density is free.", "Weigh the cloth.")
+    keys = bending_keys(fit.problem.paths)
+    bending = list(keys)
     density = world_of(fit.problem.scene).cloths[0].fabric.density
-    before = bending_prior(tuple(paths[k].rpartition(".")[2] for k in bending), density)
+    before = bending_prior(tuple(keys.values()), density)
     mean, precision = fit.mean.copy(), fit.precision.copy()
     mean[bending] = before.mean
     precision[np.ix_(bending, bending)] = np.linalg.inv(before.covariance)

@@ -24,7 +24,7 @@ from clothsim.scene.assembly.checks import size_doubts
 from clothsim.scene.assembly.model_body import character_of_scene
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cloth_arrays import Body, Cloth
-from clothsim.scene.cost import expected_cost
+from clothsim.scene.cost import CHEAPER, expected_cost
 from clothsim.scene.mesh_objects import surface_of
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.scene.toml_file import load_scene
@@ -259,9 +259,8 @@ def _examine_scene(scene: Scene, subject: str) -> Examination:
     One that is too large to be run is not built.
     """
     cost = expected_cost(scene)
-    remedy = "Take fewer cells, a larger solver.dt, or fewer frames; --force runs it all the same."
     severity: Severity = "error" if cost.too_much else "warning"
-    costly = [Finding(severity, "cost", f"Expected: {cost}.", remedy, NO_INDICES) for _ in range(cost.notable)]
+    costly = [Finding(severity, "cost", f"Expected: {cost}.", CHEAPER, NO_INDICES) for _ in range(cost.notable)]
     if cost.too_much:
         return Examination(subject, (), tuple(costly))
     try:

@@ -102,14 +102,14 @@ def expected_cost(scene: Scene) -> Cost:
     return Cost(cloths, bodies, run.duration / dt, run.duration * run.frames_per_second)
 
 
+CHEAPER = "Take fewer cells, a larger solver.dt, or fewer frames; --force runs it all the same."
+
+
 def refuse_costly(scene: Scene) -> None:
     """InputError where the expected cost is beyond the bounds."""
     cost = expected_cost(scene)
     if cost.too_much:
-        raise InputError(
-            f"The run would take {cost}.",
-            "Take fewer cells, a larger solver.dt, or fewer frames; --force runs it all the same.",
-        )
+        raise InputError(f"The run would take {cost}.", CHEAPER)
 
 
 def _vertices(keys: KeyTable) -> int:

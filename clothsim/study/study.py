@@ -71,10 +71,7 @@ def _search(scene: Scene, budget: float) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         run = simulate(engine.replace(scene, "solver.budget", limit), folder)
     if run.status != "completed":
-        raise InputError(
-            f"The scene itself is no data point: {run.reason}",
-            "Run it, and change what fails; a shorter dt often helps.",
-        )
+        raise _no_data_point(run.reason)
     estimate = run.summary["certificate"]["error_estimate"]
     names = ("asked", "total", "known", "met", "seconds")
     return {
@@ -243,10 +240,12 @@ def _coarsest(bench: Bench) -> Point:
 
 def _refuse_failed_base(gatherer: Gatherer) -> None:
     if BASE in gatherer.outcomes and not gatherer.good(BASE):
-        raise InputError(
-            f"The scene itself is no data point: {gatherer.outcomes[BASE].failed}",
-            "Run it, and change what fails; a shorter dt often helps.",
-        )
+        raise _no_data_point(gatherer.outcomes[BASE].failed)
+
+
+def _no_data_point(reason: str) -> InputError:
+    sentence = f"The scene itself is no data point: {reason}"
+    return InputError(sentence, "Run it, and change what fails; a shorter dt often helps.")
 
 
 def _fingerprint(base: Scene, world: World) -> str:

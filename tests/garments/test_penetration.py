@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from clothsim.mesh.generators.shapes import rectangle, slab
 from transfer.signed_distance import body_surface
 
@@ -14,7 +14,7 @@ SHEET, TRIANGLES = rectangle(size=(0.4, 0.4), cells=(4, 4))
 
 
 def test_a_sheet_above_the_box_is_clean():
-    counts = counted(SHEET + np.array([0.0, 0.0, 0.51]), TRIANGLES, BOX)
+    counts = count_penetrations(SHEET + np.array([0.0, 0.0, 0.51]), TRIANGLES, BOX)
     assert counts.clean
     assert counts.on_body
     assert counts.position is None
@@ -23,7 +23,7 @@ def test_a_sheet_above_the_box_is_clean():
 
 
 def test_a_sheet_inside_touches_nothing_and_is_not_clean():
-    counts = counted(SHEET + np.array([0.0, 0.0, 0.47]), TRIANGLES, BOX)
+    counts = count_penetrations(SHEET + np.array([0.0, 0.0, 0.47]), TRIANGLES, BOX)
     assert (counts.penetrating_vertices, counts.body_pairs, counts.self_pairs) == (len(SHEET), 0, 0)
     assert counts.depth == pytest.approx(0.03)
     assert not counts.on_body
@@ -32,7 +32,8 @@ def test_a_sheet_inside_touches_nothing_and_is_not_clean():
 
 
 def test_a_sheet_half_way_in_counts_the_columns_inside():
-    counts = counted(SHEET + np.array([0.451, 0.013, 0.017]), TRIANGLES, BOX)  # columns at .251, .351, .451 are inside
+    shift = np.array([0.451, 0.013, 0.017])  # columns at .251, .351, .451 are inside
+    counts = count_penetrations(SHEET + shift, TRIANGLES, BOX)
     assert counts.penetrating_vertices == 15
     assert counts.depth == pytest.approx(0.249)
     assert counts.body_pairs > 0
@@ -40,7 +41,7 @@ def test_a_sheet_half_way_in_counts_the_columns_inside():
 
 def test_one_triangle_through_a_face_is_one_pair_or_two_at_its_diagonal():
     spike = np.array([[0.1, 0.07, 0.6], [0.14, 0.08, 0.6], [0.12, 0.09, 0.45]])
-    counts = counted(spike, np.array([[0, 1, 2]]), BOX)
+    counts = count_penetrations(spike, np.array([[0, 1, 2]]), BOX)
     assert (counts.penetrating_vertices, counts.body_pairs) == (1, 1)
     assert counts.depth == pytest.approx(0.05)
     np.testing.assert_array_equal(counts.position, spike[2])
@@ -49,7 +50,9 @@ def test_one_triangle_through_a_face_is_one_pair_or_two_at_its_diagonal():
 def test_two_layers_that_cross_are_on_the_body_but_not_clean():
     above = SHEET + np.array([0.0, 0.0, 0.8])
     upright = np.column_stack([SHEET[:, 0] + 0.03, np.full(len(SHEET), 0.013), SHEET[:, 1] + 0.8])
-    counts = counted(np.concatenate([above, upright]), np.concatenate([TRIANGLES, TRIANGLES + len(SHEET)]), BOX)
+    counts = count_penetrations(
+        np.concatenate([above, upright]), np.concatenate([TRIANGLES, TRIANGLES + len(SHEET)]), BOX
+    )
     assert counts.self_pairs > 0
     assert counts.on_body
     assert not counts.clean

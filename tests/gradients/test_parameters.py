@@ -43,7 +43,7 @@ def test_bending(case):
 @pytest.fixture(scope="module")
 def soft():
     own = {"bending_stiffness": 1e-3, "bending_slope": -1e-4, "rest_curvature_warp": 2.0}
-    return Case(falling_scene(ELASTIC | {"bending": {}}, FALLING | own))
+    return Case(falling_scene(ELASTIC | {"bending": {"short_waves": 1.0}}, FALLING | own))
 
 
 @pytest.mark.parametrize("key", ["bending_slope", "rest_curvature_warp", "rest_curvature_weft", "bending_stiffness"])

@@ -10,6 +10,8 @@ Files = Mapping[str, str | bytes | None] | Callable[[Path], None]
 Check = Callable[[Path, str], str]
 """An independent test of what a command left in its folder and printed: a sentence for a fault, else empty."""
 
+RUN = "run a.toml -o out --no-picture"
+BAD, ANY = "refused|found", "refused|found|completed"
 CODES = {0: "completed", 1: "found", 2: "refused", 130: "stopped"}
 """Classes by exit code; "warned" is completed with the words that the case asks for."""
 FALLS = re.compile(r"Traceback \(most recent|fault of clothsim|Fatal Python error|Segmentation fault")

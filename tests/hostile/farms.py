@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.hostile.case import Case
+from tests.hostile.case import ANY, Case
 from tests.hostile.stock import RECIPE, SHEET, farm, npz
-
-ANY = "refused|found|completed"
 
 
 def cases() -> Iterator[Case]:

@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator
 
-from tests.hostile.case import Case
-from tests.hostile.oracle import run_is_right
+from tests.hostile.case import ANY, RUN, Case
+from tests.hostile.oracle import run_of
 from tests.hostile.stock import FREE, changed
 
-RUN = "run a.toml -o out --no-picture"
-ANY = "refused|found|completed"
 EFFECTS = "[effects.inertia]\n[effects.membrane]\n[effects.bending]\n[effects.self_contact]\n"
 ROD = f"""[[rod]]
 points = [[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]]
@@ -83,7 +81,7 @@ def cases() -> Iterator[Case]:
         ("pins of a box inside out", "[effects.pins]\nselect = { box = [[1, 1, 1], [-1, -1, -1]] }", ANY),
         ("targets of no file", '[effects.targets]\ndisplacements = "a.npy"\nframes_per_second = 25', "refused"),
     ):  # fmt: skip
-        yield Case(f"feature: {what}", RUN, wanted, {"a.toml": with_table(text)}, check=run_is_right())
+        yield run_of(with_table(text), f"feature: {what}", wanted)
     for what, words, wanted in (
         ("a chest in inches", "body --chest 38in -o me.obj", "completed"),
         ("a chest of words", "body --chest wide -o me.obj", "refused"),

@@ -10,12 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from clothsim.files.runs.run_lock import LOCK_NAME
-from tests.hostile.case import Case
+from tests.hostile.case import RUN, Case
 from tests.hostile.farms import farm_with
 from tests.hostile.oracle import fault_of_run, run_is_right
 from tests.hostile.stock import LONG, RECIPE, SHEET, farm, run
-
-RUN = "run a.toml -o out --no-picture"
 
 
 def cases() -> Iterator[Case]:

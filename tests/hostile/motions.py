@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from tests.hostile.case import Case
+from tests.hostile.case import BAD, Case
 from tests.hostile.stock import changed, glb, npy, npz, with_body, with_mesh
 
 JOINT = (
     "HIERARCHY\nROOT Hips\n{{\nOFFSET 0 0 0\n{channels}\n}}\nMOTION\nFrames: {frames}\nFrame Time: {step}\n{numbers}\n"
 )
-BAD = "refused|found"
 
 
 def cases() -> Iterator[Case]:

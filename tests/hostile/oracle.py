@@ -7,6 +7,8 @@ from typing import Any
 import h5py
 import numpy as np
 
+from tests.hostile.case import RUN, Case
+
 TOUCH = 1e-9
 """Crossings within this fraction of an edge of its ends are touching, not intersecting."""
 
@@ -85,3 +87,8 @@ def fault_of_run(directory: Path) -> str:
 def run_is_right(directory: str = "out") -> Any:
     """A check of a case that left its run in `directory`."""
     return lambda folder, text: fault_of_run(folder / directory)
+
+
+def run_of(scene: str, name: str, wanted: str, says: str = "", small: bool = False) -> Case:
+    """The case of a scene file that is run, its frames tested where it completes."""
+    return Case(name, RUN, wanted, {"a.toml": scene}, says, check=run_is_right(), small=small)

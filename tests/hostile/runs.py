@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.hostile.case import Case
+from tests.hostile.case import ANY, Case
 from tests.hostile.oracle import fault_of_run
 from tests.hostile.stock import archive, changed, npy, npz, run, with_members
 
 FILES = ("checkpoint.npz", "trajectory.vtkhdf", "record.jsonl", "summary.json")
-ANY = "refused|found|completed"
 
 
 def cases() -> Iterator[Case]:

@@ -4,10 +4,9 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from tests.hostile.case import Case
+from tests.hostile.case import ANY, BAD, Case
 from tests.hostile.stock import pattern
 
-BAD, ANY = "refused|found", "refused|found|completed"
 PANEL = pattern()["pattern"]["panels"]["front"]
 
 

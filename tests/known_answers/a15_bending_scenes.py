@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim import Cloth, Scene
 from clothsim.mesh.generators.shapes import rectangle
-from tests.known_answers.plastic_strip import HARDENING, YIELD, tip_of_beam
+from tests.known_answers.plastic_strip import HARDENING, MESHES, YIELD, tip_of_beam
 from tests.known_answers.plastic_strip import WEIGHT as LOAD
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.scene_runs import AT_ONCE, ELASTIC, PAPER, WEIGHT, G, ended, on_meshes
@@ -88,6 +88,6 @@ ROWS = (
     Row(
         "A15b",
         "cantilever past its yield, H = 0.5, 10 steps of load, unloaded: tip / length",
-        partial(on_meshes, plastic_tip, (10, 20, 40), tip_of_beam(), 1e-2, (1.6, 6.0)),
+        partial(on_meshes, plastic_tip, MESHES, tip_of_beam(), 1e-2, (1.6, 6.0)),
     ),
 )

@@ -17,7 +17,7 @@ from tests.known_answers.a9_plates import (
 )
 from tests.known_answers.elastica import elastica_height
 from tests.known_answers.twisted_ribbon import (
-    MODULUS,
+    THIN,
     TWIST,
     buckling_stretch,
     critical_stretch,
@@ -67,10 +67,10 @@ def test_a_twisted_ribbon_is_stiffer_by_its_stretch_and_by_hinges():
 
 
 def test_a_twisted_ribbon_buckles_where_the_equations_say():
-    stretch, k = critical_stretch(MODULUS, TWIST)
-    thinner, same_k = critical_stretch(10 * MODULUS, TWIST / np.sqrt(10))
+    stretch, k = critical_stretch(THIN, TWIST)
+    thinner, same_k = critical_stretch(10 * THIN, TWIST / np.sqrt(10))
     assert (10 * thinner, same_k) == pytest.approx((stretch, k), rel=1e-4)
     assert -(TWIST**2) / 24 < stretch < 0  # the whole is in tension, the middle is compressed
-    assert critical_stretch(MODULUS, 1e-9)[0] == pytest.approx(-(0.9**2) / MODULUS, rel=1e-3)  # a flat strip, k = .9
+    assert critical_stretch(THIN, 1e-9)[0] == pytest.approx(-(0.9**2) / THIN, rel=1e-3)  # a flat strip, k = .9
     assert 2 * np.pi / k == pytest.approx(1.93, abs=0.01)
     assert buckling_stretch(10, "midedge") == pytest.approx(stretch, rel=0.03)

@@ -21,19 +21,11 @@ from clothsim.base.text import many
 from clothsim.base.triangles import area_vectors
 from clothsim.engine import components, intersecting_pairs
 from clothsim.garments.dress.closing import is_on_top
-from clothsim.garments.dress.placement import (
-    CHEST,
-    SHOULDERS,
-    arm_line,
-    front_of,
-    hangs_on_shoulders,
-    is_of_arm,
-    middle_of,
-)
+from clothsim.garments.dress.placement import CHEST, SHOULDERS, arm_line, hangs_on_shoulders, is_of_arm, middle_of
 from clothsim.garments.dress.rings import open_pairs_by_seam, rings, vertices_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body, crosses_body
 from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.penetration import counted, penetrations
+from clothsim.garments.penetration import count_penetrations, penetrations
 from clothsim.patterns import TOUCHING
 from transfer.signed_distance import BodySurface
 
@@ -59,7 +51,7 @@ def approached(state: SewingState, body: BodyMesh, surface: BodySurface) -> tupl
         if not LEAST < distance < np.inf:
             continue
         moved = state.moved_to(state.positions - (distance * (group == k))[:, None] * outward[k])
-        if counted(moved.positions, moved.triangles, surface).clean:
+        if count_penetrations(moved.positions, moved.triangles, surface).clean:
             state, moved_by[k] = moved, moved_by[k] + distance
     return state, f"moved toward the body by at most {1e3 * moved_by.max(initial=0.0):.3g} mm"
 
@@ -295,7 +287,7 @@ def sleeves_cleared(state: SewingState, body: BodyMesh, surface: BodySurface) ->
     By the least distance at which the fewest springs of the torso run through its panels, as `_best_shift` allows;
     sleeves that are welded to other panels stay.
     """
-    right, middle = np.cross(body.up, front_of(body)), middle_of(body)
+    right, middle = np.cross(body.up, body.front), middle_of(body)
     springs = _torso_springs(state)
     waiting = crosses_body(springs, surface)
     positions, notes = state.positions.copy(), []

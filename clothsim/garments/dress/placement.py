@@ -13,14 +13,10 @@ from scipy.spatial.transform import Rotation
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.limbs import form_a_tube
-from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.inputs import BodyMesh, usual_front
 from clothsim.patterns import Panel, PatternMesh
-from transfer.body_frame import body_frame
-from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface
 
-ASIDE_DEGREES = 20.0
-"""Angle from the usual direction up to which a body counts as facing it: feet turned out do not turn a garment."""
 SHORTEST, TALLEST = 0.1, 10.0
 """Height of a body that a pattern can be for [m]."""
 FARTHEST = 1e5
@@ -37,21 +33,6 @@ def refuse_unsuitable(body: BodyMesh) -> None:
             f"{body.name} is {extent:.3g} m tall; patterns are sewn on bodies of {SHORTEST:g} to {TALLEST:g} m.",
             "Give its unit: --scale METRES_PER_UNIT.",
         )
-
-
-def usual_front(up: Floats) -> Floats:
-    """Direction that bodies of a vertical axis face, (3,): z where y is up, -y where z is."""
-    return np.array([0.0, 0.0, 1.0]) if up[1] else np.array([0.0, -1.0, 0.0])
-
-
-def front_of(body: BodyMesh) -> Floats:
-    """Unit direction that a body faces, (3,): that of its feet where it is far from the usual one, else the usual."""
-    usual = usual_front(body.up)
-    try:
-        front = body_frame(body.positions, body.triangles, body.up).front
-    except TransferError:  # no feet to go by
-        return usual
-    return usual if front @ usual > np.cos(np.radians(ASIDE_DEGREES)) else np.asarray(front, np.float64)
 
 
 def turn_to_front(body: BodyMesh, front: Floats) -> Rotation:
@@ -101,7 +82,7 @@ def placed_on(mesh: PatternMesh, body: BodyMesh, origin: str = "auto") -> tuple[
         shift = shift + middles[0] * across[0] + middles[1] * across[1]
         notes.append("the body is away from the vertical axis: the pattern follows it")
     positions = mesh.positions if body.up[1] else mesh.positions[:, [0, 2, 1]] * [1, -1, 1]  # y to z about the x axis
-    front = front_of(body)
+    front = body.front
     if front @ usual_front(body.up) < 1:
         positions = turn_to_front(body, front).apply(positions)
         facing = ", ".join(f"{value:.2f}" for value in front)
@@ -147,7 +128,7 @@ def turned_to_arms(mesh: PatternMesh, body: BodyMesh) -> tuple[PatternMesh, tupl
     The panels of an arm are those named so on one side of the body. Their axis leads from the middle of their seams
     with other panels to the middle of their free edges.
     """
-    right = np.cross(body.up, front_of(body))
+    right = np.cross(body.up, body.front)
     middle = middle_of(body)
     positions, notes = mesh.positions.copy(), []
     for side in (1.0, -1.0):
@@ -254,7 +235,7 @@ def turned_to_legs(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> t
     each by the angle that brings the middle of its hem over the leg. A turn that frees no spring is not made. Panels
     that form no tube, as the gores of a skirt, are of no leg.
     """
-    front = front_of(body)
+    front = body.front
     right = np.cross(body.up, front)
     middle = middle_of(body)
     positions, notes = mesh.positions.copy(), []

@@ -11,7 +11,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.garments.dress.closing import MOST, WITHIN, is_on_top, order_of
 from clothsim.garments.dress.limbs import SIDES, Wearer, limb_names, limbs_between
-from clothsim.garments.dress.placement import CHEST, front_of, hangs_on_shoulders, is_of_arm, middle_of
+from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_arm, middle_of
 from clothsim.garments.dress.sewing_state import SewingState, as_placed, crosses_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import PatternMesh, Seam
@@ -38,7 +38,7 @@ def _goes_round(state: SewingState, seam: Seam, body: BodyMesh) -> bool:
     """True for a seam from the front to the back of a garment, or one that runs upward; others join what is below."""
     if order_of(seam, state) != WITHIN:
         return False
-    front = front_of(body)
+    front = body.front
     axes = np.stack([np.cross(body.up, front), body.up, front])
     lines = state.mesh.positions[seam.pairs]
     apart = np.abs(axes @ (lines[:, 1] - lines[:, 0]).mean(axis=0))
@@ -79,7 +79,7 @@ def centred(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str,
     the foot: drawn together they close round one leg. Such a tube moves until its strings from front to back pass the
     legs and the trunk equally far on both sides, those of a trouser leg this leg, and none is below the floor.
     """
-    front = front_of(body)
+    front = body.front
     right, middle = np.cross(body.up, front), middle_of(body)
     limbs = limb_names(body)
     trunk = body.positions[~(np.char.endswith(limbs, "arm") | np.char.endswith(limbs, "hand"))]
@@ -230,7 +230,7 @@ def _sewn_to(state: SewingState, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def _inner_strings(state: SewingState, names: tuple[str, ...], body: BodyMesh) -> Floats:
     """Strings of the inseams of trousers, (k, 2, 3) [m]: from front to back, in the inner half of their width."""
-    front = front_of(body)
+    front = body.front
     right, middle = np.cross(body.up, front), middle_of(body)
     ends = state.positions[open_pairs_of(state, names)]
     ahead, aside = (ends - middle) @ front, np.abs((ends.mean(axis=1) - middle) @ right)

@@ -5,7 +5,7 @@ import numpy as np
 from clothsim.base.arrays import Ints
 from clothsim.engine import untangle
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from transfer.signed_distance import BodySurface
 
 FARTHEST = 1.0
@@ -31,7 +31,7 @@ def welded_where_closed(state: SewingState, limit: float, surface: BodySurface) 
 
 def _is_clean(state: SewingState, surface: BodySurface) -> bool:
     """True without an intersection by the exact check."""
-    return counted(state.positions, state.triangles, surface).clean
+    return count_penetrations(state.positions, state.triangles, surface).clean
 
 
 def _weld_by_halving(state: SewingState, pairs: Ints, surface: BodySurface) -> SewingState:

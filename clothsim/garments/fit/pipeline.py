@@ -24,7 +24,7 @@ from clothsim.garments.fit.moving_body import StageSettings, draped, moved_with_
 from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, Transferred, sized, transferred, worn_positions
 from clothsim.garments.inputs import BodyMesh, Garment
-from clothsim.garments.penetration import NO_ROWS, counted
+from clothsim.garments.penetration import NO_ROWS, count_penetrations
 from clothsim.garments.stages import (
     Announcement,
     Listener,
@@ -400,7 +400,7 @@ def _move_through_frames(
             run = moved_with_body(replace(worn, body_triangles=triangles), shape, moved, folder, listener, slips=True)
             how = ", without friction"
         positions = run.positions(-1)
-        if run.status != "completed" or counted(positions, worn.garment.triangles, end).on_body:
+        if run.status != "completed" or count_penetrations(positions, worn.garment.triangles, end).on_body:
             break
     if run.status == "completed":
         return MotionResult(positions, how, "", None)

@@ -1,4 +1,4 @@
-"""Gradient of curvature of each triangle, and the bending energy that its mean over a neighbourhood loses.
+"""Curvature at three points of each triangle's patch, with the bending energy that the mean over the patch loses.
 
 Let w be the surface over a triangle's plane, g = (w_xxx, w_xxy, w_xyy, w_yyy) at its centroid. The angles of the nine
 hinges around it, its own and the others of its neighbours, give g: the combination with the smallest coefficients that
@@ -17,6 +17,14 @@ moment along n of the patch over which S is a mean, times k'Ck. So A g'N g/2 wit
 puts back what is lost on every mesh, in every direction, with no constant to choose. Seven conditions on ten entries:
 N is the nearest to that of the isotropic patch, m sum_i (d_i k)'C (d_i k), of the same mean. A form that is negative
 for no direction is a sum of squares; N's own negative values, and what exceeds MOST_MOMENT, are cut.
+
+Any law of curvature takes it as a mean over three points with a third of the area each, at which the curvature is
+
+    S_q = S + sqrt(2) (cos f_q d1 + sin f_q d2),  f_q = 0, 120, 240 degrees,
+
+as the mean of S_q'CS_q is S'CS + d1'C d1 + d2'C d2. C^(1/2) (d1, d2) = U N^(1/2) g with the 6 x 4 isometry U for which
+d1, d2 are nearest to the derivatives of the curvature along the two axes over the patch, m^(1/2) (d_1 k, d_2 k). So a
+law that softens, slips or flows sees at each point the curvature that a cubic surface has there.
 
 Beside borders there are fewer hinges, and beside another plate law those across it do not count: parts of g that they
 do not determine are 0. There S is as it is without.
@@ -59,10 +67,15 @@ _BY_G = np.zeros((2, 3, 4))
 _BY_G[0, [0, 1, 2], [0, 1, 2]] = _BY_G[1, [0, 1, 2], [1, 2, 3]] = [1.0, ROOT2, 1.0]
 
 
-def gradient_strains(
-    world: World, hinges: Hinges, strains: sparse.csr_array, angles: Floats | None = None
-) -> sparse.csr_array:
-    """Matrix from changes of hinge angle to the roots of the lost bending energy: E = |H theta|^2/2.
+_TURNS = 2 * np.pi * np.arange(3) / 3
+OFFSETS = np.sqrt(2) * np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
+"""sqrt(2) (cos f_q, sin f_q) of the three points: their mean is 0, and that of their squares the identity."""
+
+
+def point_strains(
+    world: World, hinges: Hinges, strains: sparse.csr_array, angles: Floats | None = None, weight: float = 1.0
+) -> tuple[sparse.csr_array, Floats]:
+    """Matrix P from changes of hinge angle to the roots of the whole energy, and from those to strains at three points.
 
     Parameters
     ----------
@@ -70,11 +83,16 @@ def gradient_strains(
         As those of `bending_strains`.
     strains : (3 m, h) sparse array
         G of `bending_strains`.
+    weight : float
+        Of the lost energy.
 
     Returns
     -------
-    (4 m, h) sparse array
-        H [sqrt(J)], four rows a triangle; they vanish for constant curvatures.
+    rows : (7 m, h) sparse array
+        P [sqrt(J)], E = |P theta|^2/2: the three rows of G of each triangle and four, N^(1/2) g, that vanish for
+        constant curvatures.
+    points : (m, 9, 7) array
+        Isometries from the rows of a triangle to the strains at its three points, three each.
     """
     m = len(world.triangles)
     edges = triangle_edges(world, hinges)
@@ -82,15 +100,20 @@ def gradient_strains(
     stiffness = world.per_triangle("bending_stiffness")
     patch, usable, turn, shift = _patches(hinges, edges, law, stiffness)
     response = _angles_of_polynomials(hinges, patch, turn, shift, np.sqrt(edges.areas))
-    curvature = _entries(strains, patch) / np.sqrt(np.where(stiffness > 0, stiffness, 1.0))[:, None, None]
-    missing = _lost(law.roots(), curvature @ response)
+    mean = _entries(strains, patch)
+    curvature = mean / np.sqrt(np.where(stiffness > 0, stiffness, 1.0))[:, None, None]
+    missing, turned = _lost(law.roots(), curvature @ response)
     recovery = _recovery(np.where(usable[..., None], response, 0.0))
-    rows = np.sqrt(stiffness)[:, None, None] * (missing @ recovery)
+    lost = np.sqrt(weight * stiffness)[:, None, None] * (missing @ recovery)
+    rows = np.concatenate([mean, lost], axis=1)
+    points = np.empty((m, 3, 3, 7))
+    points[..., :3] = np.eye(3)
+    points[..., 3:] = np.einsum("qa,maik->mqik", OFFSETS, turned.reshape(m, 2, 3, 4))
     present = np.broadcast_to((patch >= 0)[:, None, :], rows.shape) & (rows != 0)
     columns = np.broadcast_to(patch[:, None, :], rows.shape)[present]
-    return sparse.csr_array(
-        (rows[present], (np.nonzero(present.reshape(4 * m, -1))[0], columns)), (4 * m, strains.shape[1])
-    )
+    numbers = np.nonzero(present.reshape(7 * m, -1))[0]
+    matrix = sparse.csr_array((rows[present], (numbers, columns)), (7 * m, strains.shape[1]))
+    return matrix, points.reshape(m, 9, 7) / np.sqrt(len(OFFSETS))
 
 
 def _patches(
@@ -137,7 +160,7 @@ def _angles_of_polynomials(hinges: Hinges, patch: Ints, turn: np.ndarray, shift:
     In the triangle's frame, lengths over `sizes`. At a clamp the surface leaves the middle of the edge in its own
     direction, as the other triangle would.
     """
-    held = (hinges.held[patch] if len(hinges.held) else np.full_like(patch, -1))[..., None]
+    held = np.where(patch >= 0, hinges.held[patch] if len(hinges.held) else -1, -1)
     local = hinges.corners[patch]
     points = (local[..., 0] + 1j * local[..., 1]) * turn[..., None] + shift[..., None]
     points = np.concatenate([points, points[..., :2].mean(axis=2, keepdims=True)], axis=2) / sizes[:, None, None]
@@ -145,28 +168,45 @@ def _angles_of_polynomials(hinges: Hinges, patch: Ints, turn: np.ndarray, shift:
     over = local[..., 2:, 0] / local[..., 1:2, 0]
     foot = values[..., 0:1, :] + over[..., None] * (values[..., 1:2, :] - values[..., 0:1, :])
     slopes = (values[..., 2:4, :] - foot) / (local[..., 2:, 1] / sizes[:, None, None])[..., None]
-    middle = _slopes(points[..., 4], 1j * turn)
-    first = np.where(held == 0, middle, slopes[..., 0, :])
-    second = np.where(held == 1, middle, slopes[..., 1, :])
-    return np.where((patch >= 0)[..., None], first - second, 0.0)
+    turned = np.where((patch >= 0)[..., None], slopes[..., 0, :] - slopes[..., 1, :], 0.0)
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        t, i = np.nonzero(held == side)
+        beside = _slopes(points[t, i, 4], 1j * turn[t, i])
+        turned[t, i] = sign * (beside - slopes[t, i, 1 - side])
+    return turned
 
 
 _DEGREES = [(k, n - k, n) for n in (2, 3, 4) for k in range(n, -1, -1)]
-_FACTORIAL = np.array([1.0, 1.0, 2.0, 6.0, 24.0])
 
 
 def _polynomials(z: np.ndarray) -> Floats:
     """x^j y^k / (j! k!) of degrees 2, 3, 4 at z (...), (..., 12): each has one derivative of its degree, 1."""
-    x, y = z.real, z.imag
-    return np.stack([x**j * y**k / (_FACTORIAL[j] * _FACTORIAL[k]) for j, k, _ in _DEGREES], axis=-1)
+    (x, y), out = _powers(z), np.empty((*z.shape, len(_DEGREES)))
+    for i, (j, k, _) in enumerate(_DEGREES):
+        np.multiply(x[j], y[k], out=out[..., i])
+    return out
 
 
 def _slopes(z: np.ndarray, direction: np.ndarray) -> Floats:
     """Their derivatives along unit directions (...), (..., 12)."""
-    x, y = z.real, z.imag
-    by_x = [x ** max(j - 1, 0) * y**k / (_FACTORIAL[max(j - 1, 0)] * _FACTORIAL[k]) * (j > 0) for j, k, _ in _DEGREES]
-    by_y = [x**j * y ** max(k - 1, 0) / (_FACTORIAL[j] * _FACTORIAL[max(k - 1, 0)]) * (k > 0) for j, k, _ in _DEGREES]
-    return np.stack(by_x, axis=-1) * direction.real[..., None] + np.stack(by_y, axis=-1) * direction.imag[..., None]
+    (x, y), out = _powers(z), np.zeros((*z.shape, len(_DEGREES)))
+    for i, (j, k, _) in enumerate(_DEGREES):
+        if j:
+            out[..., i] += direction.real * x[j - 1] * y[k]
+        if k:
+            out[..., i] += direction.imag * x[j] * y[k - 1]
+    return out
+
+
+def _powers(z: np.ndarray) -> tuple[list[Floats], list[Floats]]:
+    """x^n/n! and y^n/n!, n 0 to 4, of z = x + i y."""
+    powers = []
+    for part in (z.real, z.imag):
+        of_part = [np.ones_like(part)]
+        for n in range(1, 5):
+            of_part.append(of_part[-1] * part / n)
+        powers.append(of_part)
+    return powers[0], powers[1]
 
 
 def _entries(strains: sparse.csr_array, patch: Ints) -> Floats:
@@ -178,14 +218,14 @@ def _entries(strains: sparse.csr_array, patch: Ints) -> Floats:
     return entries
 
 
-def _lost(roots: Floats, response: Floats) -> Floats:
-    """The symmetric roots (m, 4, 4) of N over the area, of C^(1/2) S for unit derivatives (m, 3, 12)."""
+def _lost(roots: Floats, response: Floats) -> tuple[Floats, Floats]:
+    """Symmetric roots (m, 4, 4) of N over the area and U (m, 6, 4), of C^(1/2) S for unit derivatives (m, 3, 12)."""
     plate = _CURVATURE @ roots
     third, fourth = response[..., 3:7] @ _THIRD.T, response[..., 7:] @ _FOURTH.T
     lost = 2 * np.einsum("mpi,mip->mp", plate, fourth) - (third**2).sum(axis=1)
     whole = (plate**2).sum(axis=2).mean(axis=1)
-    derivatives = np.einsum("mij,kja->mkia", roots, _BY_G / _SIZES)
-    isotropic = np.einsum("mkia,mkib->mab", derivatives, derivatives)
+    derivatives = np.einsum("mij,kja->mkia", roots, _BY_G / _SIZES).reshape(-1, 6, 4)
+    isotropic = np.einsum("mia,mib->mab", derivatives, derivatives)
     moments = np.divide(lost.mean(axis=1), whole, out=np.zeros_like(whole), where=whole > 0)  # 0 of limp triangles
     isotropic *= moments[:, None, None]
     waves = _THIRD * _SIZES
@@ -194,7 +234,9 @@ def _lost(roots: Floats, response: Floats) -> Floats:
     forms = isotropic + (remains @ np.linalg.pinv(products, rcond=1e-9).T).reshape(-1, 4, 4)
     values, vectors = np.linalg.eigh(forms)
     values = np.clip(values, 0.0, MOST_MOMENT * whole[:, None])
-    return np.einsum("mik,mk,mjk->mij", vectors, np.sqrt(values), vectors)
+    root = np.einsum("mik,mk,mjk->mij", vectors, np.sqrt(values), vectors)
+    left, _, right = np.linalg.svd(derivatives @ root, full_matrices=False)
+    return root, left @ right
 
 
 def _recovery(response: Floats) -> Floats:

@@ -43,7 +43,7 @@ def bending(world: World, keys: Bending) -> Energy | Off:
         For an angle, short_waves, bending_slope or bending_hysteresis that the model does not take.
     """
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
-    for key, given in {"angle_degrees": turned, "short_waves": keys.short_waves != 0}.items():
+    for key, given in {"angle_degrees": turned, "short_waves": keys.short_waves != Bending().short_waves}.items():
         if given and keys.model != "midedge":
             raise InputError(
                 f'effects.bending.{key} has no effect with model = "{keys.model}".', 'It is for "midedge".'
@@ -67,11 +67,6 @@ def bending(world: World, keys: Bending) -> Energy | Off:
         stiff_hinges = curled(stiff_hinges, world, angles)
     if keys.model != "midedge":
         return build(stiff_hinges, world)
-    if keys.short_waves == 0:
-        return build(stiff_hinges, world, angles)
-    if sloped or looped:
-        key = "bending_slope" if sloped else "bending_hysteresis"
-        raise InputError(f"effects.bending.short_waves is for linear bending, and a cloth has {key}.", "Set it to 0.")
     return build(stiff_hinges, world, angles, keys.short_waves)
 
 

@@ -99,9 +99,9 @@ class HystereticBending(SofteningBending, History):
         return 1.0 / np.maximum(n, self.ranges), np.where(n <= self.ranges, 1.0 / self.ranges, 0.0)
 
 
-def hysteretic_bending(hinges: Hinges, world: World, angles: Floats) -> HystereticBending:
-    """The bending energy of hinges, of fabrics with hysteresis; angles (m,) of the warp [rad]."""
-    plate = softening_bending(hinges, world, angles)
+def hysteretic_bending(hinges: Hinges, world: World, angles: Floats, short_waves: float = 0.0) -> HystereticBending:
+    """The bending energy of hinges, of fabrics with hysteresis; the rest as in `midedge_bending`."""
+    plate = softening_bending(hinges, world, angles, short_waves)
     chosen = plate.triangles
     warp, weft = (world.per_triangle(f"hysteresis_along_{way}") / 2 for way in ("warp", "weft"))
     largest = np.maximum(warp, weft)
@@ -111,7 +111,7 @@ def hysteretic_bending(hinges: Hinges, world: World, angles: Floats) -> Hysteret
     by_threads = matrices_of_threads(warp**2, warp * weft, weft**2, np.zeros(len(warp)))
     norms = np.einsum("mki,mkl,mlj->mij", turn, by_threads, turn)[chosen]
     turns = maps_of_curvature(world, plate, angles, norms)
-    limits = (world.rest_areas * largest)[chosen]
+    limits = plate.areas(world) * largest[chosen]
     ranges = world.per_triangle("hysteresis_curvature")[chosen]
     stiffest = np.sqrt(limits / ranges)[:, None, None] * (turns @ plate.weights)
     sums = np.abs(np.einsum("mqj,mql->mjl", stiffest, stiffest)).sum(axis=2)

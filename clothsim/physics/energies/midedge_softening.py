@@ -30,14 +30,14 @@ LEAST_TANGENT = 0.2
 
 @dataclass(frozen=True)
 class SofteningBending(MidedgeBending):
-    """E = |G (theta - theta0)|^2/2 + sum a c(|L e|), e = G (theta - theta0) of each triangle.
+    """E = |G (theta - theta0)|^2/2 + sum a c(|L e|), e = G (theta - theta0) of each element: a point of a triangle.
 
     Parameters
     ----------
     amounts : (m,) array
-        a = sign(s) A [m2].
+        a = sign(s) A [m2], A the area of an element.
     maps : (m, 3, 3) array
-        L, from the strains of a triangle [sqrt(J)] to B^(1/2) k.
+        L, from the strains of an element [sqrt(J)] to B^(1/2) k.
     caps : (m,) array
         n_c.
     """
@@ -102,28 +102,27 @@ def radial_tangent(vectors: Floats, along: Floats, curved: Floats) -> Floats:
     return along[:, None, None] * np.eye(3) + np.einsum("m,mi,mj->mij", curved - along, unit, unit)
 
 
-def softening_bending(hinges: Hinges, world: World, angles: Floats) -> SofteningBending:
-    """The bending energy of hinges, of fabrics with a slope; angles (m,) of the warp [rad]."""
-    plate = midedge_bending(hinges, world, angles)
-    triangles = plate.triangles
-    areas, nu = world.rest_areas, world.per_triangle("poisson_ratio")
+def softening_bending(hinges: Hinges, world: World, angles: Floats, short_waves: float = 0.0) -> SofteningBending:
+    """The bending energy of hinges, of fabrics with a slope; the rest as in `midedge_bending`."""
+    plate = midedge_bending(hinges, world, angles, short_waves).by_point()
+    triangles, areas, nu = plate.triangles, plate.areas(world), world.per_triangle("poisson_ratio")
     slopes = {way: world.per_triangle(f"slope_along_{way}") for way in ("warp", "weft", "bias")}
     warp, weft, bias = (np.abs(slopes[way]) ** (2 / 3) for way in ("warp", "weft", "bias"))
     twist = np.maximum(2 * bias - (warp + weft) / 2 - nu * np.sqrt(warp * weft), 0.0)
     turn = threads_in_triangles(world, angles)
     norms = np.einsum("mki,mkl,mlj->mij", turn, matrices_of_threads(warp, twist, weft, nu), turn)[triangles]
     maps = maps_of_curvature(world, plate, angles, norms)
-    largest = areas[triangles] * np.linalg.norm(maps, ord=2, axis=(1, 2)) ** 2
+    largest = areas * np.linalg.norm(maps, ord=2, axis=(1, 2)) ** 2
     caps = np.divide((1 - LEAST_TANGENT) / 2, largest, out=np.zeros_like(largest), where=largest > 0)
     signs = np.sign(sum(slopes.values()))[triangles]
     base = {field.name: getattr(plate, field.name) for field in fields(MidedgeBending) if field.init}
     if (signs > 0).any():
         base["bounds"] = (2 - LEAST_TANGENT) * plate.bounds
-    return SofteningBending(**base, amounts=signs * areas[triangles], maps=maps, caps=caps)
+    return SofteningBending(**base, amounts=signs * areas, maps=maps, caps=caps)
 
 
 def maps_of_curvature(world: World, plate: MidedgeBending, angles: Floats, norms: Floats) -> Floats:
-    """B^(1/2) k of the strains of the triangles of a plate, (m, 3, 3), with `norms` B (m, 3, 3) in their frames."""
+    """B^(1/2) k of the strains of the elements of a plate, (m, 3, 3), with `norms` B (m, 3, 3) in their frames."""
     values, vectors = np.linalg.eigh(norms)
     roots = np.einsum("mik,mk,mjk->mij", vectors, np.sqrt(np.maximum(values, 0.0)), vectors)
     strains = plate_law(world, angles).roots()[plate.triangles] * np.sqrt(plate.stiffnesses)[:, None, None]

@@ -1,10 +1,10 @@
 """Plastic bending with kinematic hardening: the effect `plastic_bending`.
 
 The strains of bending e = B (theta - theta0) have plastic parts p (`hinge_moments`): in the hinge model the angle of
-each hinge, in the mid-edge model the three components of the curvature of each triangle, scaled such that their squares
-sum to (1 - nu) |S|^2 + nu tr(S)^2: their norm is the curvature of a cylindrical bend in any direction. With the yield y
-and linear kinematic hardening H (Prager 1956; return mapping: Simo and Hughes 1998, "Computational inelasticity", box
-1.4), p flows along q = e - (1 + H) p where |q| > y, independent of the rate:
+each hinge, in the mid-edge model the three components of the curvature at each point of a triangle, scaled such that
+their squares sum to (1 - nu) |S|^2 + nu tr(S)^2: their norm is the curvature of a cylindrical bend in any direction.
+With the yield y and linear kinematic hardening H (Prager 1956; return mapping: Simo and Hughes 1998, "Computational
+inelasticity", box 1.4), p flows along q = e - (1 + H) p where |q| > y, independent of the rate:
 
     p += q/|q| (|q| - y) / (1 + H),
 
@@ -70,6 +70,8 @@ def plastic_bending(world: World, keys: PlasticBending, *, built: Mapping[str, E
     if bending is None:
         return Off("the scene has no bending")
     hinges = hinges_of_bending(NAME, bending)
+    if isinstance(hinges, MidedgeBending):
+        hinges = hinges.by_point()
     strains, weights = hinges.strains_of_angles()
     stiff = world.hinges.stiffness > 0
     widths = world.hinges.areas[stiff] / world.hinges.edge_lengths[stiff]
@@ -101,7 +103,7 @@ class PlasticBendingEnergy(HingeMoments, HistorySensitivity):
     model : HingeBending or MidedgeBending
         The bending whose strains have plastic parts.
     strains : (g r, h) sparse array
-        B: r strains of each of g elements, hinges or triangles [1 or 1/m].
+        B: r strains of each of g elements, hinges or points of triangles [1 or 1/m].
     weights : (g,) array
         w of each element [N m or J m2].
     yields : (g,) array
@@ -126,7 +128,7 @@ class PlasticBendingEnergy(HingeMoments, HistorySensitivity):
 
     @property
     def carry_over(self) -> Floats:
-        """p_n, (g r,): of each hinge [rad], or of each triangle [1/m]."""
+        """p_n, (g r,): of each hinge [rad], or of each point of a triangle [1/m]."""
         return self.plastic.ravel()
 
     def begin(self, step: Step) -> Self:
@@ -202,7 +204,7 @@ class PlasticBendingEnergy(HingeMoments, HistorySensitivity):
         ratio = np.sqrt(beyond[flowing] / (beyond + self.yields)[flowing])[:, None, None]
         unit = driving[flowing] / np.linalg.norm(driving[flowing], axis=1, keepdims=True)
         root = ratio * np.eye(3) + (1 - ratio) * unit[:, :, None] * unit[:, None, :]
-        entries = root @ model.strain_weights[flowing] / np.sqrt(1 + self.hardening)
+        entries = root @ model.weights[flowing] / np.sqrt(1 + self.hardening)
         slopes, stencils = midedge_kernels.angle_gradients(model.vertices, x), model.stencils[flowing]
         elements, slots = model.elements[flowing], model.slots[flowing]
         elementwise = model.vertices, stencils, entries

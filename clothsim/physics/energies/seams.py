@@ -45,7 +45,7 @@ from clothsim.physics.energies.protocols import (
 )
 
 WAYS = ("side", "through", "vertices", "panel", "nearest")
-STIFFER = 100.0
+STIFFNESS_RATIO = 100.0
 """Ratio of the default stiffness of a stitch to that of the fabric in stretch."""
 
 
@@ -121,12 +121,12 @@ def _seam(
 
 
 def stitch_stiffness(name: str, world: World) -> float:
-    """The stiffness of a stitch where the scene gives none [N/m]. InputError names the seam of fabric without any."""
+    """Stiffness of a stitch, or tie, where the scene gives none [N/m]. InputError names that of fabric without any."""
     along = world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")
     fabric = np.sqrt(along).max(initial=0.0)
     if not fabric > 0:
         raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
-    return STIFFER * float(fabric)
+    return STIFFNESS_RATIO * float(fabric)
 
 
 def _nearest(world: World, line: Line) -> tuple[Ints, Floats]:

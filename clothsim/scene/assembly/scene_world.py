@@ -266,17 +266,10 @@ def _rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) 
         for k, tie in enumerate(keys.tie):
             where = f"{body}.tie[{k}]"
             vertices = selected_vertices(f"{where}.select", world, tie.select)
-            stiffness = seams.STIFFER * _fabric_stiffness(where, world) if tie.stiffness is None else tie.stiffness
+            stiffness = seams.stitch_stiffness(where, world) if tie.stiffness is None else tie.stiffness
             tied.append(rigid_bodies.Tied(number, vertices, stiffness))
     made: dict[str, Energy] = {"rigidity": rigid_bodies.rigidity(world)}
     return made | ({"rigid_ties": rigid_bodies.rigid_ties(world, tied)} if tied else {})
-
-
-def _fabric_stiffness(where: str, world: World) -> float:
-    along: Floats = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft"))
-    if not along.max() > 0:
-        raise InputError(f"{where} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
-    return float(along.max())
 
 
 def _constrained(name: str, made: Any) -> tuple[World, Constraint]:

@@ -17,7 +17,7 @@ from clothsim.garments.dress.pipeline import end_of_drape
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
 from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
 from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from clothsim.garments.pictures import frames_of, seam_strokes
 from clothsim.keys.fabric_table import fabric_named
 from clothsim.mesh.cloth import make_cloth
@@ -168,7 +168,7 @@ def test_overlapping_panels_are_moved_apart(body):
     surface = body_surface(body.positions, body.triangles)
     assert crossing_panels(state) == {"front", "back"}
     moved, description = separated(state, body, surface)
-    assert counted(moved.positions, moved.triangles, surface).clean
+    assert count_penetrations(moved.positions, moved.triangles, surface).clean
     assert "mm" in description
 
 
@@ -176,8 +176,8 @@ def test_panels_inside_the_body_move_out(body):
     state = as_placed(mesh_pattern(pattern_of(skirt(distance=8)), SPACING))
     surface = body_surface(body.positions, body.triangles)
     moved, _ = separated(state, body, surface)
-    assert not counted(state.positions, state.triangles, surface).clean
-    assert counted(moved.positions, moved.triangles, surface).clean
+    assert not count_penetrations(state.positions, state.triangles, surface).clean
+    assert count_penetrations(moved.positions, moved.triangles, surface).clean
 
 
 def test_a_hood_whose_lower_edge_is_inside_the_shoulders_moves_upward(body):
@@ -268,7 +268,7 @@ def test_panels_approach_the_body(body):
     surface = body_surface(body.positions, body.triangles)
     state = as_placed(placed_on(mesh_pattern(pattern_of(skirt(60)), SPACING), body)[0])
     nearer, _ = approached(state, body, surface)
-    assert counted(nearer.positions, nearer.triangles, surface).clean
+    assert count_penetrations(nearer.positions, nearer.triangles, surface).clean
     moved = nearer.positions - state.positions
     rigid = [moved[rows] - moved[rows][0] for rows in state.mesh.vertices.values()]
     assert max(np.abs(rows).max() for rows in rigid) < 1e-15

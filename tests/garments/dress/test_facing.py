@@ -6,8 +6,9 @@ from capsule_bodies import person
 from scipy.spatial.transform import Rotation
 from sewing_patterns import skirt
 
-from clothsim.garments.dress.placement import front_of, placed_on, turn_to_front, usual_front
-from clothsim.garments.inputs import BodyMesh
+from clothsim.garments import inputs
+from clothsim.garments.dress.placement import placed_on, turn_to_front
+from clothsim.garments.inputs import BodyMesh, usual_front
 from clothsim.garments.pictures import view_of
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern_mesh import mesh_pattern
@@ -25,16 +26,23 @@ def test_front_of_a_turned_body(mannequin, degrees):
     turn = Rotation.from_euler("z", degrees, degrees=True)
     body = BodyMesh("turned", turn.apply(mannequin.positions), mannequin.triangles, 1.0, ())
     expected = usual_front(body.up) if abs(degrees) <= 10 else turn.apply([0, -1, 0])
-    assert np.allclose(front_of(body), expected, atol=1e-3)
+    assert np.allclose(body.front, expected, atol=1e-3)
     placed, notes = placed_on(mesh_pattern(pattern_of(skirt()), 0.05), body)
     front, back = (placed.positions[placed.vertices[name]].mean(axis=0) for name in ("front", "back"))
     assert np.allclose((front - back) / np.linalg.norm(front - back), expected, atol=1e-3)
     assert len(notes) == (abs(degrees) > 10)
 
 
+def test_the_front_of_a_body_is_looked_for_once(mannequin, monkeypatch):
+    body = BodyMesh("alone", mannequin.positions, mannequin.triangles, 1.0, ())
+    first = body.front
+    monkeypatch.setattr(inputs, "body_frame", None)
+    assert body.front is first
+
+
 def test_a_body_without_feet_faces_the_usual_way():
     body = BodyMesh("person", *person(0.1), 1.0, ())
-    assert np.array_equal(front_of(body), [0, 0, 1])
+    assert np.array_equal(body.front, [0, 0, 1])
     assert np.array_equal(view_of((0.3, 0.1, 1.0), body), [0.3, 0.1, 1.0])
 
 

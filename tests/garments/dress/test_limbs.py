@@ -18,7 +18,7 @@ from clothsim.garments.dress.limbs import (
 from clothsim.garments.dress.pipeline import returned_body
 from clothsim.garments.dress.sewing_state import Fabrics, as_placed
 from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
@@ -120,4 +120,4 @@ def test_a_garment_goes_back_with_the_body(wearer, tmp_path):
     state = tube(0.3, 0.6, 0.66)
     run = returned_body(state, posed, Fabrics("cotton"), tmp_path, None)
     assert run.status == "completed"
-    assert counted(run.positions(-1), state.triangles, wearer.surface).clean
+    assert count_penetrations(run.positions(-1), state.triangles, wearer.surface).clean

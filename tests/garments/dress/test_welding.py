@@ -8,7 +8,7 @@ from sewing_patterns import panel, specification, stitch
 from clothsim.garments.dress import welding
 from clothsim.garments.dress.sewing_state import SewingState, as_placed
 from clothsim.garments.dress.welding import welded_and_untangled, welded_where_closed
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 from transfer.signed_distance import body_surface
@@ -91,13 +91,13 @@ def test_pairs_whose_weld_would_meet_the_body_stay_open(surface, monkeypatch):
     positions[:, 2] += 0.3
     positions[half] += [0.0, 0.0, -0.6]
     state = state.moved_to(positions)
-    assert counted(state.positions, state.triangles, surface).clean
+    assert count_penetrations(state.positions, state.triangles, surface).clean
     tried = welded_where_closed(state, np.inf, surface)
-    assert counted(tried.positions, tried.triangles, surface).clean
+    assert count_penetrations(tried.positions, tried.triangles, surface).clean
     left = [pair for pair in tried.mesh.seams[0].pairs if np.ptp(tried.number[pair])]
     alone = [tried.join(pair[None]) for pair in left]
     assert left
-    assert not any(counted(each.positions, each.triangles, surface).clean for each in alone)
+    assert not any(count_penetrations(each.positions, each.triangles, surface).clean for each in alone)
     assert tried.open_seams == (0,)
     assert len(tried.pairs(tried.mesh.seams[0])) >= 1
 
@@ -119,12 +119,12 @@ def with_a_flap_between(reach: float) -> SewingState:
 
 def test_cloth_between_the_sides_is_moved_out(surface):
     state = with_a_flap_between(0.01)
-    assert counted(state.positions, state.triangles, surface).clean
+    assert count_penetrations(state.positions, state.triangles, surface).clean
     refused = welded_where_closed(state, np.inf, surface)
     assert refused.open_seams == (0,)
     welded = welded_and_untangled(refused, surface)
     assert welded.welded == (0,)
-    assert counted(welded.positions, welded.triangles, surface).clean
+    assert count_penetrations(welded.positions, welded.triangles, surface).clean
     flap = welded.number[state.mesh.vertices["flap"]]
     assert welded.positions[flap, 2].min() > 0.0
     assert np.percentile(welded.stretches(), 1) > 0.5

@@ -10,7 +10,7 @@ from clothsim.garments.fit import pipeline
 from clothsim.garments.fit.guaranteed_path import NO_OVERLAP, OPENING_DEPTHS, carried_rows, overlaps_at
 from clothsim.garments.fit.pipeline import drape_fitted, seed_fit
 from clothsim.garments.inputs import BodyMesh, Garment
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from transfer.signed_distance import body_surface
 
@@ -64,17 +64,17 @@ def test_nothing_is_carried_without_an_overlap():
 def test_what_is_carried_is_not_counted_and_all_else_is():
     one = tube_garment(0.102)
     garment = Garment("tubes", *twice(one.positions, one.triangles, 0.2 - THROUGH))
-    plain = counted(garment.positions, garment.triangles, BODY)
+    plain = count_penetrations(garment.positions, garment.triangles, BODY)
     assert plain.penetrating_vertices
     assert plain.self_pairs
     between = np.flatnonzero(np.abs(garment.positions[:, 0]) < 0.03)
-    held = counted(garment.positions, garment.triangles, BODY, between)
+    held = count_penetrations(garment.positions, garment.triangles, BODY, between)
     assert held.clean
     assert held.carried == len(between)
     assert f"{len(between)} vertices carried" in str(held)
     moved = garment.positions.copy()
     moved[np.argmax(moved[:, 0])] -= [0.02, 0.0, 0.0]
-    assert counted(moved, garment.triangles, BODY, between).penetrating_vertices == 1
+    assert count_penetrations(moved, garment.triangles, BODY, between).penetrating_vertices == 1
 
 
 def test_cloth_between_the_legs_is_carried_and_all_other_is_free(tmp_path, monkeypatch):
@@ -109,5 +109,5 @@ def test_cloth_between_the_legs_is_carried_and_all_other_is_free(tmp_path, monke
     assert 0 < len(ended.carried) < 16
     assert np.abs(ended.stages[-1].positions[ended.carried, :2]).max() < 0.05
     assert ended.run.summary["certificate"]["carried"]["now"] == len(ended.carried)
-    bare = counted(ended.stages[-1].positions, garment.triangles, found.body)
+    bare = count_penetrations(ended.stages[-1].positions, garment.triangles, found.body)
     assert bare.body_pairs + bare.self_pairs > 0

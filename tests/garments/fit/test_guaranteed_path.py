@@ -6,7 +6,7 @@ from fitting_cases import capsule_figure, tube_garment, wider
 
 from clothsim.garments.fit import guaranteed_path
 from clothsim.garments.fit.guaranteed_path import DEPTHS, clearings
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from clothsim.mesh.generators.shapes import rectangle
 from transfer.signed_distance import body_surface
 
@@ -21,7 +21,7 @@ BODY = body_surface(FIGURE.positions, FIGURE.triangles)
 
 
 def clear(garment, positions):
-    return counted(garment.positions, garment.triangles, body_surface(positions, BODY.triangles)).on_body
+    return count_penetrations(garment.positions, garment.triangles, body_surface(positions, BODY.triangles)).on_body
 
 
 def test_a_garment_that_is_clear_needs_no_thinner_body():

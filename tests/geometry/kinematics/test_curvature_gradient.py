@@ -1,4 +1,4 @@
-"""The bending energy that the mean curvature loses: none of quadratic surfaces, exactly that of waves on any mesh."""
+"""The bending energy that the mean curvature loses: none of quadratic surfaces, that of waves on any mesh; points."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from meshes import UNIT, cloth, random_rotation
 from scipy import sparse
 
 from clothsim.geometry.kinematics.curvature import bending_strains, plate_law
-from clothsim.geometry.kinematics.curvature_gradient import gradient_strains
+from clothsim.geometry.kinematics.curvature_gradient import point_strains
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import dihedral_angles, make_cloth
 from clothsim.mesh.generators.shapes import rectangle
@@ -40,14 +40,19 @@ def far_from_the_border(world, rings=2):
 
 
 def squares(world, heights, angles=None):
-    """|G theta|^2 and |H theta|^2 of each triangle, over SIZE^2, of a flat cloth raised by `heights (n,)`."""
+    """|G theta|^2 and what is lost of each triangle, over SIZE^2, of a flat cloth raised by `heights (n,)`."""
+    roots, _ = raised(world, heights, angles)
+    return (roots[:, :3] ** 2).sum(axis=1), (roots[:, 3:] ** 2).sum(axis=1)
+
+
+def raised(world, heights, angles=None):
+    """The roots of the energy (m, 7) and the strains at the points (m, 3, 3), over SIZE."""
     x = world.start()
     x[: world.n_cloth, 2] += SIZE * heights
     turned = dihedral_angles(x, world.hinges.vertices) - world.hinges.rest_angles
-    strains = bending_strains(world, world.hinges, angles)
-    lost = gradient_strains(world, world.hinges, strains, angles)
-    m = len(world.triangles)
-    return tuple(((rows @ turned).reshape(m, -1) ** 2).sum(axis=1) / SIZE**2 for rows in (strains, lost))
+    rows, points = point_strains(world, world.hinges, bending_strains(world, world.hinges, angles), angles)
+    roots = (rows @ turned).reshape(-1, 7) / SIZE
+    return roots, np.einsum("mpr,mr->mp", points, roots).reshape(-1, 3, 3)
 
 
 @every_mesh
@@ -100,10 +105,37 @@ def test_no_direction_has_less_energy_than_without(name):
     """The rows are finite and of the size of the strains' own, at borders and corners too."""
     world = make_world([cloth(*mesh(name))])
     strains = bending_strains(world, world.hinges)
-    lost = gradient_strains(world, world.hinges, strains)
-    assert lost.shape == (4 * len(world.triangles), strains.shape[1])
-    assert np.isfinite(lost.data).all()
-    assert abs(lost).max() < 3 * abs(strains).max()
+    rows, _ = point_strains(world, world.hinges, strains)
+    assert rows.shape == (7 * len(world.triangles), strains.shape[1])
+    assert np.isfinite(rows.data).all()
+    assert abs(rows).max() < 3 * abs(strains).max()
+
+
+@every_mesh
+@pytest.mark.parametrize("fabric", [UNIT, WOVEN], ids=["isotropic", "woven"])
+def test_the_points_have_the_energy_and_the_mean_of_the_triangle(name, fabric):
+    world = make_world([cloth(*mesh(name), fabric)])
+    x, y = world.start()[:, :2].T
+    roots, at_points = raised(world, np.cos(4 * x) * np.sin(5 * y))
+    np.testing.assert_allclose((at_points**2).sum(axis=(1, 2)), (roots**2).sum(axis=1), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(np.sqrt(3) * at_points.mean(axis=1), roots[:, :3], rtol=1e-9, atol=1e-9)
+
+
+@every_mesh
+def test_a_cylinder_whose_curvature_grows_has_its_curvature_at_the_points(name):
+    """Of w = x^3/6 the points have k = x there, along x alone, at about the radius of gyration of a patch."""
+    world = make_world([cloth(*mesh(name), replace(UNIT, poisson_ratio=0.0))])
+    _, at_points = raised(world, world.start()[:, 0] ** 3 / 6)
+    inner = far_from_the_border(world)
+    c = material_directions(world, 1.0, 0.0)[inner]
+    wave = np.column_stack([c[:, 0] ** 2, np.sqrt(2) * c[:, 0] * c[:, 1], c[:, 1] ** 2])
+    curvature = at_points[inner] / np.sqrt(UNIT.bending_stiffness * world.rest_areas[inner] / 3)[:, None, None]
+    apart = curvature - curvature.mean(axis=1, keepdims=True)
+    spread = np.einsum("mqi,mi->mq", apart, wave)
+    aside = apart - spread[..., None] * wave[:, None]
+    assert np.linalg.norm(aside) < 0.4 * np.linalg.norm(spread)
+    moments = (spread**2).mean(axis=1) / world.rest_areas[inner]
+    assert np.median(moments) == pytest.approx(0.29, abs=0.06)
 
 
 @pytest.mark.parametrize("name", ["right", "random"])
@@ -146,9 +178,9 @@ def test_invariance_under_rotation_and_mirrored_patterns():
         )
     )
     first, *others = (
-        lost.T @ lost
+        rows.T @ rows
         for world in worlds
-        for lost in [gradient_strains(world, world.hinges, bending_strains(world, world.hinges))]
+        for rows, _ in [point_strains(world, world.hinges, bending_strains(world, world.hinges))]
     )
     assert sparse.issparse(first)
     for other in others:

@@ -65,14 +65,16 @@ def test_a_shifted_hinge_without_an_angle_is_refused_and_nothing_is_nan(degrees)
     assert np.isfinite(energy.hessian(x, project=False).blocks).all()
 
 
-@pytest.mark.parametrize("model", ["hinge", "midedge"])
-def test_a_shifted_hinge_is_a_hinge_of_that_rest_angle(model):
+@pytest.mark.parametrize(
+    "keys", [{"model": "hinge"}, {}, {"short_waves": 1.0}], ids=["hinge", "midedge", "short waves"]
+)
+def test_a_shifted_hinge_is_a_hinge_of_that_rest_angle(keys):
     """The sum of bending and crease is the bending energy with another rest angle, in value and derivatives."""
     world = make_world([cloth(*irregular_grid(2))])
-    own = bending(world, model=model)
+    own = bending(world, **keys)
     edge = own.vertices[0, :2].tolist()
     crease = {"vertices": edge, "angle_degrees": 50.0}
-    energy = creased(world, crease, model=model).begin(step_at(world.start()))
+    energy = creased(world, crease, **keys).begin(step_at(world.start()))
     rest = own.rest_angles.copy()
     rest[0] = np.radians(50)
     folded = replace(own, rest_angles=rest)
