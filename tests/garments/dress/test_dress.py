@@ -189,7 +189,7 @@ def test_a_hood_whose_lower_edge_is_inside_the_shoulders_moves_upward(body):
     state = as_placed(mesh_pattern(pattern_of(specification(sides, [stitch(("l_hood", 1), ("r_hood", 1))])), SPACING))
     surface = body_surface(body.positions, body.triangles)
     moved, description = separated(state, body, surface)
-    assert counted(moved.positions, moved.triangles, surface).clean
+    assert count_penetrations(moved.positions, moved.triangles, surface).clean
     way = moved.positions - state.positions
     assert np.abs(way[:, 0]).min() > 0.05
     assert way[:, 1].min() > 0.01
