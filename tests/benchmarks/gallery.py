@@ -38,6 +38,7 @@ LOOKS = {
     "hoody": "--colour #5b6f4a",
     "impact": "--size 480x360 --colour #9c4a36",
     "jacket": "--colour #6a3d2f",
+    "knot": "--size 480x300 --view=-0.2,-0.75,1 --colour #b8503f",
     "needles": "--size 480x360 --view=-0.5,-1,0.25 --colour #3f5f8f",
     "shirt": "--colour firebrick",
     "shirt_large": "--colour #3f5f8f/#eef0f4",
