@@ -43,8 +43,8 @@ PATTERN_REACH, FABRIC_REACH = 0.08, 0.7
 """Largest changes of logarithms in a step."""
 KICK, WAVES = 1.0, 6
 """Root mean square of velocities that move cloth to other folds [m/s], and the waves that they are made of."""
-MOST_ITERATIONS = 10
-"""Steps of one start."""
+MOST_ITERATIONS, FEW_ITERATIONS = 10, 3
+"""Steps of one start, and those before a drape that friction holds is pulled again."""
 ENOUGH = 0.5
 """Length of a step in standard errors of independent pixels, and drop of the sum, at which the search ends."""
 
@@ -198,21 +198,27 @@ def _step(fit: ViewFit, gradient: Floats, hessian: Floats, within: tuple[Floats,
 def _pulled_and_descended(
     fit: ViewFit, begun: Seen, tell: Callable[[Seen], None]
 ) -> tuple[Seen, Seen, Floats, int, float]:
-    """As of `_descended`, of the drape pulled to its pictures, and again where a pull lowers the sum at the end."""
+    """As of `_descended`, of the drape pulled to its pictures; where friction holds it, pulled again after FEW steps.
+
+    A first guess of other widths is not pulled to the right place: the search would go on slowly from there.
+    """
+    held = "friction" in fit.problem.scene.effects
     drape = pulled(fit, begun)
     tell(drape)
-    end = _descended(fit, drape, tell)
-    again = pulled(fit, end[0])
-    if not again.total < end[0].total - ENOUGH:
+    end = _descended(fit, drape, tell, FEW_ITERATIONS if held else MOST_ITERATIONS)
+    if not held:
         return end
+    again = pulled(fit, end[0])
     tell(again)
-    further = _descended(fit, again, tell)
+    further = _descended(fit, again, tell, MOST_ITERATIONS)
     last, before, moves, _, _ = min(further, end, key=lambda each: each[0].total)
     return last, before, moves, end[3] + further[3], end[4] + further[4]
 
 
-def _descended(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> tuple[Seen, Seen, Floats, int, float]:
-    """The last run of a start, the one before it, the derivatives at the last, runs, and seconds of the adjoint."""
+def _descended(
+    fit: ViewFit, seen: Seen, tell: Callable[[Seen], None], most: int
+) -> tuple[Seen, Seen, Floats, int, float]:
+    """The last of `most` steps, the one before it, the derivatives at the last, runs, and seconds of the adjoint."""
     k = len(seen.at)
     reach = by_kind(fit.problem.paths, PATTERN_REACH, FABRIC_REACH)
     low, high = fit.problem.origin - fit.problem.ranges, fit.problem.origin + fit.problem.ranges
@@ -223,7 +229,7 @@ def _descended(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> tuple[
     settled = follow(seen.at, seen)
     seen = settled if settled.parts else seen
     moves, fresh, runs, before, adjoint = _moves(fit, seen, tell), True, k + 1, seen, 0.0
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(most):
         if moves is None:
             raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
         gradient, hessian, _ = fit.linearised(seen, moves)

@@ -30,3 +30,12 @@ def test_the_exit_code_is_that_of_the_bar(monkeypatch, capsys):
     found["rings"] = -3.6
     assert fixed_discs.main(["--elements", "pairs"]) == 1
     assert "331" in capsys.readouterr().out
+
+
+def test_cases_are_chosen_by_name_and_a_warp_turns_with_its_folds(monkeypatch):
+    angles = []
+    monkeypatch.setattr(fixed_discs, "coefficient", lambda case, *_: angles.append(case.degrees) or case.limit)
+    rows, passed = fixed_discs.table([10], "triangles", 1.0, ["warp"])
+    assert (len(rows), passed) == (3, True)
+    assert sorted(set(angles)) == [0.0, 22.0, 45.0]
+    assert {row[0] for row in fixed_discs.table([10], "triangles", 1.0)[0]} == set(list(fixed_discs.CASES)[:3])

@@ -1,5 +1,6 @@
 """A drape that friction holds elsewhere than its pictures show it, pulled there."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -105,8 +106,17 @@ def test_what_is_not_pulled(lying):
     assert pulled(fit, better) is better
 
 
-def test_a_search_begins_where_the_pictures_show_the_cloth(lying):
+def test_a_search_begins_where_the_pictures_show_the_cloth(lying, monkeypatch):
     fit, first = lying
+    pulls = []
+
+    def pull(own, drape):
+        pulls.append(drape.total)
+        return pulled(own, drape)
+
+    monkeypatch.setattr(sys.modules[recover_views.__module__], "pulled", pull)
     found = recover_views(fit.problem.scene, fit.views, ["bending_stiffness"], folds=1, twins=False)
     assert found.best.loss < 0.05 * first.total
     assert found.wide == ("cloth.bending_stiffness",)  # a cloth that lies flat
+    assert len(pulls) == 2
+    assert pulls[1] < 0.05 * pulls[0]
