@@ -18,6 +18,7 @@ from clothsim.base.stopwatch import Stopwatch
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import stretch_range, worst_gap
+from clothsim.garments.dress.corrections import lifted
 from clothsim.garments.dress.grading import Grading, graded
 from clothsim.garments.dress.limbs import Wearer, sewing_pose
 from clothsim.garments.dress.measurements import measurement_entries
@@ -320,11 +321,11 @@ def dress(
 def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> tuple[DressState, DressState]:
     """The garment as placed and after all stages, in the better of two poses where the first fails.
 
-    First with the arms raised where strings as placed run through hands or forearms, else in the body's own pose; then
-    also with the limbs out of the way that seams stayed open about.
+    First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
+    the body's own pose; then also with the limbs out of the way that seams stayed open about.
     """
     own = Wearer(task.body, task.surface)
-    in_the_way = arms_between(as_placed(mesh), own)
+    in_the_way = arms_between(lifted(as_placed(mesh), task.body, task.surface)[0], own)
     posed, change = sewing_pose(own, in_the_way)
     raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
     begun, done = _sewn(task, mesh, posed, (*notes, raised) if change else notes)

@@ -159,15 +159,19 @@ def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]
     return [phase for phase in planned if phase.closing]
 
 
+MOST = 0.5
+"""Part of the springs of a seam that run through the body beyond which the others cannot draw it round."""
+
+
 def _ends_to_sew_later(
     state: SewingState, within: tuple[Seam, ...], below: tuple[Seam, ...], surface: BodySurface
 ) -> tuple[Seam, ...]:
-    """Seams of which every spring runs through the body, like those of all seams round the body of both their panels.
+    """Seams of which most springs run through the body, as do those of all seams round the body of both their panels.
 
     Nothing draws such a piece round the body; one that is sewn to a piece above or below comes round with that.
     """
     joining = [seam for seam in within if order_of(seam, state) == WITHIN]
-    through = [bool(crosses_body(state.positions[state.pairs(seam)], surface).all()) for seam in joining]
+    through = [bool(crosses_body(state.positions[state.pairs(seam)], surface).mean() > MOST) for seam in joining]
     panels = [{side.panel for side in seam.stitch.sides} for seam in joining]
     passing = set().union(*(pair for pair, crosses in zip(panels, through, strict=True) if not crosses))
     hung = {side.panel for seam in below for side in seam.stitch.sides}

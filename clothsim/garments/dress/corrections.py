@@ -4,7 +4,8 @@ Lift: panels are often placed so low that the straight line between both sides o
 shoulder: drawn together there, the garment slips down over the arms.
 Sleeve clearance: where the torso of a pattern is wide, its sides are placed beside the arms and its sleeves between its
 front and its back. Springs of its side seams then run through the sleeves: drawn together, the torso closes round the
-end of each sleeve, whose cloth then lies between both sides of the armhole.
+end of each sleeve, whose cloth then lies between both sides of the armhole. A narrow cuff that is moved past the hand
+closes there, and does not come back over it.
 Approach: panels are placed far from the body so that none intersects it. Seams at the ends of a panel that is far away
 draw its ends inward while its middle lags behind: the panel bows, its shoulders sink below those of the body, and the
 garment slips down.
@@ -12,6 +13,7 @@ garment slips down.
 
 import igl
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
@@ -19,9 +21,9 @@ from clothsim.base.text import many
 from clothsim.base.triangles import area_vectors
 from clothsim.engine import components, intersecting_pairs
 from clothsim.garments.dress.closing import is_on_top
-from clothsim.garments.dress.placement import CHEST, arm_line, hangs_on_shoulders, is_of_arm, middle_of
-from clothsim.garments.dress.rings import open_pairs_of, rings, vertices_of
-from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body
+from clothsim.garments.dress.placement import CHEST, SHOULDERS, arm_line, hangs_on_shoulders, is_of_arm, middle_of
+from clothsim.garments.dress.rings import open_pairs_by_seam, rings, vertices_of
+from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body, crosses_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import count_penetrations, penetrations
 from clothsim.patterns import TOUCHING
@@ -91,25 +93,43 @@ def separated(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple
 
     In each round the panels with an intersection move outward: along the normal of their plane, to the side that is
     farther from the vertical axis of the body. Of two panels that intersect each other the outer one moves, so that
-    panels placed in one plane are stacked.
+    panels placed in one plane are stacked. Those above the shoulders that are not free then, as a hood whose lower edge
+    is placed inside them, move upward.
     """
     of_panel = rigid_groups(state)
-    outward = outward_of_groups(state, body)
-    shift = np.zeros(len(outward))
+    levels = body.positions @ body.up
+    middle = np.bincount(of_panel, state.positions @ body.up) / np.bincount(of_panel)
+    above = middle > levels.min() + SHOULDERS * np.ptp(levels)
+    names, texts = _group_names(state, of_panel), []
+    for where, directions in (("outward", outward_of_groups(state, body)), ("upward", above[:, None] * body.up)):
+        state, shift = _moved_apart(state, surface, of_panel, directions)
+        moved = ", ".join(name for name, distance in zip(names, shift, strict=True) if distance > 0)
+        texts += [f"moved {where} by at most {1e3 * shift.max():.3g} mm: {moved}"] if moved else []
+    return state, ", ".join(texts)
+
+
+def _moved_apart(
+    state: SewingState, surface: BodySurface, of_panel: Ints, directions: Floats
+) -> tuple[SewingState, Floats]:
+    """State whose groups moved along their directions (g, 3) until none intersects, and their distances (g,) [m].
+
+    One without a direction stays.
+    """
+    shift = np.zeros(len(directions))
     positions = state.positions
     for _ in range(ROUNDS):
         counts, with_body, own = penetrations(positions, state.triangles, surface)
-        if counts.clean:
+        moving = [] if counts.clean else _groups_to_move(state, positions, with_body, own, surface, of_panel, shift)
+        moving = [group for group in moving if directions[group].any()]
+        if not moving:
             break
-        moving = _groups_to_move(state, positions, with_body, own, surface, of_panel, shift)
         shift[moving] += STEP
-        positions = state.positions + (shift[:, None] * outward)[of_panel]
+        positions = state.positions + (shift[:, None] * directions)[of_panel]
     if shift.any():
-        extended = state.positions + ((shift + MARGIN * (shift > 0))[:, None] * outward)[of_panel]
+        extended = state.positions + ((shift + MARGIN * (shift > 0))[:, None] * directions)[of_panel]
         if penetrations(extended, state.triangles, surface)[0].clean:
             positions = extended
-    text = ", ".join(name for name, moved in zip(_group_names(state, of_panel), shift, strict=True) if moved > 0)
-    return state.moved_to(positions), f"moved outward by at most {1e3 * shift.max():.3g} mm: {text}"
+    return state.moved_to(positions), shift
 
 
 def panels_in_contact(state: SewingState, surface: BodySurface) -> list[str]:
@@ -225,11 +245,13 @@ def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[Se
         for names in rings(state, body)
         if hangs_on_shoulders(state.positions[vertices_of(state, names)], body, level=CHEST)
     ]
-    joined = np.concatenate([np.zeros((0, 2), np.int64), *(open_pairs_of(state, names) for names in hanging)])
-    if not len(joined):
+    seams = [pairs for names in hanging for pairs in open_pairs_by_seam(state, names)]
+    if not seams:
         return state, ""
-    through = [count_crossing_body(state.positions[joined] + lift * body.up, surface) for lift in LIFTS]
-    best = int(np.argmin(through))
+    through = np.array(
+        [[count_crossing_body(state.positions[pairs] + lift * body.up, surface) for pairs in seams] for lift in LIFTS]
+    )
+    best = _best_lift(through)
     if best == 0:
         return state, ""
     on_top = tuple(name for name, panel in state.mesh.pattern.panels.items() if is_on_top(panel))
@@ -237,8 +259,20 @@ def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[Se
     positions = state.positions.copy()
     height = LIFTS[best] + LIFT_CLEAR
     positions[rows] += height * body.up
-    note = f"the torso was lifted by {1e3 * height:.0f} mm: {through[0]} springs of its seams ran through the body"
-    return state.moved_to(positions), f"{note}, {through[best]} do now"
+    note = (
+        f"the torso was lifted by {1e3 * height:.0f} mm: {through[0].sum()} springs of its seams ran through the body"
+    )
+    return state.moved_to(positions), f"{note}, {through[best].sum()} do now"
+
+
+def _best_lift(through: Ints) -> int:
+    """Number of the least of `LIFTS` with the fewest springs through the body, from those of each seam at each, (s, k).
+
+    Where more springs of a seam run through the body on the way up, as those of a side seam through an arm, it is not
+    freed above: it would close there.
+    """
+    most = np.maximum.accumulate(through, axis=0)
+    return int(np.argmin(np.where(most > through[0], most, through).sum(axis=1)))
 
 
 SHIFTS = np.arange(0.0, 0.301, 0.01)
@@ -247,14 +281,15 @@ SHIFT_CLEAR = 0.02
 """Further distance beyond the least that frees the most springs [m]."""
 
 
-def sleeves_cleared(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str, ...]]:
+def sleeves_cleared(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, tuple[str, ...]]:
     """State with each sleeve moved along its arm, and a note for each that was moved.
 
-    By the least distance at which the fewest springs of the torso run through its panels; sleeves that are welded to
-    other panels stay.
+    By the least distance at which the fewest springs of the torso run through its panels, as `_best_shift` allows;
+    sleeves that are welded to other panels stay.
     """
     right, middle = np.cross(body.up, body.front), middle_of(body)
     springs = _torso_springs(state)
+    waiting = crosses_body(springs, surface)
     positions, notes = state.positions.copy(), []
     for side in (1.0, -1.0):
         names = [
@@ -270,16 +305,37 @@ def sleeves_cleared(state: SewingState, body: BodyMesh) -> tuple[SewingState, tu
         others = [state.triangles[rows] for name, rows in state.mesh.faces.items() if name not in names]
         if np.isin(faces, np.concatenate([np.zeros((0, 3), np.int64), *others])).any():
             continue
-        through = [_count_crossing(springs - shift * arm.direction, state.positions, faces) for shift in SHIFTS]
-        best = int(np.argmin(through))
+        through = np.array([_crossing(springs - shift * arm.direction, state.positions, faces) for shift in SHIFTS])
+        tip = float(((state.positions[np.unique(faces)] - arm.point) @ arm.direction).max())
+        best = _best_shift(through, waiting, arm.reach - tip)
         if best:
             distance = SHIFTS[best] + SHIFT_CLEAR
             positions[np.unique(faces)] += distance * arm.direction
+            before, after = through[[0, best]].sum(axis=1)
             notes.append(
-                f"{', '.join(names)} moved by {1e3 * distance:.0f} mm along the arm: {through[0]} springs of the torso"
-                f" ran through, {through[best]} do now"
+                f"{', '.join(names)} moved by {1e3 * distance:.0f} mm along the arm: {before} springs of the torso"
+                f" ran through, {after} do now"
             )
     return state.moved_to(positions), tuple(notes)
+
+
+def _best_shift(through: NDArray[np.bool_], waiting: NDArray[np.bool_], room: float) -> int:
+    """Number of the distance of `SHIFTS` at which the fewest springs run through a sleeve, the least of equals.
+
+    Parameters
+    ----------
+    through : (s, k) bool array
+        True for each spring that runs through the sleeve at each distance.
+    waiting : (k,) bool array
+        True for springs that run through the body: they are drawn last, when the panels lie on it.
+    room : float
+        Distance from the end of the sleeve to the tip of the hand [m]: it stays within, unless springs that do not wait
+        ask for more.
+    """
+    drawn = (through & ~waiting).sum(axis=1)
+    allowed = max(np.count_nonzero(room >= SHIFTS), 1)
+    allowed = allowed if drawn[:allowed].min() == drawn.min() else len(SHIFTS)
+    return int(np.argmin(through[:allowed].sum(axis=1)))
 
 
 def _torso_springs(state: SewingState) -> Floats:
@@ -293,9 +349,9 @@ def _torso_springs(state: SewingState) -> Floats:
     return np.asarray(state.positions[np.concatenate(found)], np.float64)
 
 
-def _count_crossing(springs: Floats, positions: Floats, triangles: Ints) -> int:
-    """Number of the segments (k, 2, 3) that meet a triangle."""
+def _crossing(springs: Floats, positions: Floats, triangles: Ints) -> NDArray[np.bool_]:
+    """True for each of the segments (k, 2, 3) that meets a triangle, (k,)."""
     along = springs[:, 1] - springs[:, 0]
     lengths = np.linalg.norm(along, axis=1)
     directions = along / np.maximum(lengths, np.finfo(float).tiny)[:, None]
-    return int((first_hits(springs[:, 0], directions, positions, triangles) < lengths).sum())
+    return np.asarray(first_hits(springs[:, 0], directions, positions, triangles) < lengths)

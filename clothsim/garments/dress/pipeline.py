@@ -112,7 +112,7 @@ def _place(task: DressTask, done: DressState) -> DressState:
     state, tip_notes = parted(state.weld(touching))
     state, lift_note = lifted(state, done.on.body, done.on.surface)
     state, aside_notes = centred(state, done.on.body)
-    state, sleeve_notes = sleeves_cleared(state, done.on.body)
+    state, sleeve_notes = sleeves_cleared(state, done.on.body, done.on.surface)
     notes = (*done.notes, *tip_notes, *([lift_note] if lift_note else []), *aside_notes, *sleeve_notes)
     done = replace(done, notes=notes)
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)

@@ -115,10 +115,11 @@ BEYOND = 0.45
 
 @dataclass(frozen=True)
 class Arm:
-    """Line of an arm: a point on it and the unit direction to the hand, both (3,)."""
+    """Line of an arm: a point on it, the unit direction to the hand, both (3,), and how far it is to its tip [m]."""
 
     point: Floats
     direction: Floats
+    reach: float
 
 
 def turned_to_arms(mesh: PatternMesh, body: BodyMesh) -> tuple[PatternMesh, tuple[str, ...]]:
@@ -188,7 +189,8 @@ def arm_line(body: BodyMesh, outward: Floats, middle: Floats) -> Arm | None:
     centre = chosen.mean(axis=0)
     direction = np.linalg.svd(chosen - centre, full_matrices=False)[2][0]
     direction = direction if direction @ outward > 0 else -direction
-    return Arm(centre, direction) if direction @ outward > np.cos(np.radians(75)) else None
+    tip = float(((chosen - centre) @ direction).max())
+    return Arm(centre, direction, tip) if direction @ outward > np.cos(np.radians(75)) else None
 
 
 def middle_of(body: BodyMesh) -> Floats:

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.garments.dress.closing import WITHIN, is_on_top, order_of
+from clothsim.garments.dress.closing import MOST, WITHIN, is_on_top, order_of
 from clothsim.garments.dress.limbs import SIDES, Wearer, limb_names, limbs_between
 from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_arm, middle_of
-from clothsim.garments.dress.sewing_state import SewingState, as_placed
+from clothsim.garments.dress.sewing_state import SewingState, as_placed, crosses_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import PatternMesh, Seam
 from transfer.errors import TransferError
@@ -46,15 +46,19 @@ def _goes_round(state: SewingState, seam: Seam, body: BodyMesh) -> bool:
     return bool(apart.argmax() == 2 or span.argmax() == 1)
 
 
-def open_pairs_of(state: SewingState, names: tuple[str, ...]) -> Ints:
-    """Pairs of all open seams between two of these panels, (k, 2)."""
+def open_pairs_by_seam(state: SewingState, names: tuple[str, ...]) -> list[Ints]:
+    """Pairs of each open seam between two of these panels, (k, 2)."""
     inside = set(names)
-    pairs = [
+    return [
         state.pairs(seam)
         for seam in (state.mesh.seams[k] for k in state.open_seams)
         if {side.panel for side in seam.stitch.sides} <= inside and order_of(seam, state) == WITHIN
     ]
-    return np.concatenate([np.zeros((0, 2), np.int64), *pairs])
+
+
+def open_pairs_of(state: SewingState, names: tuple[str, ...]) -> Ints:
+    """Pairs of all open seams between two of these panels, (k, 2)."""
+    return np.concatenate([np.zeros((0, 2), np.int64), *open_pairs_by_seam(state, names)])
 
 
 def vertices_of(state: SewingState, names: tuple[str, ...]) -> Ints:
@@ -235,11 +239,16 @@ def _inner_strings(state: SewingState, names: tuple[str, ...], body: BodyMesh) -
 
 
 def arms_between(state: SewingState, wearer: Wearer) -> tuple[str, ...]:
-    """Hands and forearms that strings between panels run through that are of no arm, as those of a wide skirt.
+    """Limbs of the arms in the way of strings between panels of no arm.
 
-    An upper arm is no obstacle: strings below an armpit pass below it once their neighbours are closed.
+    Hands and forearms that any of them runs through, as those of a wide skirt. An upper arm is no obstacle to some:
+    strings below an armpit pass below it once their neighbours are closed. Where most strings of a seam run through it,
+    as those of a short side seam, they close above it.
     """
     panels = state.mesh.pattern.panels
     open_seams = (state.mesh.seams[k] for k in state.open_seams)
     seams = [seam for seam in open_seams if not any(is_of_arm(panels[side.panel]) for side in seam.stitch.sides)]
-    return tuple(limb for limb in limbs_between(state, seams, wearer, 0.0) if limb.endswith(("forearm", "hand")))
+    blocked = [seam for seam in seams if crosses_body(state.positions[state.pairs(seam)], wearer.surface).mean() > MOST]
+    found = [limb for limb in limbs_between(state, seams, wearer, 0.0) if limb.endswith(("forearm", "hand"))]
+    upper = [limb for limb in limbs_between(state, blocked, wearer, 0.0) if limb.endswith(" arm")]
+    return (*found, *upper)

@@ -12,7 +12,7 @@ import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments import pictures
 from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases, worst_gap
-from clothsim.garments.dress.corrections import approached, crossing_panels, lifted, separated
+from clothsim.garments.dress.corrections import _best_lift, approached, crossing_panels, lifted, separated
 from clothsim.garments.dress.pipeline import end_of_drape
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
 from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
@@ -180,6 +180,22 @@ def test_panels_inside_the_body_move_out(body):
     assert count_penetrations(moved.positions, moved.triangles, surface).clean
 
 
+def test_a_hood_whose_lower_edge_is_inside_the_shoulders_moves_upward(body):
+    """Both halves beside the head, 4 cm from the middle, begin 12 cm below the top of the shoulders."""
+    hood = [[-10, 0], [10, 0], [10, 45], [-10, 45]]
+    sides = {
+        f"{name}_hood": panel(hood, translation=[x, 128, 0], rotation=[0, 90, 0]) for name, x in (("l", 4), ("r", -4))
+    }
+    state = as_placed(mesh_pattern(pattern_of(specification(sides, [stitch(("l_hood", 1), ("r_hood", 1))])), SPACING))
+    surface = body_surface(body.positions, body.triangles)
+    moved, description = separated(state, body, surface)
+    assert count_penetrations(moved.positions, moved.triangles, surface).clean
+    way = moved.positions - state.positions
+    assert np.abs(way[:, 0]).min() > 0.05
+    assert way[:, 1].min() > 0.01
+    assert "l_hood" in description
+
+
 def test_a_panel_with_no_way_out_fails_by_name(body, tmp_path):
     entries = skirt()
     entries["pattern"]["panels"]["front"]["translation"] = [0, 110, 0]  # the trunk stands through it
@@ -278,9 +294,12 @@ def test_springs_through_the_body_wait_for_a_second_phase(body):
     assert sum(len(second.drawn_pairs(state, seam, surface)) for seam in first.closing) == every
 
 
-@pytest.mark.parametrize(("inner", "later"), [(8, 2), (40, 0)])
+@pytest.mark.parametrize(("inner", "later"), [(8, 2), (12, 2), (40, 0)])
 def test_a_flounce_whose_ends_lie_before_the_legs_is_sewn_to_its_skirt_first(body, inner, later):
-    """A flounce of two U-shaped pieces, the ends of the U `inner` to `inner` + 8 cm from the middle."""
+    """A flounce of two U-shaped pieces, the ends of the U `inner` to `inner` + 8 cm from the middle.
+
+    From 12 cm on one string in three passes the leg on its outer side.
+    """
     low, outer = [[-inner - 8, -10], [inner + 8, -10]], [[inner + 8, 20], [inner, 20]]
     flounce = [*low, *outer, [inner, 0], [-inner, 0], [-inner, 20], [-inner - 8, 20]]
     panels, sides = {}, []
@@ -312,3 +331,10 @@ def test_low_shoulders_are_lifted(body):
     )
     assert after < before
     assert note
+
+
+@pytest.mark.parametrize(("side", "best"), [((0, 2, 4, 4, 2, 0), 1), ((4, 2, 0, 0, 0, 0), 2), ((0, 0, 0, 0, 0, 0), 1)])
+def test_a_side_seam_is_not_lifted_over_an_arm(side, best):
+    """A shoulder seam whose three springs are free from the second lift on, beside a side seam."""
+    through = np.column_stack([[3, 0, 0, 0, 0, 0], side])
+    assert _best_lift(through) == best

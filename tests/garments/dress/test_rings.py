@@ -169,15 +169,19 @@ def test_trousers_of_a_low_rise_are_lowered_to_the_crotch(mannequin, above, bodi
     assert np.allclose(mesh.positions - moved.positions, [0, lowered / 100, 0], atol=0.012)  # strings end below it
 
 
-@pytest.mark.parametrize(("limb", "label", "found"), [("hand", "", True), ("hand", "arm", False), ("arm", "", False)])
-def test_strings_of_a_skirt_through_a_hand_are_found(mannequin, limb, label, found):
+@pytest.mark.parametrize(
+    ("limb", "height", "label", "found"),
+    [("hand", 2, "", True), ("hand", 2, "arm", False), ("arm", 2, "", True), ("arm", 60, "", False)],
+)
+def test_limbs_in_the_way_of_strings_are_found(mannequin, limb, height, label, found):
+    """Hands always; an upper arm where most strings of a seam run through it."""
     wearer = Wearer(mannequin, body_surface(mannequin.positions, mannequin.triangles))
     x, y, _ = 100 * mannequin.positions[limb_names(mannequin) == f"left {limb}"].mean(axis=0)
-    outline = [[0, 0], [10, 0], [10, 2], [0, 2]]
+    outline = [[0, 0], [10, 0], [10, height], [0, height]]
     panels = {
-        part: panel(outline, translation=[x, y - 1, z], **({"label": label} if label else {}))
+        part: panel(outline, translation=[x, y - height / 2, z], **({"label": label} if label else {}))
         for part, z in (("front", 40), ("back", -40))
     }
     stitches = [stitch(("front", 3), ("back", 3), "right_wrong")]
     state = as_placed(mesh_pattern(pattern_of(specification(panels, stitches)), 0.05))
-    assert arms_between(state, wearer) == (("left hand",) if found else ())
+    assert arms_between(state, wearer) == ((f"left {limb}",) if found else ())
