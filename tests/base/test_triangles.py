@@ -1,6 +1,7 @@
 """Triangle meshes as arrays, against closed forms."""
 
 import numpy as np
+import pytest
 
 from clothsim.base.triangles import (
     area_vectors,
@@ -8,6 +9,7 @@ from clothsim.base.triangles import (
     connected,
     cotangent_laplacian,
     cotangents,
+    distinct_edges,
     thirds_at_vertices,
     triangle_areas,
     unit_or,
@@ -62,3 +64,19 @@ def test_the_laplacian_of_a_linear_function_is_its_dirichlet_energy():
 def test_weights_of_the_laplacian_are_bounded():
     flat = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.01, 0]])
     assert np.isclose(cotangent_laplacian(flat, np.array([[0, 1, 2]]), (0.1, 2.0))[0, 1], -0.1)
+
+
+@pytest.mark.parametrize("dtype", [np.int32, np.int64])
+@pytest.mark.parametrize("n", [3, 50, 3_000_000])
+def test_distinct_edges_are_the_distinct_rows(n, dtype):
+    ends = RANDOM.integers(0, n, (300, 2)).astype(dtype)
+    rows, number, count = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+    edges, found, times = distinct_edges(ends)
+    assert edges.dtype == np.int64
+    assert np.array_equal(edges, rows)
+    assert np.array_equal(found, number.ravel())
+    assert np.array_equal(times, count)
+
+
+def test_no_pairs_have_no_edges():
+    assert [each.shape for each in distinct_edges(np.zeros((0, 2), np.int64))] == [(0, 2), (0,), (0,)]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.triangles import unique_edges
 from clothsim.garments.dress.closing import MOST, WITHIN, is_on_top, order_of
 from clothsim.garments.dress.limbs import SIDES, Wearer, limb_names, limbs_between
 from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_arm, middle_of
@@ -179,8 +180,7 @@ def _borders(state: SewingState, names: tuple[str, ...]) -> int:
     seams = [k for k, seam in enumerate(state.mesh.seams) if {side.panel for side in seam.stitch.sides} <= inside]
     faces = np.concatenate([np.arange(rows.start, rows.stop) for rows in (state.mesh.faces[name] for name in names)])
     triangles = state.weld(seams).triangles[faces]
-    edges = np.unique(np.sort(np.concatenate([triangles[:, k] for k in ([0, 1], [1, 2], [2, 0])]), axis=1), axis=0)
-    return 2 - (len(np.unique(triangles)) - len(edges) + len(triangles))
+    return 2 - (len(np.unique(triangles)) - len(unique_edges(triangles)) + len(triangles))
 
 
 RISE = 0.01

@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_count, as_positive
 from clothsim.base.errors import InputError
-from clothsim.mesh.topology import half_edges
+from clothsim.base.triangles import distinct_edges, half_edges
 
 
 def as_lengths(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
@@ -333,7 +333,7 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 def _cut_in_four(positions: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     """Each triangle of a unit sphere cut at the midpoints of its edges, which are projected to the sphere."""
-    edges, number = np.unique(np.sort(half_edges(triangles), axis=1), axis=0, return_inverse=True)
+    edges, number, _ = distinct_edges(half_edges(triangles))
     middles = positions[edges].sum(axis=1)
     middles /= np.linalg.norm(middles, axis=1)[:, None]
     m01, m12, m20 = len(positions) + number.reshape(-1, 3).T
