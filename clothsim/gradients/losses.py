@@ -3,6 +3,7 @@
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from numbers import Real
 
 import igl
 import numpy as np
@@ -197,7 +198,7 @@ class Girth(Loss):
     frame: int = -1
 
     def __post_init__(self) -> None:
-        if not isinstance(self.height, float | int):
+        if not isinstance(self.height, Real):
             raise InputError(f"The height of a girth is {self.height!r}.", "Give the height of the plane in metres.")
 
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:

@@ -138,7 +138,13 @@ def test_spacing_must_be_a_length_that_can_be_meshed(spacing):
 
 
 def test_spacing_may_be_a_whole_number_of_metres():
-    assert len(mesh_pattern(pattern_of(skirt()), 10).triangles) == 4
+    square = pattern_of(specification({"a": panel([[0, 0], [2000, 0], [2000, 2000], [0, 2000]])}))  # 20 m
+    assert np.array_equal(mesh_pattern(square, 10).triangles, mesh_pattern(square, 10.0).triangles)
+
+
+def test_a_size_larger_than_every_panel_is_of_another_unit():
+    with pytest.raises(InputError, match=r"2 m.*0\.2"):
+        mesh_pattern(pattern_of(skirt()), 2)
 
 
 def test_a_seam_within_one_triangle_is_named():

@@ -119,7 +119,7 @@ OUTSIDE[2, 0] = 99
         (lambda: Cloth(POINTS, FACES, position=[1, 2]), r"cloth\.position .*3"),
         (lambda: Scene(cloth=Body(POINTS, FACES)), r"cloth .*clothsim\.Body.*clothsim\.Cloth"),
         (lambda: Scene(cloth=(POINTS, FACES)), r"cloth\[0\] .*clothsim\.Cloth\(vertices"),
-        (lambda: Cloth("shirt.obj"), r"'shirt\.obj'.*cloth=\{\"mesh\": 'shirt\.obj'\}"),
+        (lambda: Cloth("shirt.obj"), r"'shirt\.obj'.*cloth=\{'mesh': 'shirt\.obj'\}"),
         (lambda: Cloth(POINTS), r"cloth.* ndarray"),
         (lambda: Body(POINTS, FACES, frames=POINTS), r"body\.frames .*\(12, 3\).*\(frames, 12, 3\)"),
         (lambda: Body(BROKEN, FACES), r"body\.vertices\[4, 1\]"),
