@@ -45,6 +45,13 @@ def test_a_prior_tells_warp_and_weft_apart_within_its_own_spread():
     assert any("618" in note for note in found.notes)
 
 
+def test_what_is_assumed_of_bending_is_told():
+    assumed = recover_drape(*BOTH, simulate=laid).notes[0]
+    ratio = " : ".join(str(part) for part in (drape_recovery.WARP, drape_recovery.WEFT, drape_recovery.BIAS))
+    assert ratio in assumed
+    assert "softening" in assumed
+
+
 def test_a_cloth_beyond_the_tester_is_said():
     found = recover_drape(np.array([0.9]), np.ones(1), simulate=lambda cloth, size: [0.5, 0.5])
     assert any(note.startswith("NOT reached") for note in found.notes)
