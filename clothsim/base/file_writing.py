@@ -89,7 +89,7 @@ def make_directory(directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
-        reason = "it is a file" if directory.is_file() else reason
+        reason = "it is a file" if os.path.isfile(directory) else reason
         raise MachineError(f"{directory} cannot be made a directory: {reason}.", "Choose another with -o.") from error
     if not os.access(directory, os.W_OK | os.X_OK):
         raise MachineError(f"{directory} cannot be written.", "Choose another with -o.")

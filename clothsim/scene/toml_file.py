@@ -1,6 +1,7 @@
 """Scene files in TOML, and those that come with the package: example scenes and the sewing patterns that they dress."""
 
 import difflib
+import os
 import re
 import sysconfig
 import tomllib
@@ -49,10 +50,11 @@ def example_file(path: Any, ending: str = ".toml", what: str = "") -> Any:
         return path
     file = Path(path)
     refuse_ending_of_installed(file)
-    if file.exists() and not (what and file.is_dir()):
+    there = os.path.exists(file)  # False for a name that no file can have, where Path.exists raises
+    if there and not (what and file.is_dir()):
         return file
     found = installed(file, ending)
-    if found is None and what and not file.exists():
+    if found is None and what and not there:
         names = [each.name.removesuffix(ending) for folder in folders() for each in folder.glob(f"*{ending}")]
         near = nearest(file.name, names, CLOSE) if len(file.parts) == 1 and not file.suffix else ""
         raise InputError(f"There is no file {path}.", near or f"Name {what}.")
@@ -63,12 +65,12 @@ def installed(path: Path, ending: str = ".toml") -> Path | None:
     """The installed file whose name without its ending is `path`; None where there is none."""
     if path.suffix or len(path.parts) != 1:
         return None
-    return next((file for folder in folders() if (file := folder / f"{path.name}{ending}").is_file()), None)
+    return next((file for folder in folders() if os.path.isfile(file := folder / f"{path.name}{ending}")), None)
 
 
 def refuse_ending_of_installed(path: Path) -> None:
     """InputError for a missing file `NAME.toml` where there is an installed scene of that name."""
-    if path.suffix == ".toml" and not path.exists() and installed(Path(path.stem)) is not None:
+    if path.suffix == ".toml" and not os.path.exists(path) and installed(Path(path.stem)) is not None:
         raise InputError(
             f"There is no scene file {path}, but an installed scene of that name.", f"Leave its ending out: {path.stem}"
         )
