@@ -45,16 +45,18 @@ class Parser(argparse.ArgumentParser):
     def _refuse(self, words: Sequence[str], unknown: Sequence[str]) -> NoReturn:
         """InputError with the option of the command that is meant, or the key that --set changes."""
         command = self._of(words)
-        given, *_ = [*(word for word in unknown if word.startswith("-")), ""]
+        of_options = [word for word in unknown if re.match(r"-[^\d.]", word)]
+        given = of_options[0] if of_options else ""
         name, _, value = given.partition("=")
-        value = value or next((word for word in unknown if not word.startswith("-")), "...")
+        if given and not value and len(unknown) > len(of_options):  # its value may have been taken for a name
+            value = next((word for word in words[words.index(given) + 1 :] if word not in of_options), "")
         options = command._options()
         long = [option for option in options if name.startswith("--") and option.startswith(name)]
         hint = f"Did you mean {long[0]!r}?" if long else nearest(name, options, 0.7) if name.startswith("--") else ""
         key = nearest_key(name.lstrip("-").replace("-", "_")) if name and "--set" in options and not hint else ""
         if key:
-            hint = f"Write it as --set {key}={value}."
-        where = f"`{command.prog}` does not take {' '.join(unknown)}."
+            hint = f"Write it as --set {key}={value or '...'}."
+        where = f"`{command.prog}` does not take {' '.join(of_options or unknown)}."
         raise InputError(where, hint or f"`{command.prog} --help` lists what it takes.")
 
     def _of(self, words: Sequence[str]) -> "Parser":
@@ -79,8 +81,12 @@ def nearest_key(name: str) -> str:
     >>> nearest_key("dt"), nearest_key("fabric"), nearest_key("gpu")
     ('solver.dt', 'cloth.fabric', '')
     """
-    sections = {section: content["keys"] for section, content in engine.reference().items() if "," not in section}
-    found = [section for section, keys in sections.items() if name in keys and " " not in section]
+    sections = {section: content["keys"] for section, content in engine.reference().items()}
+    found = [
+        section
+        for section, keys in sections.items()
+        if re.fullmatch(r"(effects\.)?\w+", section) and name in keys and "list of tables" not in keys[name]["type"]
+    ]
     return f"{found[0]}.{name}" if found else ""
 
 

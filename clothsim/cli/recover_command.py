@@ -218,7 +218,7 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
         overwrite=arguments.overwrite,
         on_stage=lambda stage: tell(f"  {stage.name}"),
     )
-    if worn.status != "completed" or worn.run is None:
+    if not worn.draped or worn.run is None:
         raise InputError(f"The pattern as it is read cannot be worn: {worn.reason}", "Mend it with `clothsim dress`.")
     return engine.override(worn.run.scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size)
 

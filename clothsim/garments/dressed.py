@@ -108,6 +108,11 @@ class Dress:
         return self.stages[-1].counts
 
     @property
+    def draped(self) -> bool:
+        """True where the drape completed, free of intersections: at rest, or "sewn" as it still moves."""
+        return self.status != "failed" and self.run is not None and self.run.status == "completed"
+
+    @property
     def stretch(self) -> tuple[float, float]:
         """1st and 99th percentile of the principal stretches against the pattern."""
         return stretch_range(self.state.stretches())

@@ -6,7 +6,7 @@ the real body and one another under contact.
 """
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import example_file, intersecting_pairs, refuse_earlier_run
-from clothsim.garments.dress.pipeline import FRICTION
+from clothsim.garments.dress.pipeline import FRICTION, unrest
 from clothsim.garments.dressed import PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
 from clothsim.garments.inputs import BodyMesh, as_body_mesh
 from clothsim.garments.penetration import Counts, count_penetrations
@@ -78,7 +78,8 @@ class Outfit:
     directory : Path
         Directory of the run of all garments; each garment that was sewn has a folder of its name in it.
     status : str
-        "completed" (all garments rest on the body, free of intersections) or "failed".
+        "completed" (all garments rest on the body, free of intersections), "sewn" (they still move at the end of the
+        drape of all) or "failed".
     reason : str
         Reason for the status, one sentence.
     body : BodyMesh
@@ -144,7 +145,7 @@ def outfit(
     Returns
     -------
     Outfit
-        Its status is "completed" or "failed".
+        Its status is "completed", "sewn" where the garments still move at the end of the drape of all, or "failed".
 
     Raises
     ------
@@ -157,7 +158,7 @@ def outfit(
     >>> clothsim.outfit(["trousers.json", "shirt.json"], on="body.obj", output="worn").status  # doctest: +SKIP
     'completed'
     """
-    patterns = [example_file(pattern, "_specification.json", PATTERN_FILE) for pattern in patterns]
+    patterns = [example_file(pattern, "_specification.json", PATTERN_FILE) for pattern in _listed(patterns)]
     body, worn = _wearer(on, over, scale, body_group)
     names = _names(patterns, [each.name for each in worn])
     if output is None:
@@ -176,7 +177,7 @@ def outfit(
         own: dict[str, Any] = {"overwrite": overwrite, "on_stage": on_stage, "progress": named_stage(name, progress)}
         sewn.append(dress(pattern, wearer, directory / name, **own, **settings))
         notes += [f"{name}: {note}" for note in sewn[-1].notes if note not in body.notes]
-        if sewn[-1].run is None or sewn[-1].status != "completed":
+        if not sewn[-1].draped or sewn[-1].run is None:
             reason = f"{name}, over {worn[-1].name}" if worn else name
             reason = f"{reason}: {sewn[-1].reason}"
             return _written(replace(end, reason=reason, worn=worn, sewn=tuple(sewn), notes=tuple(notes)))
@@ -191,9 +192,12 @@ def outfit(
     counts = count_penetrations(run.positions(-1), run.triangles, surface)
     last = tuple(each.moved_to(run[-1].positions[each.name]) for each in worn)
     notes += _sunk(worn, last, body)
-    reason = f"{len(worn)} garments rest on {body.name}: {', '.join(each.name for each in worn)}."
-    status = "completed" if counts.clean else "failed"
-    reason = reason if counts.clean else f"The drape of all ended with {counts}, {counts.where}."
+    names_of_all, moving = ", ".join(each.name for each in worn), unrest(run, body.name)
+    status, reason = "completed", f"{len(worn)} garments rest on {body.name}: {names_of_all}."
+    if moving:
+        status, reason = "sewn", f"{len(worn)} garments are {moving}: {names_of_all}."
+    if not counts.clean:
+        status, reason = "failed", f"The drape of all ended with {counts}, {counts.where}."
     return _written(replace(end, status=status, reason=reason, worn=last, run=run, counts=counts, notes=tuple(notes)))
 
 
@@ -223,6 +227,19 @@ def _wearer(
         body = given
     summary = read_summary(run.directory / SUMMARY_NAME)
     return body, worn_in(run, str(summary.get("pattern", run.directory.name)))
+
+
+def _listed(patterns: Any) -> list[Any]:
+    """The patterns of an outfit. InputError for a single one, and for what is none."""
+    if isinstance(patterns, str | Path | Pattern):
+        raise InputError("patterns is one pattern.", "Give a list, the innermost garment first: [trousers, shirt].")
+    if not isinstance(patterns, Iterable):
+        raise InputError(f"patterns is of the type {type(patterns).__name__}.", "Give a list of files or Patterns.")
+    listed = list(patterns)
+    for each in listed:
+        if not isinstance(each, str | Path | Pattern):
+            raise InputError(f"A pattern is of the type {type(each).__name__}.", "Give files or Patterns.")
+    return listed
 
 
 def _names(patterns: Sequence[str | Path | Pattern], taken: Sequence[str]) -> list[str]:

@@ -151,13 +151,15 @@ SIZE = (640, 960)
 DRESS_PICTURES = PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"
 VIEWS = (("front", (0.3, 0.12, 1.0)), ("back", (0.3, 0.12, -1.0)))
 """View directions along x, up, and the direction that the body faces."""
+MOVING = "worn, not at rest"
+"""Title of a garment that still moves at the end of its drape."""
 ABOVE = 0.25
 """Height of the body above and below the garment in a picture of its stretch, as a fraction of the garment's."""
 
 
 def draw_dress(done: "Dress") -> list[Path]:
     """Write placed.png and worn.png, in plain colour with the seams, and stretch.png; returns their paths."""
-    title = {"completed": "worn", "sewn": "sewn, not draped"}.get(done.status, done.status)
+    title = {"completed": "worn", "sewn": MOVING if done.draped else "sewn, not draped"}.get(done.status, done.status)
     placed = garment_surface(done.placed, done.placed.positions, fabrics=done.fabrics)
     worn = garment_surface(done.state, done.state.positions, fabrics=done.fabrics)
     stretched = garment_surface(done.state, done.state.positions, done.state.stretches())
@@ -176,7 +178,7 @@ def draw_outfit(done: "Outfit") -> Path:
         at, state = each.positions, states.get(each.name)
         strokes = np.zeros((0, 2, 2, 3)) if state is None else seam_strokes(state, at)
         garments.append(Surface(each.name, at, each.triangles, "cloth", plain, strokes=strokes, spacing=spacing))
-    title = "worn" if done.status == "completed" else done.status
+    title = {"completed": "worn", "sewn": MOVING}.get(done.status, done.status)
     return _pair(done.directory / WORN, title, garments, done.body)
 
 

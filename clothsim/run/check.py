@@ -312,7 +312,8 @@ def _examine_run(directory: Path) -> Examination:
     found, notes = _intersections(test, frames, f"in any of {frames_of_it}", of_run=True)
     between, unknown = _between_frames(run)
     of_contact = intersection_warnings(run.intersections)
-    others = [_warning("run", each) for each in run.summary.get("warnings", ()) if each not in of_contact]
+    warnings = [each for each in run.summary.get("warnings") or () if isinstance(each, str)]
+    others = [_warning("run", each) for each in warnings if each not in of_contact]
     return Examination(subject, (*notes, *unknown), _sort_findings([*failed, *found, *between, *others]))
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from clothsim import InputError
 from clothsim.cli import COMMANDS, GROUPS, _short, main, parser_of_all, without_group
+from clothsim.cli.arguments import nearest_key
 from clothsim.cli.info_command import script
 from clothsim.cli.progress import Lines, clock
 from clothsim.run.step_reports import Progress
@@ -248,3 +249,21 @@ def test_a_renamed_option_does_the_same_and_names_the_new_one(capsys):
 def test_an_option_before_the_command_is_not_an_unknown_command(capsys):
     assert main(["--quiet", "explain"]) == 2
     assert "no command" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [(["--dt", "0.01", "good.toml"], "0.01"), (["good.toml", "--dt", "-.5"], "-.5"), (["good.toml", "--dt"], "...")],
+)
+def test_the_value_of_an_unknown_option_is_the_word_after_it(words, value, capsys):
+    """One that the scene's place has taken, and a negative one, too."""
+    assert main(["run", *words]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert "good.toml" not in first
+    assert second == f"Write it as --set solver.dt={value}."
+
+
+@pytest.mark.parametrize("name", ["start", "group", "zip", "length_ratio"])
+def test_no_option_is_answered_with_a_key_that_set_does_not_reach(name):
+    """Keys of tables in a list, and such lists."""
+    assert nearest_key(name) == ""

@@ -11,6 +11,7 @@ import clothsim
 from clothsim.base.errors import InputError
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.garments import outfit
+from clothsim.garments.dress import pipeline
 from clothsim.garments.inputs import is_closed
 from transfer.signed_distance import body_surface
 
@@ -99,6 +100,21 @@ def test_bad_outfits_are_refused(place, tmp_path):
         clothsim.outfit([], body)
     with pytest.raises(InputError, match="no run directory"):
         clothsim.outfit([skirt], over=tmp_path / "nowhere")
+    for given in (None, slip, str(slip), [slip, 3]):
+        with pytest.raises(InputError, match="pattern"):
+            clothsim.outfit(given, body)
+
+
+def test_a_garment_that_still_moves_is_sewn_and_worn_below_the_next(place, tmp_path, monkeypatch):
+    folder, body = place
+    for module in (pipeline, outfit):
+        monkeypatch.setattr(module, "unrest", lambda run, body: f"not at rest on {body}")
+    found = clothsim.outfit([folder / "slip_specification.json"], body, tmp_path / "out", size=SPACING)
+    assert [each.status for each in found.sewn] == ["sewn"]
+    assert found.sewn[0].draped
+    assert found.run.status == "completed"
+    assert found.counts.clean
+    assert found.status == read_summary(found.directory / SUMMARY_NAME)["status"] == "sewn"
 
 
 def test_a_wrap_is_closed_and_holds_body_and_garment(place, worn):

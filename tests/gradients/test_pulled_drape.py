@@ -8,6 +8,7 @@ import pytest
 from views import looking, seen
 
 from clothsim import load_scene, recover_views
+from clothsim.base.errors import ClothsimError
 from clothsim.gradients.loss_of_numbers import Problem
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.pulled_drape import PULL, displacement, frictionless_step, pulled, pulled_positions
@@ -120,3 +121,20 @@ def test_a_search_begins_where_the_pictures_show_the_cloth(lying, monkeypatch):
     assert found.wide == ("cloth.bending_stiffness",)  # a cloth that lies flat
     assert len(pulls) == 2
     assert pulls[1] < 0.05 * pulls[0]
+
+
+def test_a_second_search_that_fails_leaves_the_end_of_the_first(lying, monkeypatch):
+    fit, first = lying
+    module, calls = sys.modules[recover_views.__module__], []
+
+    def descended(own, drape, tell, most):
+        if calls:
+            raise ClothsimError("The runs beside it fail.")
+        calls.append(most)
+        return drape, drape, np.zeros((3 * len(drape.positions), 1)), 2, 0.5
+
+    monkeypatch.setattr(module, "_descended", descended)
+    end, _, _, runs, seconds = module._pulled_and_descended(fit, first, lambda drape: None)
+    assert calls == [module.FEW_ITERATIONS]
+    assert end.total < 0.05 * first.total
+    assert (runs, seconds) == (2, 0.5)

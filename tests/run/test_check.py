@@ -10,6 +10,7 @@ from small_scenes import BALL, EFFECTS, SHEET, small_scene
 
 import clothsim
 from clothsim import InputError
+from clothsim.base.record import write_summary
 from clothsim.cli import main
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -48,14 +49,18 @@ def test_a_mesh_in_another_unit_is_asked_about(tmp_path, size, found):
 def test_a_run_whose_cloth_is_held_inside_a_body_is_warned_of(tmp_path):
     inside = SHEET | {"size": [0.1, 0.1], "position": [0.0, 0.0, 0.0]}
     scene = small_scene(inside, run={"duration": 0.02, "frames_per_second": 50, "allow_inside": True})
-    clothsim.simulate(scene, tmp_path)
+    run = clothsim.simulate(scene, tmp_path)
     assert kinds(tmp_path) == [("warning", "run")]
+    for spoilt in (None, [3]):
+        write_summary(tmp_path / "summary.json", {**run.summary, "warnings": spoilt})
+        assert kinds(tmp_path) == []
 
 
 def test_raw_arrays_may_have_any_fault():
     found = kinds((SQUARE * [1, 1, np.nan], [[0, 1, 7]]))
     assert ("error", "not finite") in found
     assert ("error", "index out of range") in found
+    assert ("warning", "size") not in kinds((SQUARE * np.nan, [[0, 1, 2]]))
 
 
 def test_files(tmp_path):

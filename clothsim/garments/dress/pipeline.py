@@ -226,10 +226,17 @@ def end_of_drape(state: SewingState, run: Run, body: str) -> tuple[str, str]:
     if state.open_seams:
         closed = f"{len(state.welded)} of {seams} seams are welded throughout, springs hold the rest, within "
         closed += f"{1e3 * gap:.2g} mm ({name})"
-    if run.summary["certificate"]["at_rest"]:
-        return "completed", f"{closed}, and the garment rests on {body}."
-    speed = run.summary["certificate"]["fastest_speed"]
-    return "sewn", f"{closed}, but the garment is not at rest on {body}: fastest vertex {length(speed or 0.0)}/s."
+    if moving := unrest(run, body):
+        return "sewn", f"{closed}, but the garment is {moving}."
+    return "completed", f"{closed}, and the garment rests on {body}."
+
+
+def unrest(run: Run, body: str) -> str:
+    """How a completed run ended, "not at rest on ... (fastest vertex 3 mm/s)"; empty where it is at rest."""
+    certificate = run.summary["certificate"]
+    if certificate["at_rest"]:
+        return ""
+    return f"not at rest on {body} (fastest vertex {length(certificate['fastest_speed'] or 0.0)}/s)"
 
 
 STAGES = (

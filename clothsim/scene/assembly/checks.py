@@ -91,7 +91,7 @@ def _implausible(world: World, scene: Scene) -> list[str]:
 def size_doubts(name: str, positions: Floats) -> list[str]:
     """A sentence where a mesh (n, 3) [m] is longer than LARGEST or shorter than SMALLEST."""
     longest = float(np.ptp(positions, axis=0).max())
-    if SMALLEST <= longest <= LARGEST:
+    if SMALLEST <= longest <= LARGEST or not np.isfinite(longest):
         return []
     factor = next((factor for factor in (1e-2, 1e-3, 10.0, 100.0, 1e3) if 0.1 <= factor * longest <= 3), None)
     hint = "scale (metres per unit) mends a file in another unit"

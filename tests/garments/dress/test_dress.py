@@ -128,6 +128,21 @@ def test_files_of_a_dressed_garment(dressed):
     assert [line for line in lines if line.startswith("g ")] == ["g front", "g back"]
 
 
+@pytest.mark.parametrize(
+    ("change", "draped", "title"),
+    [({}, True, "worn"), ({"status": "sewn"}, True, pictures.MOVING), ({"status": "sewn", "run": None}, False, "sewn"),
+     ({"status": "failed"}, False, "failed")],
+)  # fmt: skip
+def test_a_picture_says_whether_the_garment_rests(dressed, monkeypatch, change, draped, title):
+    titles = []
+    monkeypatch.setattr(pictures, "_pair", lambda file, title, *others: titles.append(title))
+    done = replace(dressed, **change)
+    assert done.draped is draped
+    pictures.draw_dress(done)
+    assert titles[1].startswith(title)
+    assert ("not draped" in titles[1]) == (done.run is None)
+
+
 def test_pictures_of_a_dressed_garment(dressed, monkeypatch):
     monkeypatch.setattr(pictures, "SIZE", (100, 150))
     monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
