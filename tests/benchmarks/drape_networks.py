@@ -22,7 +22,7 @@ from scipy.sparse import csr_array, diags_array, kron
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.file_writing import write_atomically
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.study.farm.plan import Farm, open_farm
 from clothsim.study.farm.publication import processor
@@ -139,7 +139,7 @@ def _errors(data: Drapes, held: Sequence[int], made: Floats, asked: Floats) -> E
     inside = []
     for number, shape in zip(held, asked.reshape(len(held), -1, 3), strict=True):
         body = body_surface(data.bodies[number], data.body_triangles)
-        inside.append(counted(data.posed(shape, number), data.triangles, body).penetrating_vertices)
+        inside.append(count_penetrations(data.posed(shape, number), data.triangles, body).penetrating_vertices)
     truth = data.canonical[held].reshape(len(held), -1)
     return Errors(_rms(made, truth), _rms(asked, truth), float(np.mean(inside)))
 
@@ -151,7 +151,7 @@ def _rms(one: Floats, other: Floats) -> float:
 def random_codes(data: Drapes, decode: Callable[[Floats], Floats], size: int, count: int) -> dict[str, float]:
     """Decoded garments of codes from N(0, I) on the base body: vertices inside, pairs, free garments; exact tests."""
     shapes = decode(np.random.default_rng(1).standard_normal((count, size))).reshape(count, -1, 3)
-    found = [counted(shape, data.triangles, data.surface) for shape in shapes]
+    found = [count_penetrations(shape, data.triangles, data.surface) for shape in shapes]
     return {
         "vertices_inside": float(np.mean([each.penetrating_vertices for each in found])) / shapes.shape[1],
         "deepest": max(each.depth for each in found),
@@ -174,7 +174,7 @@ def table(data: Drapes, held_out: int, codes: int, training: Training, show: Cal
         rows[name] = entry
         show(name, entry)
 
-    labels = [counted(each, data.triangles, data.surface) for each in data.canonical[:200]]
+    labels = [count_penetrations(each, data.triangles, data.surface) for each in data.canonical[:200]]
     add("labels", {"inside": float(np.mean([each.penetrating_vertices for each in labels]))})
     mean = np.broadcast_to(known.mean(axis=0), flat[held].shape)
     add("mean", vars(_errors(data, held, mean, mean)))

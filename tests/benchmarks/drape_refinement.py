@@ -25,7 +25,7 @@ from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments.fit.pipeline import Task, seed_fit
 from clothsim.garments.fit.wear_check import Distortion, cost_of
 from clothsim.garments.inputs import BodyMesh, Garment
-from clothsim.garments.penetration import Counts, counted
+from clothsim.garments.penetration import Counts, count_penetrations
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.generators.shapes import capsule
 from clothsim.mesh.topology import components
@@ -118,13 +118,13 @@ def measure(
     rows = []
     for depth in depths:
         inflated = body_surface(body.positions + depth * body.vertex_normals, body.triangles)
-        start = counted(garment.positions, garment.triangles, inflated)
+        start = count_penetrations(garment.positions, garment.triangles, inflated)
         rows.append(Row(depth, "before", start, cost_of(garment, garment.positions), 0, 0.0))
         for method, settings in METHODS.items():
             started = perf_counter()
             refined = refine(garment.positions, garment.triangles, inflated.positions, inflated.triangles, **settings)
             seconds = perf_counter() - started
-            left = counted(refined.positions, garment.triangles, inflated)
+            left = count_penetrations(refined.positions, garment.triangles, inflated)
             rows.append(Row(depth, method, left, cost_of(garment, refined.positions), refined.passes, seconds))
         if chain:
             rows.append(chained(garment, inflated, depth))

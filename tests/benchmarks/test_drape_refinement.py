@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.base.errors import InputError
-from clothsim.garments.penetration import counted
+from clothsim.garments.penetration import count_penetrations
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.shapes import capsule, slab
 from tests.benchmarks.drape_refinement import CHAIN, METHODS, as_text, main, measure, torso
@@ -35,7 +35,7 @@ def test_the_torso_is_clear_of_its_body_and_of_itself():
     waist = 1 - 0.8 * np.exp(-((BODY[0][:, 2] / 0.012) ** 2))
     body = body_surface(BODY[0] * np.column_stack([waist, waist, np.ones(len(waist))]), BODY[1])
     garment = torso(body)
-    assert counted(garment.positions, garment.triangles, body).clean
+    assert count_penetrations(garment.positions, garment.triangles, body).clean
     assert not examine("torso", garment.positions, garment.triangles).errors
 
 
