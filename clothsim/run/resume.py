@@ -1,7 +1,7 @@
 """Runs in a directory, which is made, locked and cleared on request: begun, or continued from the checkpoint."""
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,7 +16,8 @@ from clothsim.base.stopwatch import Stopwatch
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.run_lock import locked
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
-from clothsim.physics.energies.protocols import ContactGap
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.protocols import ContactGap, History
 from clothsim.run.certificate import Certificate, certificate_from
 from clothsim.run.checkpoints import restore
 from clothsim.run.intersections import warn_of
@@ -176,6 +177,7 @@ def _continued(
         raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
     state = saved.state
     _refuse_another_state(state, scene)
+    _refuse_another_memory(state, session.built.energies)
     try:
         restore(session.integrator.potential.timers, saved.counters)
         certificate = certificate_from(saved.counters["certificate"])
@@ -213,6 +215,23 @@ def _refuse_another_state(state: State, scene: Scene) -> None:
         raise InputError(
             f"{CHECKPOINT_NAME} has {state.frame:,} frames at {state.time:.6g} s, and {due:.6g} are due.", remedy
         )
+
+
+def _refuse_another_memory(state: State, energies: Mapping[str, Energy]) -> None:
+    """InputError where an effect carries over other numbers than those of the scene, as those of an earlier version."""
+    for name, energy in energies.items():
+        if not isinstance(energy, History) or name not in state.memory:
+            continue
+        count = np.size(energy.carry_over)  # 0: any number, as of contacts
+        try:
+            saved = np.asarray(state.memory[name], np.float64)
+        except (TypeError, ValueError):
+            saved = np.zeros(0)
+        if count and saved.size != count:
+            raise InputError(
+                f"{CHECKPOINT_NAME} has {saved.size:,} numbers of effects.{name}, the scene has {count:,}.",
+                "Repeat the run from its scene.",
+            )
 
 
 def _refuse_a_fit(folder: Path) -> None:
