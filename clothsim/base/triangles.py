@@ -111,7 +111,7 @@ def half_edges(triangles: Ints) -> Ints:
 def distinct_edges(ends: Ints) -> tuple[Ints, Ints, Ints]:
     """Return the distinct undirected edges of the vertex pairs `ends (k, 2)`, as sorted pairs in lexicographic order.
 
-    Each edge is one number, low x stride + high: sorting pairs as rows takes five times as long.
+    Vertices are numbered from 0, below 2^31. Each edge is one number, low x stride + high: sorting pairs as rows takes five times as long.
 
     Returns
     -------

@@ -219,9 +219,10 @@ def _status(arguments: argparse.Namespace) -> Report:
 
 def _verify(arguments: argparse.Namespace) -> Report:
     none = bool(re.fullmatch(r"0+(\.0*)?|\.0+", arguments.fraction))
-    fraction = 0.0 if none else as_positive_number("--fraction", arguments.fraction)
+    remedy = "Give a number from 0 to 1, such as 0.01."
+    fraction = 0.0 if none else as_positive_number("--fraction", arguments.fraction, remedy)
     if fraction > 1:
-        raise InputError(f"--fraction is {arguments.fraction!r}.", "Give a number from 0 to 1, such as 0.01.")
+        raise InputError(f"--fraction is {arguments.fraction!r}.", remedy)
     done = on_demand.verify(on_demand.open_farm(arguments.directory), fraction)
     lines = [f"{done.whole} drapes are whole, {len(done.torn)} torn."]
     if done.repeated + done.elsewhere:

@@ -305,7 +305,10 @@ def worst_gap(state: SewingState) -> tuple[float, str]:
 
 
 def contact_gap(scene: Scene) -> float:
-    """Distance at which contact of the cloth with itself begins in a scene [m]; nothing else of it is built."""
+    """Distance at which contact of the cloth with itself begins in a scene that gives its d_hat [m].
+
+    Nothing else is built: a default d_hat may depend on the bodies.
+    """
     alone = Scene(cloth=scene.cloth, effects={"self_contact": scene.effects["self_contact"]})
     contact: Any = build(alone).energies["self_contact"]
     return float(contact.activation_distance)

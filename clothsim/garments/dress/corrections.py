@@ -329,8 +329,8 @@ def _best_shift(through: NDArray[np.bool_], waiting: NDArray[np.bool_], room: fl
     waiting : (k,) bool array
         True for springs that run through the body: they are drawn last, when the panels lie on it.
     room : float
-        Distance from the end of the sleeve to the tip of the hand [m]: it stays within, unless springs that do not wait
-        ask for more.
+        Distance from the end of the sleeve to the tip of the hand [m]: it stays within, but for SHIFT_CLEAR, unless
+        springs that do not wait ask for more.
     """
     drawn = (through & ~waiting).sum(axis=1)
     allowed = max(np.count_nonzero(room >= SHIFTS), 1)

@@ -17,7 +17,9 @@ from clothsim.study.farm.publication import content_id
 from clothsim.study.farm.reading import checked_id, file_hash, read_file
 from clothsim.study.farm.recipe import Recipe, changed
 
-FARM_NAME, JOBS_NAME = "farm.json", "jobs.jsonl"
+FARM_NAME, JOBS_NAME, MANIFEST = "farm.json", "jobs.jsonl", "manifest.jsonl"
+SIGNED = "verified.json"
+"""The hashes of a farm that was verified: of its plan, and of the hashes of each drape."""
 FOLDERS = ("drapes", "claims", "attempts", "tmp", "meshes")
 REWRITE = "Remove this file and plan the same recipe with -o here, or plan the recipe again in another folder."
 """What to do about a farm.json that was changed: the same recipe has the same one, and the drapes stay."""
@@ -55,8 +57,9 @@ class Farm:
         return Scene.from_text(json.dumps(self.settings["scene"]), self.directory)
 
     def refuse_output(self, files: Iterable[Path]) -> None:
-        """InputError for an output file that is a part of the farm: its plan, or in one of its FOLDERS."""
-        parts = [(self.directory / name).resolve() for name in (FARM_NAME, JOBS_NAME, *FOLDERS)]
+        """InputError for an output file that is a part of the farm: its plan, lists, or in one of its FOLDERS."""
+        names = (FARM_NAME, JOBS_NAME, MANIFEST, SIGNED, *FOLDERS)
+        parts = [(self.directory / name).resolve() for name in names]
         for file in files:
             if any(file.resolve().is_relative_to(part) for part in parts):
                 raise InputError(f"{file} is a part of the farm {self.directory}.", "Choose another name with -o.")

@@ -9,10 +9,9 @@ from typing import Any
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.study.farm.claims import Worker, is_stale
-from clothsim.study.farm.plan import DrapeJob, Farm
+from clothsim.study.farm.plan import MANIFEST, DrapeJob, Farm
 from clothsim.study.farm.reading import is_id, read_drape
 
-MANIFEST = "manifest.jsonl"
 CERTIFIED = ("intersection_free", "at_rest", "minimum_gap", "stretch_min", "stretch_max")
 """What a row has of the certificate."""
 

@@ -13,7 +13,7 @@ import numpy as np
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.study.farm.drape import drape
-from clothsim.study.farm.plan import FARM_NAME, JOBS_NAME, DrapeJob, Farm
+from clothsim.study.farm.plan import FARM_NAME, JOBS_NAME, SIGNED, DrapeJob, Farm
 from clothsim.study.farm.publication import processor
 from clothsim.study.farm.reading import (
     CLOTH,
@@ -29,8 +29,6 @@ from clothsim.study.farm.reading import (
     whole_files,
 )
 
-SIGNED = "verified.json"
-"""The hashes of a farm that was verified: of its plan, and of the hashes of each drape."""
 REPLAN = "`clothsim farm plan RECIPE -o DIR` with the same recipe writes it again."
 
 

@@ -74,15 +74,16 @@ def test_the_card_counts_drapes_that_end_inside_a_body(tmp_path, contact):
     assert re.search(r"inside a body\W+1\b|\b1\W+inside a body", (tmp_path / "data.md").read_text())
 
 
-@pytest.mark.parametrize("name", ["jobs.jsonl/data.h5", "drapes/data.h5", "meshes", "jobs.h5"])
-def test_a_part_of_the_farm_is_never_replaced(farm, tmp_path, name):
+@pytest.mark.parametrize("name", ["jobs.jsonl/data.h5", "drapes/data.h5", "meshes", "jobs.h5", "manifest.h5"])
+def test_a_part_of_the_farm_is_never_replaced(farm, name, capsys):
     with pytest.raises(InputError, match="part of the farm"):
         pack(farm, farm.directory / name, overwrite=True)
     assert verify(farm, fraction=0).good
-    model = next((farm.directory / "meshes").glob("*.npz"))
-    before = model.read_bytes()
-    assert main(["learn", str(farm.directory), "-o", str(model), "--overwrite"]) == 2
-    assert model.read_bytes() == before
+    for part in (next((farm.directory / "meshes").glob("*.npz")), farm.directory / "verified.json"):
+        before = part.read_bytes()
+        assert main(["learn", str(farm.directory), "-o", str(part), "--overwrite"]) == 2
+        assert "part of the farm" in capsys.readouterr().err
+        assert part.read_bytes() == before
 
 
 def test_shards_are_plain_tar_and_the_same_bytes_twice(farm, tmp_path):
