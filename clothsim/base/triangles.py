@@ -111,7 +111,8 @@ def half_edges(triangles: Ints) -> Ints:
 def distinct_edges(ends: Ints) -> tuple[Ints, Ints, Ints]:
     """Return the distinct undirected edges of the vertex pairs `ends (k, 2)`, as sorted pairs in lexicographic order.
 
-    Vertices are numbered from 0, below 2^31. Each edge is one number, low x stride + high: sorting pairs as rows takes five times as long.
+    Each edge is one number, low x stride + high, of vertices from 0 to 2^31: sorting pairs as rows takes five times as
+    long.
 
     Returns
     -------

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TextIO
 
 from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
@@ -130,22 +130,22 @@ def _guarded(words: Sequence[str]) -> int:
         print("Stopped.", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # `clothsim explain | head` has closed the pipe
-        _print_nothing_more()
+        _print_nothing_more(sys.stdout)
         return FAILED
     except Exception as error:
         if "--debug" in words:
             raise
         lines = _explain_system_error(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC and error.filename is None:
-            _print_nothing_more()
+            _print_nothing_more(sys.stdout)
         _two_lines(*lines or (f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where."))
         return BAD_INPUT if lines else FAILED
 
 
-def _print_nothing_more() -> None:
-    """Leave out what is still to be printed, which Python would try again at its end."""
+def _print_nothing_more(to: TextIO) -> None:
+    """Leave out what is still to be printed to a stream, which Python would try again at its end."""
     with contextlib.suppress(OSError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), to.fileno())
 
 
 def _open_closed_streams() -> None:
@@ -279,4 +279,7 @@ def _two_lines(sentence: str, remedy: str) -> None:
     if (own := stream()) is not None:
         own.event("error", sentence=" ".join(sentence.split()), remedy=remedy)
         return
-    print(printable(f"{' '.join(sentence.split())}\n{remedy}"), file=sys.stderr)
+    try:
+        print(printable(f"{' '.join(sentence.split())}\n{remedy}"), file=sys.stderr, flush=True)
+    except OSError:  # a full disk behind it: the exit code says it
+        _print_nothing_more(sys.stderr)

@@ -25,6 +25,12 @@ def test_a_full_disk_behind_the_output_is_one_sentence():
     assert said.startswith("No space is left")
 
 
+@pytest.mark.skipif(not FULL.exists(), reason="no device that is always full")
+@pytest.mark.parametrize("words", ["run missing", "keys nothing"])
+def test_a_full_disk_behind_the_errors_does_not_change_the_exit_code(words):
+    assert shell(f'"$0" -m clothsim {words} 2> /dev/full') == (2, "")
+
+
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
 def test_a_stream_that_is_closed_takes_nothing(closed):
     assert shell(f'"$0" -m clothsim keys solver {closed}') == (0, "")
