@@ -1,5 +1,6 @@
 """Faults of a mesh, a scene or a run, all at once."""
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -116,7 +117,7 @@ def examined(what: Any, role: Role | None = None, motion: bool = False, **part: 
     file.
     """
     if isinstance(what, str | Path):
-        if Path(what).is_dir():
+        if os.path.isdir(what):
             return _examine_run(Path(what))
         if Path(what).suffix.lower() == ".toml":
             found = _examine_scene_file(Path(what))
@@ -171,7 +172,7 @@ def _mesh_of(what: Any, part: dict[str, Any]) -> tuple[str, Any, Any, Role, tupl
 
 def _examine_scene_file(path: Path) -> Examination:
     """The examination of a scene file; what its text has wrong is a finding too, but not that it cannot be read."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError(f"There is no scene file {path}.")
     try:
         scene = load_scene(path)

@@ -1,5 +1,6 @@
 """The results of a run: a sequence of frames."""
 
+import os
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -409,7 +410,7 @@ def open_run(path: str | Path) -> Run:
         The directory is missing, holds no run, or a file of it is broken.
     """
     directory = Path(path)
-    if not directory.is_dir():
+    if not os.path.isdir(directory):
         raise InputError(f"There is no run directory {directory}.", RUN_DIRECTORY)
     if not (directory / TRAJECTORY_NAME).is_file():
         raise InputError(f"{directory} holds no {TRAJECTORY_NAME}, so it is not the output of a run.", RUN_DIRECTORY)

@@ -237,7 +237,7 @@ def _refuse_another_memory(state: State, energies: Mapping[str, Energy]) -> None
 def _refuse_a_fit(folder: Path) -> None:
     """InputError for a finished fit: its drape alone would count as completed, whatever the status of the fit."""
     summary = folder / SUMMARY_NAME
-    if (folder / FITTED_NAME).is_file() and summary.is_file() and b'"fit_seconds"' in read_regular_file(summary):
+    if os.path.isfile(folder / FITTED_NAME) and summary.is_file() and b'"fit_seconds"' in read_regular_file(summary):
         raise InputError(
             f"{folder} is a finished fit.", "`clothsim bundle` it: its drape is replayed from the archive."
         )

@@ -29,7 +29,7 @@ def scene_file(path: Path) -> Path:
     InputError for a name without an ending that no installed scene has, and for the ending of one that is installed.
     """
     refuse_ending_of_installed(path)
-    if path.is_file() or path.suffix or len(path.parts) != 1:
+    if os.path.isfile(path) or path.suffix or len(path.parts) != 1:
         return path
     selected = installed(path)
     if selected is not None:
@@ -176,7 +176,7 @@ def load_scene(path: str | Path) -> Scene:
             f"A scene file is named by a text, not by a {kind}.", "Of a table make clothsim.Scene(**table)."
         )
     file = scene_file(Path(path))
-    if not file.exists():
+    if not os.path.exists(file):
         raise InputError(f"There is no scene file {file}.", _near(file))
     _refuse_directory(file)
     try:
@@ -193,7 +193,7 @@ def load_scene(path: str | Path) -> Scene:
 
 
 def _refuse_directory(path: Path) -> None:
-    if path.is_dir():
+    if os.path.isdir(path):
         how = "`clothsim resume DIR` continues a run, `clothsim view DIR` shows it."
         raise InputError(f"{path} is a directory, and no scene file.", how)
 

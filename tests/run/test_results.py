@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from meshes import cloth, grid
 
+from clothsim import check, resume
 from clothsim.base.errors import InputError
 from clothsim.base.record import RecordWriter, write_summary
 from clothsim.files.runs.trajectory import TrajectoryWriter
@@ -199,3 +200,10 @@ def test_runs_and_frames_are_compared_and_hashed(directory):
     assert len({run, again, run[0], run[-len(run)]}) == 3
     with pytest.raises(TypeError):
         run[0.5]
+
+
+@pytest.mark.parametrize("read", [open_run, resume, check])
+@pytest.mark.parametrize("name", ["a" * 300, "a\0"], ids=["long", "NUL"])
+def test_a_name_that_no_directory_can_have_is_refused(read, name):
+    with pytest.raises(InputError):
+        read(name)

@@ -96,3 +96,11 @@ def test_scenes_that_are_not_installed_are_reported(monkeypatch, tmp_path):
 )
 def test_the_headline_is_the_first_clause_of_the_comment(text, first):
     assert headline(text) == first
+
+
+@pytest.mark.parametrize(
+    "name", ["a" * 5000, "a" * 300 + ".toml", "a\0", ""], ids=["long", "long, TOML", "NUL", "empty"]
+)
+def test_a_name_that_no_file_can_have_is_refused(name):
+    with pytest.raises(InputError):
+        load_scene(name)

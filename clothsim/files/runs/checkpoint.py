@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -82,7 +83,7 @@ def packed(checkpoint: Checkpoint) -> bytes:
 
 def read_checkpoint(path: str | Path) -> Checkpoint:
     """Read a checkpoint. InputError where the file is missing, broken or another program's."""
-    if not Path(path).is_file():
+    if not os.path.isfile(path):
         raise InputError(f"There is no checkpoint {path}.", "Name the directory that `clothsim run SCENE -o DIR` left.")
     return unpacked(read_regular_file(path), str(path))
 
