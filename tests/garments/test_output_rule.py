@@ -13,7 +13,7 @@ def test_an_input_is_never_replaced(tmp_path, overwrite):
         file.write_text("mine")
     for command in (
         lambda: clothsim.dress(pattern, "shirt", tmp_path, overwrite=overwrite),
-        lambda: clothsim.fit("shirt.obj", body, output=tmp_path, overwrite=overwrite),
+        lambda: clothsim.fit("shirt", body, output=tmp_path, overwrite=overwrite),
     ):
         with pytest.raises(InputError, match="would be replaced"):
             command()
@@ -24,7 +24,7 @@ def test_an_input_is_never_replaced(tmp_path, overwrite):
 def test_dress_replaces_no_file_of_others(tmp_path, name):
     (tmp_path / name).write_text("mine")
     with pytest.raises(InputError, match="overwrite=True"):
-        clothsim.dress("other.json", "shirt", tmp_path)
+        clothsim.dress("tunic", "shirt", tmp_path)
     assert (tmp_path / name).read_text() == "mine"
 
 
@@ -32,5 +32,5 @@ def test_dress_replaces_no_file_of_others(tmp_path, name):
 def test_fit_replaces_no_file_of_others(tmp_path, name):
     (tmp_path / name).write_text("mine")
     with pytest.raises(InputError, match="overwrite=True"):
-        clothsim.fit("other.obj", "shirt", output=tmp_path)
+        clothsim.fit("shirt", "shirt_large", output=tmp_path)
     assert (tmp_path / name).read_text() == "mine"
