@@ -11,7 +11,7 @@ from PIL import Image
 
 from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.triangles import vertex_normals
+from clothsim.base.triangles import distinct_edges, vertex_normals
 from clothsim.engine import Fabric
 from clothsim.garments.dress.corrections import touching_seams
 from clothsim.garments.dress.sewing_state import SewingState
@@ -138,7 +138,7 @@ def seam_strokes(state: SewingState, positions: Floats) -> Floats:
     """Sides of all sewn edges as strokes along them, (k, 2, 2, 3) [m]."""
     lines = [state.number[state.mesh.edges[side]] for seam in state.mesh.seams for side in seam.stitch.sides]
     pairs = np.concatenate([np.zeros((0, 2), np.int64), *(np.column_stack([rows[:-1], rows[1:]]) for rows in lines)])
-    pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+    pairs = distinct_edges(pairs)[0]
     ends = positions[pairs]
     normal = vertex_normals(positions, state.triangles)[pairs].sum(axis=1)
     across = np.cross(normal, ends[:, 1] - ends[:, 0])

@@ -74,8 +74,8 @@ def displacement(parts: Sequence[Residuals], positions: Floats, triangles: Ints)
     bound = (eye_array(n) + SMOOTHNESS * (between.T @ between)) / (PULL * size) ** 2
     matrix, slope = kron(bound, eye_array(3)), np.zeros(3 * n)
     for each in parts:
-        weighed = each.jacobian.multiply(each.curvatures[:, None])
-        matrix = matrix + each.jacobian.T @ weighed
+        weighted = each.jacobian.multiply(each.curvatures[:, None])
+        matrix = matrix + each.jacobian.T @ weighted
         slope += each.jacobian.T @ (each.weights * each.slopes)
     found = splu(matrix.tocsc()).solve(-slope).reshape(-1, 3)
     return np.asarray(found * min(1.0, PULL * size / max(float(np.linalg.norm(found, axis=1).max()), 1e-12)))

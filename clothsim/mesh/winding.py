@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.triangles import area_vectors, connected
+from clothsim.base.triangles import area_vectors, connected, distinct_edges
 from clothsim.mesh.topology import components, half_edges
 
 
@@ -34,7 +34,7 @@ def joined_half_edges(triangles: Ints) -> tuple[Ints, Ints, Ints]:
 def fin_edges(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> Ints:
     """Return the edges of three or more triangles, as sorted pairs of vertices (k, 2)."""
     first, _, count = joined
-    return np.unique(np.sort(half_edges(triangles)[first[count > 2]], axis=1), axis=0)
+    return distinct_edges(half_edges(triangles)[first[count > 2]])[0]
 
 
 def bow_tie_vertices(triangles: Ints, joined: tuple[Ints, Ints, Ints], n_vertices: int) -> Ints:

@@ -27,7 +27,7 @@ WEIGHT, YIELD, HARDENING = 0.05, 0.015, 0.5
 """rho_A g L^3/D, y L and H: at the clamp 0.02 of plastic curvature, below y/H. A weight four times as large bends it so
 far that the tip stays 0.2 % higher than that of beam theory."""
 MESHES = (10, 40)
-"""Cells along it of which an order is told: between a mesh and the next the place of the yield's front in its cell
+"""Cells along it that give the order: between a mesh and the next the place of the yield's front in its cell
 matters more, and the error of one may be below that of a finer one."""
 
 

@@ -14,6 +14,7 @@ from scipy.sparse import csr_array, diags_array
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import eigen_2x2
+from clothsim.base.triangles import unique_edges
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -42,8 +43,7 @@ class Rings:
         """The rings of a mesh of n vertices with triangles (m, 3) of areas (m,) [m2]."""
         corners, faces = triangles.ravel(), np.repeat(np.arange(len(triangles)), 3)
         parts = csr_array((np.repeat(areas, 3), (corners, faces)), shape=(n, len(triangles)))
-        ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-        ends = np.unique(np.sort(ends, axis=1), axis=0)
+        ends = unique_edges(triangles)
         one = np.ones(2 * len(ends))
         near = csr_array((one, (np.r_[ends[:, 0], ends[:, 1]], np.r_[ends[:, 1], ends[:, 0]])), shape=(n, n))
         return cls(_rows_of_sum_1(parts), 0.5 * _rows_of_sum_1(near) + 0.5 * diags_array(np.ones(n)).tocsr())

@@ -7,6 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import distinct_edges
 from clothsim.keys.effect_tables import Band, Cord
 from clothsim.keys.schema import Selection
 from clothsim.mesh.topology import border_edges, half_edges
@@ -99,7 +100,7 @@ def chained(where: str, edges: Ints) -> list[Ints]:
     [array([1, 2]), array([3, 5, 7, 3])]
     """
     neighbours: dict[int, list[int]] = {}
-    for a, b in np.unique(np.sort(edges, axis=1), axis=0).tolist():
+    for a, b in distinct_edges(edges)[0].tolist():
         neighbours.setdefault(a, []).append(b)
         neighbours.setdefault(b, []).append(a)
     branching = next((vertex for vertex, others in neighbours.items() if len(others) > 2), None)
@@ -126,7 +127,7 @@ def _pattern_edges(where: str, world: World, select: Mapping[str, object]) -> In
         if "edge" in select:
             names = ((str(select["panel"]), int(str(select["edge"]))),)
         found.append(cloth.lines.segments(name for name in names if name in cloth.lines.edges) + rows.start)
-    edges = np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
+    edges = distinct_edges(np.concatenate(found))[0]
     return edges[np.isin(_numbers(edges, world), _numbers(world.edges, world))]
 
 
