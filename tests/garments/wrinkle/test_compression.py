@@ -64,3 +64,11 @@ def test_memory_forgets():
     first, second = np.eye(3)[None], 2 * np.eye(3)[None]
     assert followed(None, first, 0.0) is first
     np.testing.assert_allclose(followed(first, second, MEMORY), (2 - np.exp(-1)) * np.eye(3)[None])
+
+
+def test_a_vertex_has_half_of_the_weight_and_its_ring_the_other():
+    rings = Rings.of(np.array([[0, 1, 2], [2, 1, 3]]), np.array([1.0, 3.0]), 4)
+    sixth = 1 / 6
+    expected = [[0.5, 0.25, 0.25, 0], [sixth, 0.5, sixth, sixth], [sixth, sixth, 0.5, sixth], [0, 0.25, 0.25, 0.5]]
+    assert np.allclose(rings.of_vertices.toarray(), expected, rtol=1e-15)
+    assert np.allclose(rings.of_triangles.toarray(), [[1, 0], [0.25, 0.75], [0.25, 0.75], [0, 1]], rtol=1e-15)
