@@ -40,7 +40,7 @@ class Drapes:
     Raises
     ------
     InputError
-        Where the file is no data set of drapes.
+        Where the file is not a data set of drapes.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class Drapes:
             self._places = [places[row["id"]] for row in self.rows]
         except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
             raise InputError(
-                f"{self.path} is no data set of drapes ({error}).", "Write one: `clothsim farm pack DIR -o data.h5`."
+                f"{self.path} is not a data set of drapes ({error}).", "Write one: `clothsim farm pack DIR -o data.h5`."
             ) from error
 
     @cached_property

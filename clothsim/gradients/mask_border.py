@@ -248,7 +248,9 @@ class MaskBorder(PictureLoss):
         inside = (u > -0.5) & (u < self.camera.width - 0.5) & (v > -0.5) & (v < self.camera.height - 0.5)
         kept = np.flatnonzero(seen & ~covered & ~nearer & inside)
         if not len(kept):
-            raise InputError("The camera sees no contour of the cloth.", "Look at its pose, and at what is in front.")
+            raise InputError(
+                "The camera sees no contour of the cloth.", "Check its pose, and what is in front of the cloth."
+            )
         return found.taken(kept), refinement
 
     def _own_triangles(self, count: int) -> Ints:
@@ -294,7 +296,7 @@ class MaskBorder(PictureLoss):
         if made.any():
             kept = cKDTree(targets[made]).query(targets)[0] > JUNCTION
         if not kept.any():
-            raise InputError("A body in front makes all of the mask's border.", "Look at the pose of the camera.")
+            raise InputError("A body in front makes all of the mask's border.", "Check the pose of the camera.")
         return kept
 
 
