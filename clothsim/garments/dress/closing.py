@@ -19,7 +19,7 @@ from clothsim.engine import build
 from clothsim.garments.dress.limbs import Wearer, limbs_between
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
-from clothsim.garments.dress.welding import FARTHEST, mean_edge, welded_where_closed
+from clothsim.garments.dress.welding import mean_edge, welded_where_closed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
 from clothsim.patterns import Panel, Seam
@@ -34,9 +34,10 @@ STIFFNESS, STIFFER = 100.0, 5.0
 folds and take twice the iterations."""
 FURTHER = 3
 """Bound on the rounds after all seams were drawn together once."""
-PROGRESS = 0.9
-"""Largest gap after one of these rounds, as a fraction of that before it, above which the next is not tried: what is
-between the sides of a seam wider open than any weld may close does not give way to springs that are stiffer still."""
+PROGRESS, WIDE = 0.9, 2.0
+"""Largest gap after one of these rounds, as a fraction of that before it and of the mean edge, above both of which the
+next is not tried: what is between the sides does not give way to springs that are stiffer still. Nor is it where the
+round found all within the limit, and no pair was welded after it."""
 ON_TOP = ("collar", "hood", "lapel", "strap")
 """Words in the name of a panel that is sewn to the finished torso."""
 DART, WITHIN, BELOW, ONTO = 0, 1, 2, 3
@@ -285,18 +286,22 @@ def close(
         most = len(runs) + 1 + len(waiting) + len(further)
         label = f"close, round {len(runs) + 1} of at most {most}"
         run = simulate_stage(scene, folder / f"close{len(runs)}", named_stage(label, listener))
+        completed, moved = run.status == "completed", state.moved_to(run.positions(-1))
+        welded = welded_where_closed(moved, limit, surface) if completed else moved
+        before, gap = largest, worst_gap(welded)
+        if drawn and before <= limit and (not completed or gap[0] > limit):
+            break  # stiffer springs opened what was closed: it stays as it was
         runs.append(run)
-        state = state.moved_to(run.positions(-1))
-        if run.status != "completed":
-            between = limbs_between(state, _open_seams(state), wearer, mean_edge(state))
-            return ClosingResult(state, f"While the seams were closed: {run.reason}", "", tuple(runs), between)
-        state, before = welded_where_closed(state, limit, surface), largest
-        largest, name = worst_gap(state)
-        if drawn and largest > max(FARTHEST * mean_edge(state), PROGRESS * before):
+        if not completed:
+            between = limbs_between(moved, _open_seams(moved), wearer, mean_edge(state))
+            return ClosingResult(moved, f"While the seams were closed: {run.reason}", "", tuple(runs), between)
+        idle = largest <= limit and len(welded.joined) == len(state.joined)
+        state, (largest, name) = welded, gap
+        if drawn and (idle or largest > max(WIDE * mean_edge(state), PROGRESS * before)):
             break
     seconds = sum(float(run.times[-1]) for run in runs)
-    welded = f"pairs within {1e3 * limit:.2g} mm welded, largest gap left {1e3 * largest:.2g} mm"
-    description = f"{len(runs)} rounds, {seconds:.2g} s; {welded}"
+    closed = f"pairs within {1e3 * limit:.2g} mm welded, largest gap left {1e3 * largest:.2g} mm"
+    description = f"{len(runs)} rounds, {seconds:.2g} s; {closed}"
     failure, between = "", ()
     if largest > limit:
         own = [seam for seam in state.mesh.seams if seam.name == name]
