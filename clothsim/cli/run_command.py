@@ -353,6 +353,6 @@ _ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".webp", ".gif
 
 def _row(name: str, text: str) -> str:
     """A name and its text, broken at WIDTH."""
-    return textwrap.fill(
-        text, WIDTH, initial_indent=f"  {name:<8} ", subsequent_indent=" " * 11, break_long_words=False
-    )
+    wrapper = textwrap.TextWrapper(WIDTH, break_long_words=False, break_on_hyphens=False)
+    wrapper.initial_indent, wrapper.subsequent_indent = f"  {name:<8} ", " " * 11
+    return wrapper.fill(text)
