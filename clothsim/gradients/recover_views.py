@@ -31,7 +31,7 @@ from clothsim.gradients.picture_loss import Obstacle
 from clothsim.gradients.pulled_drape import pulled
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.gradients.view_fit import Seen, ViewFit, by_kind
-from clothsim.gradients.view_recovery import Search, ViewRecovery, recovery_of
+from clothsim.gradients.view_recovery import SearchRecord, ViewRecovery, recovery_of
 from clothsim.gradients.views import View, read_views
 from clothsim.patterns.pattern_mesh import PatternMesh
 from clothsim.scene.assembly.scene_world import world_of
@@ -124,7 +124,7 @@ def recover_views(
             ends.append((last, before, moves))
             runs, adjoint = runs + taken, adjoint + seconds
     best = min(ends, key=lambda each: each[0].total)
-    search = Search(runs, tuple(each[0].total for each in ends), note, began, adjoint, misfits, twins)
+    search = SearchRecord(runs, tuple(each[0].total for each in ends), note, began, adjoint, misfits, twins)
     return recovery_of(fit, first, best, search)
 
 

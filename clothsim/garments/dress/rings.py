@@ -15,7 +15,7 @@ from clothsim.garments.dress.limbs import SIDES, Wearer, limb_names, limbs_betwe
 from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_arm, middle_of
 from clothsim.garments.dress.sewing_state import SewingState, as_placed, crosses_body
 from clothsim.garments.inputs import BodyMesh
-from clothsim.patterns import PatternMesh, Seam
+from clothsim.patterns import MeshedSeam, PatternMesh
 from transfer.errors import TransferError
 
 
@@ -35,7 +35,7 @@ def rings(state: SewingState, body: BodyMesh) -> list[tuple[str, ...]]:
     return [tuple(name for name in names if label[name] == number) for number in sorted(set(label.values()))]
 
 
-def _goes_round(state: SewingState, seam: Seam, body: BodyMesh) -> bool:
+def _goes_round(state: SewingState, seam: MeshedSeam, body: BodyMesh) -> bool:
     """True for a seam from the front to the back of a garment, or one that runs upward; others join what is below."""
     if order_of(seam, state) != WITHIN:
         return False

@@ -16,7 +16,7 @@ from clothsim.base.arrays import Floats, Ints, as_points, as_triangles
 from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.geometry.untangling.contours import FilledMesh, Flags, make_mesh
-from clothsim.geometry.untangling.displacement_targets import NO_TARGETS, Sheet, displacement_targets
+from clothsim.geometry.untangling.displacement_targets import NO_TARGETS, SheetOperators, displacement_targets
 from clothsim.mesh.cloth import triangle_planes
 
 ATTEMPTS = ((0.4, 2.5), (0.2, 1.5), (0.2, 2.5), (0.1, 1.5), (0.1, 2.5))
@@ -85,7 +85,7 @@ class UntanglingSearch:
     """
 
     x: Floats
-    sheet: Sheet
+    sheet: SheetOperators
     mesh: FilledMesh
     obstacle: Floats
     solid: Ints
@@ -205,7 +205,7 @@ def untangle(
     x, faces, fixed, obstacle, solid = _checked(positions, triangles, fixed, layers, body)
     rest = x if rest_positions is None else as_points("rest_positions", rest_positions)
     shape = triangle_planes(rest, faces) if material is None else np.asarray(material, np.float64)
-    sheet = Sheet(x, faces, shape, fixed, limits)
+    sheet = SheetOperators(x, faces, shape, fixed, limits)
     mesh = make_mesh(faces, sheet.areas, len(x))
     step = float(np.median(np.linalg.norm(shape - np.roll(shape, 1, axis=1), axis=2)))
     apart = 0.1 * step if gap is None else float(gap)

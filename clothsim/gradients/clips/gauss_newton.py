@@ -22,7 +22,7 @@ ENOUGH = 0.5
 """Length of a step in standard errors, and drop of the sum, at which the search ends."""
 
 
-class Outcome(Protocol):
+class TrialRun(Protocol):
     """A run with the sum that is minimised.
 
     at: numbers (k,); total: the sum, inf where the run failed; positions: what the sum is of, empty where it failed;
@@ -39,7 +39,7 @@ class Outcome(Protocol):
     def failure(self) -> str: ...  # noqa: D102
 
 
-S = TypeVar("S", bound=Outcome)
+S = TypeVar("S", bound=TrialRun)
 
 
 def halved_until_lower(
@@ -65,7 +65,7 @@ def broyden_update(moves: Floats, before: S, after: S) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Search(Generic[S]):
+class GaussNewton(Generic[S]):
     """A sum over numbers, and how it is searched.
 
     Parameters
