@@ -149,7 +149,7 @@ class _Fit:
         def run(at: Floats, _: _Seen) -> _Seen:
             return self.run(at)
 
-        return GaussNewton(run, run, self.linearised, of("step"), of("reach"), -limit, limit, tell, LEAST)
+        return GaussNewton(run, run, self.linearised, of("step"), of("largest"), -limit, limit, tell, LEAST)
 
     def along(self, direction: Floats, tell: Callable[[_Seen], None]) -> GaussNewton[_Seen]:
         """The search along one direction (k,), whose outcomes have one number."""
@@ -164,7 +164,7 @@ class _Fit:
             inverse = float(((direction / of("prior")) ** 2).sum())
             return self.weight * moves.T @ off + inverse * seen.at, self.weight * moves.T @ moves + inverse
 
-        ends = [np.array([float(of(what)[moved].min())]) for what in ("step", "reach", "limit")]
+        ends = [np.array([float(of(what)[moved].min())]) for what in ("step", "largest", "limit")]
 
         def report(seen: _Seen) -> None:
             tell(replace(seen, at=seen.at[0] * direction))

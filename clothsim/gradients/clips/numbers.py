@@ -43,7 +43,7 @@ class Kind:
 
     prior: float
     step: float
-    reach: float
+    largest: float
     limit: float
 
 
