@@ -140,11 +140,11 @@ def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: 
 
     First those on the side `right`, how far they must move that way, then the others; below 0: by how much they pass.
     """
-    levels, reach = body @ up, body @ right
+    heights, sides = body @ up, body @ right
     lacking = [-np.inf, -np.inf]
     for point in at:
-        level = np.clip(point @ up, levels.min(), levels.max())
-        slice_ = reach[np.abs(levels - level) < SLICE]
+        level = np.clip(point @ up, heights.min(), heights.max())
+        slice_ = sides[np.abs(heights - level) < SLICE]
         beside = float(point @ right)
         if not len(slice_):
             continue
@@ -157,8 +157,8 @@ def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: 
 
 def _middle_at(at: Floats, body: Floats, up: Floats, right: Floats) -> float:
     """Mean of the middles of a leg (n, 3) at the levels of points (k, 3), along `right` [m]; below it of its foot."""
-    levels, reach = body @ up, body @ right
-    slices = [reach[np.abs(levels - level) < SLICE] for level in np.clip(at @ up, levels.min(), levels.max())]
+    heights, sides = body @ up, body @ right
+    slices = [sides[np.abs(heights - level) < SLICE] for level in np.clip(at @ up, heights.min(), heights.max())]
     return float(np.mean([(part.min() + part.max()) / 2 for part in slices if len(part)]))
 
 

@@ -1,9 +1,10 @@
 """Untangling of cloth from itself and from a body: intersection contours shrink until the exact check finds no pair.
 
 In each round, for each intersection contour, the surface whose region is to pass through the other is chosen
-(`regions`; Baraff, Witkin & Kass 2003), and the ends of its edges just inside the contour are drawn through what they
-pierce; contours without a region shrink along the gradient of their length (`contour_gradient`; Volino &
-Magnenat-Thalmann 2006). The sheets take the smallest smooth motion that does so (`motion`).
+(`contours`; Baraff, Witkin & Kass 2003), and the ends of its edges just inside the contour are drawn through what they
+pierce; contours without a region shrink along the gradient of their length (`contour_gradients`; Volino &
+Magnenat-Thalmann 2006). The sheets take the smallest smooth motion that does so
+(`displacement_targets`).
 
 An attempt ends where the intersecting pairs do not fall; the next starts again with shorter steps.
 """
