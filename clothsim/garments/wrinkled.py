@@ -38,7 +38,7 @@ OWN_FILES = TARGETS_NAME, WRINKLES_NAME = "targets.npy", "wrinkles.json"
 """What it leaves beside the files of a run: the targets, and figures of the wrinkles of each frame."""
 RATE = 100.0
 """Rate at which the finer cloth is drawn to its targets [1/s]."""
-KEPT = (
+COPIED_EFFECTS = (
     "pins", "inertia", "membrane", "fibres", "strain_limit", "bending", "rest_angle", "body_contact", "self_contact",
     "seams",
 )  # fmt: skip
@@ -172,7 +172,7 @@ def finer_scene(run: "Run", world: World, finer: list[Subdivision]) -> Scene:
         rest = one.of_triangles(cloth.material_coordinates) if cloth.flat else one.curved(cloth.rest_positions)
         panels = {name: _pieces(faces, one.parts) for name, faces in cloth.groups.items()}
         cloths.append(table_of_arrays(keys, cloth.name, one.linear(start[rows]), one.triangles, rest, panels))
-    effects: dict[str, Any] = {name: keys for name, keys in scene.effects.items() if name in KEPT}
+    effects: dict[str, Any] = {name: keys for name, keys in scene.effects.items() if name in COPIED_EFFECTS}
     effects = {name: _on_finer(f"effects.{name}", keys, world, finer) for name, keys in effects.items()}
     effects |= {name: {} for name in ("inertia", "self_contact") if name not in effects}
     if scene.bodies and "body_contact" not in effects:

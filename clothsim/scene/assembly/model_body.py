@@ -9,7 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import table
+from clothsim.base.inputs import is_number, table
 from clothsim.files.characters.character import Character, mannequin_character, smpl_character
 from clothsim.files.characters.clip import SkeletonMotion, Timeline, timeline
 from clothsim.files.characters.gait import CLIPS, KINDS, is_packaged, packaged_clip
@@ -277,6 +277,6 @@ def _by_name(where: str, shape: Any) -> dict[str, float]:
     if not isinstance(shape, Mapping):
         raise InputError(f"{where} is a list.", 'Give numbers by name: { height = 1.8 } or { "morph target" = 1.0 }.')
     for name, value in shape.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if not is_number(value) or not np.isfinite(value):
             raise InputError(f"{where}.{name} is {value!r}.", "Give a number.")
     return {str(name): float(value) for name, value in shape.items()}
