@@ -24,7 +24,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import World, build, refuse_earlier_run
 from clothsim.garments.authoring.arrays import table_of_arrays
-from clothsim.garments.wrinkle.compression import Rings, compression_of, followed, ring_tensors
+from clothsim.garments.wrinkle.compression import Rings, blended_in_time, compression_of, ring_tensors
 from clothsim.garments.wrinkle.curves import CompressionField, Crest, FineSheet, followed_curves, heights
 from clothsim.garments.wrinkle.finer import Subdivision, subdivision, vertex_normals
 from clothsim.garments.wrinkle.waves import Waves
@@ -280,7 +280,7 @@ class Relief:
         tensors, before = None, float(self.run.times[0])
         for frame, time in enumerate(self.run.times):
             own = ring_tensors(self.run, frame, self.rings)
-            tensors = followed(tensors, own, float(time) - before)
+            tensors = blended_in_time(tensors, own, float(time) - before)
             positions, shapes, crests = self.run.positions(frame), [], []
             most, worst = 0.0, 0.0
             for k, (one, rows) in enumerate(_rows(self.world, self.finer)):

@@ -303,7 +303,7 @@ class Hem(Loss):
         return Height(lowest).evaluate(positions, triangles)
 
 
-def hem_of(world: World) -> Hem:
+def hem_loss(world: World) -> Hem:
     """Return the loss of a scene's cloths: the lowest side of all their borders."""
     rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
     return Hem(border_sides(rest, world.triangles))
