@@ -24,7 +24,7 @@ from clothsim.gradients.backward_pass import (
     step_back,
     with_remembered_pairs,
 )
-from clothsim.gradients.bridge import pilot_stiffness
+from clothsim.gradients.bridge import held_stiffness
 from clothsim.gradients.differentiable_session import RecordedStep, differentiable_session, recorded, with_stiffness
 from clothsim.gradients.gradient import rest_derivative, with_rest_positions
 from clothsim.gradients.parameters import full_path, scene_derivative, value_at, with_value
@@ -457,7 +457,7 @@ def layer(scene: Scene) -> Layer:
             'Load one: clothsim.load_scene("scene.toml").',
         )
     scene.refuse_without_cloth("a layer")
-    held = pilot_stiffness(scene)
+    held = held_stiffness(scene)
     session = prepare(scene, build(scene, affordable=True))
     made = differentiable_session(with_stiffness(session, held))
     return Layer(Trace(made, ()).held_scene, made)
