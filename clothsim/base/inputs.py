@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeVar
 
-from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.errors import ClothsimError, InputError, shortened
 
 SYNONYMS = {
     **dict.fromkeys(("border", "edge", "edges"), "boundary"),
@@ -65,8 +65,7 @@ def shown(value: Any) -> str:
     """A value in a message: on one line and short, of an array its shape."""
     if getattr(value, "shape", ()):
         return f"an array of shape {value.shape}"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+    return shortened(" ".join(repr(value).split()), LONGEST)
 
 
 def called(where: str, function: Callable[..., Any], *arguments: Any) -> Any:
