@@ -146,10 +146,11 @@ def sizes(positions: Floats, triangles: Ints) -> tuple[str, ...]:
     box = " x ".join(f"{side:.3g}" for side in np.ptp(positions, axis=0))
     if not len(triangles):
         return (f"{len(positions):,} vertices", f"box {box} m")
+    least, most, median = (length_text(float(each)) for each in (edges.min(), edges.max(), np.median(edges)))
     return (
         f"{len(positions):,} vertices, {len(triangles):,} triangles",
         f"box {box} m",
-        f"edges {length_text(edges.min())} to {length_text(edges.max())}, median {length_text(float(np.median(edges)))}",
+        f"edges {least} to {most}, median {median}",
     )
 
 
