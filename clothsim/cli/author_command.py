@@ -115,7 +115,8 @@ def lines(found: "Authored") -> list[str]:
 def _explained(found: "ClipRecovery") -> list[str]:
     """What explains the edits, in lines: numbers, what the keys do not determine, the price of the rest shape."""
     before, numbers, left = (f"{1e3 * each:.3g}" for each in found.misfits)
-    out = [f"  explained in {many(found.runs, 'run')}, the keys taken to be known to {1e3 * found.noise:.2g} mm:"]
+    known = ", ".join(f"{1e3 * each:.2g}" for each in found.noise)
+    out = [f"  explained in {many(found.runs, 'run')}, the keys taken to be known to {known} mm:"]
     for name, factor in found.values.items():
         error = found.errors[name]
         known = f"+- {100 * error:.2g} %" if np.isfinite(error) else "not determined by the keys"

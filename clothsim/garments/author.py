@@ -18,7 +18,7 @@ from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import shown
 from clothsim.base.record import to_json
 from clothsim.garments.authoring.arrays import scene_of_arrays
-from clothsim.garments.authoring.floor import floor_of
+from clothsim.garments.authoring.floor import Floor, floor_of
 from clothsim.garments.unpose import unposed
 
 if TYPE_CHECKING:
@@ -182,11 +182,15 @@ def author(
     edited = edited_frames(run, keys)
 
     @cache
+    def twins() -> Floor | None:
+        return floor_of(run) if floor else None
+
     def noise() -> tuple[float, float]:
-        return floor_of(run).rms(set(keys)) if floor else UNKNOWN
+        found = twins()
+        return UNKNOWN if found is None else found.rms(set(keys))
 
     if not quick:
-        found = _recovered(run, edited, free, noise, rest)
+        found = _recovered(run, edited, free, twins, rest)
         new = clothsim.simulate(found.scene, directory, progress=progress, overwrite=overwrite)
         (directory / TARGETS_NAME).unlink(missing_ok=True)  # of an earlier clip there
         return _written(new, run, edited, "", noise(), found)
@@ -227,7 +231,7 @@ def _recovered(
     run: "Run",
     edited: tuple[EditedFrame, ...],
     free: Sequence[str],
-    noise: "Callable[[], tuple[float, float]]",
+    twins: Callable[[], Floor | None],
     rest: bool,
 ) -> "ClipRecovery":
     """What explains edited frames; without lengths where the scene cannot be of arrays, as with labels of a pattern."""
@@ -239,8 +243,9 @@ def _recovered(
             scene = of_arrays
     keys = {key.frame: key.positions for key in edited}
 
-    def floor() -> float:  # found after the names of what is free were looked at
-        return max((each for each in noise() if np.isfinite(each)), default=0.0)
+    def floor() -> Floats:  # found after the names of what is free were looked at
+        found = twins()
+        return np.zeros(len(keys)) if found is None else found.at(sorted(keys))
 
     return clothsim.recover_clip(scene, keys, free, floor=floor, rest=rest)
 
@@ -253,7 +258,7 @@ def explained(recovery: "ClipRecovery") -> dict[str, Any]:
         "errors": {name: _finite(error) for name, error in recovery.errors.items()},
         "undetermined": [dict(each) for each in recovery.undetermined],
         "at_limit": list(recovery.at_limit),
-        "noise": recovery.noise,
+        "noise": list(recovery.noise),
         "misfit": {"before": before, "numbers": numbers, "rest": rest},
         "rest": None if recovery.rest is None else asdict(recovery.rest),
         "no_rest": recovery.no_rest,
