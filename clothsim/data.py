@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import is_number
 
 
 class Drapes:
@@ -83,7 +84,7 @@ class Drapes:
     def inputs(self) -> tuple[str, ...]:
         """The varied keys that are numbers in every drape."""
         keys = self.rows[0]["parameters"] if self.rows else {}
-        return tuple(key for key in keys if all(_is_number(row["parameters"][key]) for row in self.rows))
+        return tuple(key for key in keys if all(is_number(row["parameters"][key]) for row in self.rows))
 
     def __len__(self) -> int:
         """Number of drapes."""
@@ -130,7 +131,3 @@ class Drapes:
     def __getstate__(self) -> dict[str, Any]:
         """Without the open file, for a process that is spawned."""
         return {**self.__dict__, "_opened": None}
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -56,6 +56,11 @@ def table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:
     return value
 
 
+def is_number(value: Any) -> bool:
+    """True for an int or a float; a truth value is none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def shown(value: Any) -> str:
     """A value in a message: on one line and short, of an array its shape."""
     if getattr(value, "shape", ()):

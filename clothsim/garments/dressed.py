@@ -239,7 +239,7 @@ def dress(
     grade : mapping of str to float, optional
         Factors by name (`grading.NAMES`) in place of those between both bodies; without `made_for` the others are 1.
     waistband : bool
-        True: upper edges that would slide are taken in to the girth of the body before the drape (`held_edges`).
+        True: upper edges that would slide are taken in to the girth of the body before the drape (`edges_held`).
     origin : str
         Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
     rotation_order : str

@@ -10,7 +10,7 @@ import numpy as np
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import table
 from clothsim.keys.schema import keys_of
-from clothsim.keys.value_checks import check_value, refuse_missing, refuse_unknown
+from clothsim.keys.value_checks import check_value, refuse_missing, refuse_unknown_key
 
 
 class Locked:
@@ -186,7 +186,7 @@ class KeyTable(Locked, Mapping[str, Any]):
         if type(given) is cls:
             return given
         keys = table(where, given)
-        refuse_unknown(where, keys, keys_of(cls))
+        refuse_unknown_key(where, keys, keys_of(cls))
         refuse_missing(where, keys, cls)
         return cls.of_known_keys(where, keys)
 
@@ -256,7 +256,7 @@ def _refuse_arguments(cls: type[KeyTable], others: Sequence[Any], keys: Mapping[
     first = [field for field in taken if not field.kw_only]
     where = f"clothsim.{cls.__name__}"
     names = [field.name for field in taken]
-    refuse_unknown(where, keys, names)
+    refuse_unknown_key(where, keys, names)
     if len(others) > len(first):
         example = next((f"{each.name}={_default_text(each.default)}" for each in taken if each.kw_only), "")
         raise InputError(

@@ -12,7 +12,7 @@ from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable, composed
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.keys.schema import Key, OverTime, Selection, Vector, keys_of
-from clothsim.keys.value_checks import refuse_unknown
+from clothsim.keys.value_checks import refuse_unknown_key
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,7 +323,7 @@ def section_of(
     if type(given) is kind:
         return given
     source = "model" if ModelTable in parts else parts[-1].section if len(parts) > 1 else "arrays"
-    refuse_unknown(f"{where} ({source})", given, keys_of(kind))
+    refuse_unknown_key(f"{where} ({source})", given, keys_of(kind))
     return kind.of_known_keys(where, given)
 
 

@@ -32,7 +32,7 @@ from clothsim.keys.effect_tables import (
     Zip,
 )
 from clothsim.keys.key_table import KeyTable, content_of, frozen
-from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
+from clothsim.keys.schema import CurveTable, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
 
 AUTO = Literal["auto"]
 WARP_ANGLE = Key("Angle of the warp from the cloth's first axis", "degrees")
@@ -83,14 +83,16 @@ class Membrane(EffectKeys):
         Key("By auto orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
     ] = "auto"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
-    warp: Annotated[Curve, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
-    weft: Annotated[Curve, Key("Measured curve along the weft: rows of strain and stress", "1, N/m")] = ()
-    shear: Annotated[Curve, Key("Measured curve in shear: rows of the sine of the angle and stress", "1, N/m")] = ()
+    warp: Annotated[CurveTable, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
+    weft: Annotated[CurveTable, Key("Measured curve along the weft: rows of strain and stress", "1, N/m")] = ()
+    shear: Annotated[
+        CurveTable, Key("Measured curve in shear: rows of the sine of the angle and stress", "1, N/m")
+    ] = ()
     narrowing_warp: Annotated[
-        Curve,
+        CurveTable,
         Key("Measured narrowing along the warp: rows of strain and of the strain that it takes from the width", "1"),
     ] = ()
-    narrowing_weft: Annotated[Curve, Key("The same along the weft", "1")] = ()
+    narrowing_weft: Annotated[CurveTable, Key("The same along the weft", "1")] = ()
     elements: Annotated[
         Literal["triangles", "pairs"], Key("Constant strain per triangle, or per pair of them, which lock less")
     ] = "triangles"

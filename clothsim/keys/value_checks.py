@@ -15,7 +15,7 @@ DEEPEST = 12
 """Largest depth of nested tables and lists."""
 
 
-def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
+def refuse_unknown_key(where: str, given: Iterable[str], known: Iterable[str]) -> None:
     """InputError for the first key of `given` that is not `known`, with the nearest known one."""
     inputs.refuse_unknown(where, given, known, _hint)
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.keys.value_checks import refuse_absent, refuse_unknown
+from clothsim.keys.value_checks import refuse_absent, refuse_unknown_key
 from clothsim.mesh.body import LaterMotion, RigidMotion, motion_of
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import PinnedGroup, PinsConstraint
@@ -118,7 +118,7 @@ def with_fabric(
 ) -> Session:
     """Session with the fabric of a cloth changed: masses, hinges and all energies are rebuilt."""
     world, scene = session.built.world, session.scene
-    refuse_unknown("A fabric", keys, FABRIC)
+    refuse_unknown_key("A fabric", keys, FABRIC)
     names = [each.name for each in world.cloths]
     k = number_of("cloth", cloth, names)
     table = {**scene.cloths[k], **keys, **({} if fabric is None else {"fabric": fabric})}

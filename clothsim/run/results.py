@@ -19,7 +19,7 @@ from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
-from clothsim.keys.value_checks import refuse_unknown
+from clothsim.keys.value_checks import refuse_unknown_key
 from clothsim.physics.energies.protocols import with_material_at
 from clothsim.run.fields import Configuration, field, known_field
 from clothsim.run.forces import forces_of
@@ -323,7 +323,7 @@ class Run(Sequence[Frame]):
         ndarray or Path
             The picture, (height, width, 3) uint8; with `path` that file.
         """
-        refuse_unknown("Run.plot", settings, PICTURE_SETTINGS)
+        refuse_unknown_key("Run.plot", settings, PICTURE_SETTINGS)
         if path is None:
             colours = {} if field is None else field_settings(self, field)
             return frame_picture(self.trajectory, frame, **{"up": self.up, **settings, **colours})
@@ -360,7 +360,7 @@ class Run(Sequence[Frame]):
         Path
             The file. MissingPackageError for a .mp4 where ffmpeg is not installed.
         """
-        refuse_unknown("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
+        refuse_unknown_key("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
         refuse_replacing([target], overwrite)
         draw_run(self, target, field=field, progress=progress, **settings)
@@ -387,7 +387,7 @@ class Run(Sequence[Frame]):
         """
         from clothsim.run.export import SETTINGS, export
 
-        refuse_unknown("Run.export", settings, SETTINGS)
+        refuse_unknown_key("Run.export", settings, SETTINGS)
         return export(self, path, **settings)
 
 

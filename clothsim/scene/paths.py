@@ -21,7 +21,7 @@ from clothsim.keys.key_table import KeyTable
 from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth, check_rigid, check_rod
 from clothsim.keys.schema import keys_of
 from clothsim.keys.section_hints import paths_of, section_remedy
-from clothsim.keys.value_checks import refuse_unknown
+from clothsim.keys.value_checks import refuse_unknown_key
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import SECTIONS, Scene
 
@@ -165,7 +165,7 @@ def located(scene: Scene, path: str) -> tuple[str, str | int | None, list[str | 
     if not keys:
         raise InputError(f"{path!r} names a section, and no key of it.", _EXAMPLES)
     if section == "effects":
-        refuse_unknown("effects", [str(keys[0])], EFFECTS)
+        refuse_unknown_key("effects", [str(keys[0])], EFFECTS)
         return "effects", keys[0], keys[1:]
     if section not in LISTS:
         return str(section), None, keys
@@ -218,7 +218,7 @@ def _inside(path: str, where: str, value: Any, key: str | int) -> Any:
     if not isinstance(value, Mapping):
         raise InputError(f"{path}: {where} is no table of keys, but {shown(value)}.", _remedy(where, value, "Name"))
     known = keys_of(type(value)) if isinstance(value, KeyTable) else None
-    refuse_unknown(where, [key], known or value)
+    refuse_unknown_key(where, [key], known or value)
     return getattr(value, known[key].field) if known else value[key]
 
 

@@ -9,7 +9,7 @@ from views import looking, seen
 
 from clothsim import load_scene, recover_views
 from clothsim.base.errors import ClothsimError
-from clothsim.gradients.loss_of_numbers import Problem
+from clothsim.gradients.loss_of_numbers import LossOfNumbers
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.pulled_drape import PULL, displacement, frictionless_step, pulled, pulled_positions
 from clothsim.gradients.run import traced
@@ -61,7 +61,7 @@ def lying(tmp_path_factory):
     mask = seen(camera, (x + MOVED)[triangles])[0] == 0
     view = View("above", camera, {"mask": MaskBorder(camera, mask)})
     paths = ("cloth.bending_stiffness",)
-    problem = Problem(scene, None, paths, np.log([1e-5]), trace.stiffness, None)
+    problem = LossOfNumbers(scene, None, paths, np.log([1e-5]), trace.stiffness, None)
     fit = ViewFit(problem, (view,), triangles, problem.origin, np.zeros((1, 1)))
     return fit, fit.seen(problem.origin, np.zeros((0, 3)))
 

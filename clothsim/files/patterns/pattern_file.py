@@ -14,7 +14,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import refuse_unknown
+from clothsim.base.inputs import is_number, refuse_unknown
 from clothsim.files.patterns.dxf.drawing import SEW, UNITS, Drawing, Piece, read_drawing
 from clothsim.files.patterns.dxf.outline import Part, edges_of, loop_of, polygon, reflected, unfolded
 from clothsim.patterns.pattern import Panel, Pattern, Side, Stitch
@@ -163,7 +163,7 @@ def _take_value(keys: Mapping[str, Any], key: str, kind: Any, default: Any, wher
 
 
 def _number(where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+    if not is_number(value) or not np.isfinite(value):
         raise InputError(f"{where} is {value!r}.", "Give a number.")
     return float(value)
 

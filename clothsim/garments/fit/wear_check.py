@@ -136,7 +136,7 @@ class Distortion:
     low, high : float
         Their 1st and 99th percentile.
     displacement : float
-        Largest distance of a vertex from where it was worn [m] (see `worn_place`).
+        Largest distance of a vertex from where it was worn [m], if known, else as given.
     """
 
     stretches: Floats

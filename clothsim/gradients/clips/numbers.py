@@ -43,7 +43,7 @@ class Kind:
 
     prior: float
     step: float
-    reach: float
+    largest: float
     limit: float
 
 
@@ -73,7 +73,7 @@ class ClipNumber:
 
 
 @dataclass(frozen=True, eq=False)
-class Panel:
+class RestPanel:
     """Part of a rest shape: its points among those of the shape (k,), their centre, and the axis of its height."""
 
     name: str
@@ -100,7 +100,7 @@ class RestShape:
 
     shape: tuple[int, ...]
     points: Floats
-    panels: tuple[Panel, ...]
+    panels: tuple[RestPanel, ...]
     count: Floats = field(repr=False)
 
     @classmethod
@@ -115,7 +115,7 @@ class RestShape:
             corners = (3 * np.asarray(faces)[:, None] + np.arange(3)).ravel()
             rows = corners if rest.ndim == 3 else np.unique(cloth.triangles.ravel()[corners])
             own = points[rows]
-            panels.append(Panel(name, rows, 0.5 * (own.min(axis=0) + own.max(axis=0)), _axis(own)))
+            panels.append(RestPanel(name, rows, 0.5 * (own.min(axis=0) + own.max(axis=0)), _axis(own)))
         count = np.bincount(np.concatenate([each.rows for each in panels]), minlength=len(points)).astype(np.float64)
         return cls(rest.shape, points, tuple(panels), np.maximum(count, 1.0)[:, None])
 

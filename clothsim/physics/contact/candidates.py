@@ -27,7 +27,7 @@ from clothsim.physics.contact.filter import (
     retained_pairs,
 )
 from clothsim.physics.contact.pair_list import NO_PAIRS, Pairs, merged
-from clothsim.physics.contact.search import Search
+from clothsim.physics.contact.search import CandidateSearch
 from clothsim.physics.contact.surface import ContactSurface
 
 MAX_FRACTION_OUTSIDE = 0.25
@@ -66,7 +66,7 @@ class Candidates:
         self.builds = 0
         self.searched_vertices = 0
         self.pairs = 0
-        self.search = Search(surface)
+        self.search = CandidateSearch(surface)
         self.clear()
 
     @property

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.base.arrays import Floats, as_vector, write_arrays
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import shown
+from clothsim.base.inputs import is_number, shown
 from clothsim.scene import paths
 from clothsim.scene.assembly.checked_garment import CheckedSurfaces, Prediction
 from clothsim.scene.assembly.meshes import body_of, mesh_shape
@@ -168,7 +168,7 @@ def _refuse_other_shapes(content: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _number(key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not is_number(value):
         raise InputError(f"The model needs {key}, which is not a number in the scene.", f"Write {key} in the scene.")
     return float(value)
 

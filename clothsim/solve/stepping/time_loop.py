@@ -12,7 +12,7 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.protocols import ChangingMaterial
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.newton.stability import Mode, lowest_mode, way_down
+from clothsim.solve.newton.stability import Mode, descent_from_saddle, lowest_mode
 from clothsim.solve.newton.statics import StaticModel
 from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.state import Previous, Rest, State, Switch
@@ -308,7 +308,7 @@ def unstable_side(
     model : StaticModel
         The state.
     amplitude, longest, along
-        As of `way_down` and `lowest_mode`; without an amplitude one that grows as fast as `rest_speed`.
+        As of `descent_from_saddle` and `lowest_mode`; without an amplitude one that grows as fast as `rest_speed`.
     """
     if not model.is_conservative or model.is_stable:
         return None
@@ -318,7 +318,7 @@ def unstable_side(
     if amplitude is None:
         most = LARGEST_AMPLITUDE * _extent(model.rest.positions[: len(model.masses)])
         amplitude = min(most, integrator.rest_speed / mode.growth_rate)
-    dx = way_down(model, mode, amplitude, longest)
+    dx = descent_from_saddle(model, mode, amplitude, longest)
     if dx is None:
         return None
     return ModeDisplacement(mode, dx if integrator.leaves_unstable else np.zeros_like(dx))

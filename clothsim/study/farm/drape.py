@@ -19,7 +19,7 @@ from clothsim.study.farm.reading import array_hash
 from clothsim.study.farm.rules import broken_rule, checked_rules
 from clothsim.study.workers import jittered
 
-KEPT = (
+SUMMARY_KEYS = (
     "status",
     "reason",
     "end",
@@ -97,7 +97,7 @@ def _simulated(
         run = simulate(scene, folder / "run", announce=sessions.append, overwrite=True)
     kept = range(len(run)) if frames == "all" else [len(run) - 1]
     shapes = [np.concatenate(list(run[k].positions.values())).astype(np.float32) for k in kept]
-    content = {key: run.summary[key] for key in KEPT if key in run.summary}
+    content = {key: run.summary[key] for key in SUMMARY_KEYS if key in run.summary}
     certificate = content["certificate"]
     content["measured"] = {
         "time": float(run[-1].time),

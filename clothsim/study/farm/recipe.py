@@ -14,7 +14,7 @@ import numpy as np
 from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import refuse_unknown, shown, table
+from clothsim.base.inputs import is_number, refuse_unknown, shown, table
 from clothsim.study.farm.rules import checked_rules
 
 # Random draws of scene keys: one stream for each seed, index and key.
@@ -73,7 +73,7 @@ class Choice:
     @property
     def box(self) -> tuple[float, float] | None:
         """Least and largest of the numbers."""
-        numbers = [each for each in self.values if isinstance(each, int | float) and not isinstance(each, bool)]
+        numbers = [each for each in self.values if is_number(each)]
         return (min(numbers), max(numbers)) if len(numbers) == len(self.values) else None
 
 
