@@ -41,7 +41,7 @@ class Drapes:
     Raises
     ------
     InputError
-        Where the file is no data set of drapes.
+        Where the file is not a data set of drapes.
 
     Examples
     --------
@@ -77,7 +77,7 @@ class Drapes:
             self._places = [places[row["id"]] for row in self.rows]
         except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
             raise InputError(
-                f"{self.path} is no data set of drapes ({error}).", "Write one: `clothsim farm pack DIR -o data.h5`."
+                f"{self.path} is not a data set of drapes ({error}).", "Write one: `clothsim farm pack DIR -o data.h5`."
             ) from error
 
     @cached_property

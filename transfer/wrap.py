@@ -163,7 +163,7 @@ class _Shell:
 
 
 def _outer(positions: Floats, triangles: Ints) -> TriangleMesh:
-    """The pieces of a level set that are no cavities, turned outward."""
+    """The pieces of a level set that are not cavities, turned outward."""
     if not len(triangles):
         return positions, triangles
     label = vertex_components(triangles, len(positions))[triangles[:, 0]]

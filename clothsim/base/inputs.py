@@ -82,7 +82,7 @@ def called(where: str, function: Callable[..., Any], *arguments: Any) -> Any:
 def raised(where: str, function: Callable[..., Any], error: Exception) -> InputError:
     """The error for what a function of the user's raised."""
     name = getattr(function, "__qualname__", type(function).__name__)
-    return InputError(f"{where}: the function {name} raised {type(error).__name__}: {error}.", "Mend the function.")
+    return InputError(f"{where}: the function {name} raised {type(error).__name__}: {error}.", "Correct the function.")
 
 
 def refuse_uncallable(**callbacks: Any) -> None:

@@ -127,7 +127,7 @@ def short_name(pattern: str | Path) -> str:
     return Path(pattern).stem.removesuffix("_specification")
 
 
-REMEDY = "Look at the pattern (pattern.svg) and at the panels as placed: `clothsim check` names what intersects."
+REMEDY = "Check the pattern (pattern.svg) and the panels as placed: `clothsim check` names what intersects."
 
 
 def write_results(done: "Dress", name: str, size: float, watch: Stopwatch) -> None:
@@ -300,7 +300,11 @@ def dress(
         *placing_notes,
         *arm_notes,
         *body.notes,
-        *(() if stands(body) else (f"{body.name} is no standing person in metres: give another body, or its --scale",)),
+        *(
+            ()
+            if stands(body)
+            else (f"{body.name} is not a standing person in metres: give another body, or its --scale",)
+        ),
     )
     begun, done = _sewn_in_poses(task, mesh, notes)
     worn = Dress(

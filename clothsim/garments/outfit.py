@@ -328,7 +328,7 @@ def _written(done: Outfit) -> Outfit:
     }
     if done.status == "failed":
         failed = {"cause": "dress", "sentence": done.reason, "element": str(done.counts or ""), "position": None}
-        remedy = "Look at the last garment's own folder: its pictures and its summary."
+        remedy = "Check the last garment's own folder: its pictures and its summary."
         entries["failure"] = {**failed, "remedy": remedy, **dict.fromkeys(("step", "time", "dt"))}
     write_summary(file, {**previous, **entries})
     return done

@@ -146,9 +146,9 @@ def refuse_unfit(run: "Run", parts: int) -> None:
     if not len(run.triangles):
         raise InputError(f"The run {where} has no cloth.", "Wrinkles need cloth.")
     if run.scene.rods:
-        raise InputError(f"The run {where} has rods, which get no wrinkles.", "Take a scene without [[rod]].")
+        raise InputError(f"The run {where} has rods, which get no wrinkles.", "Use a scene without [[rod]].")
     if run.scene.rigid_bodies:
-        raise InputError(f"The run {where} has rigid bodies, whose motion comes from forces.", "Take [[body]].")
+        raise InputError(f"The run {where} has rigid bodies, whose motion comes from forces.", "Use [[body]].")
     if run.intersection_free is not True:
         raise InputError(
             f"The cloth of {where} intersects, or was not checked whole.",

@@ -164,7 +164,7 @@ def problem_of(scene: Scene, loss: Loss, free: Sequence[str], pattern: PatternMe
     """
     paths = tuple(dict.fromkeys(full_path(name) for name in free))
     if not paths:
-        raise InputError("There is no number to vary.", "Name some, as youngs_modulus,bending_stiffness.")
+        raise InputError("There is no number to vary.", "Name some, such as youngs_modulus,bending_stiffness.")
     shaped = shaped_scene(scene, pattern) if any(path.startswith(SECTION) for path in paths) else None
     scene = scene if shaped is None else shaped.scene
     of_pattern = {path: shaped.numbers.value(path) for path in paths if path.startswith(SECTION) and shaped is not None}

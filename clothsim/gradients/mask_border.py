@@ -248,7 +248,7 @@ class MaskBorder(PictureLoss):
         inside = (u > -0.5) & (u < self.camera.width - 0.5) & (v > -0.5) & (v < self.camera.height - 0.5)
         visible = np.flatnonzero(seen & ~covered & ~nearer & inside)
         if not len(visible):
-            raise InputError("The camera sees no contour of the cloth.", "Look at its pose, and at what is in front.")
+            raise InputError("The camera sees no contour of the cloth.", "Check its pose, and what is in front.")
         return found.taken(visible), refinement
 
     def _own_triangles(self, count: int) -> Ints:
@@ -294,7 +294,7 @@ class MaskBorder(PictureLoss):
         if made.any():
             own = cKDTree(targets[made]).query(targets)[0] > JUNCTION
         if not own.any():
-            raise InputError("A body in front makes all of the mask's border.", "Look at the pose of the camera.")
+            raise InputError("A body in front makes all of the mask's border.", "Check the pose of the camera.")
         return own
 
 

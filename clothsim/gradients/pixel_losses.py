@@ -184,7 +184,7 @@ class _OfPixels(PictureLoss):
         chosen = (v % step == step // 2) & (u % step == step // 2)
         u, v = u[chosen], v[chosen]
         if not len(u):
-            raise InputError("No pixel of the picture is compared.", "Make its step shorter, or look at the mask.")
+            raise InputError("No pixel of the picture is compared.", "Make its step shorter, or check the mask.")
         refinement, fine = refined(triangles, len(positions), self.refinements)
         x = np.asarray(refinement @ positions)
         rays = self.camera.rays(np.column_stack([u, v]))
@@ -196,7 +196,7 @@ class _OfPixels(PictureLoss):
         facing = np.abs((planes * rays[met]).sum(axis=1)) > EDGE_ON * sizes
         met, corners, planes = met[facing], corners[facing], planes[facing]
         if not len(met):
-            raise InputError("No ray of the picture meets the cloth.", "Look at the camera's pose and the start.")
+            raise InputError("No ray of the picture meets the cloth.", "Check the camera's pose and the start.")
         # double precision: the point of the plane of the triangle that embree found
         depths = (planes * (x[corners[:, 0]] - self.camera.position)).sum(axis=1) / (planes * rays[met]).sum(axis=1)
         points = self.camera.position + depths[:, None] * rays[met]

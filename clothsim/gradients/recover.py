@@ -50,8 +50,8 @@ class Identifiability:
     Parameters
     ----------
     errors : mapping
-        Relative standard error of each number by path; inf where it is not determined, nan where the loss is no sum of
-        squares or a run beside the minimum cannot be taken.
+        Relative standard error of each number by path; inf where it is not determined, nan where the loss is not a sum
+        of squares or a run beside the minimum cannot be taken.
     undetermined : tuple of mapping
         Combinations of logarithms that the target does not determine: weights by path.
     ratios : tuple of Ratio
@@ -192,7 +192,7 @@ def recover(
     pattern: PatternMesh | None = None,
     prior: bool = False,
 ) -> Recovery:
-    """Find the numbers of a scene for which a loss is least.
+    """Find the numbers of a scene that minimise a loss.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def recover(
     ------
     InputError
         For a number that cannot be varied, a scene without a gradient, or a prior of no stiffness of bending or of a
-        loss that is no sum of squares.
+        loss that is not a sum of squares.
     ClothsimError
         Where the scene itself cannot be run.
 
@@ -253,7 +253,7 @@ def recover(
         runs += len(taken)
     best = min(ends, key=lambda each: each.loss)
     if not np.isfinite(best.loss):
-        raise ClothsimError(f"No run of the recovery could be taken: {best.failure}")
+        raise ClothsimError(f"No run of the recovery succeeded: {best.failure}")
     logarithms = np.log(list(best.values.values()))
     known = identifiability(problem, logarithms, best.loss)
     far = np.abs(np.abs(logarithms - problem.origin) - problem.ranges) < AT_LIMIT
@@ -275,7 +275,7 @@ def _refuse_no_prior(paths: Sequence[str], loss: Loss) -> None:
     """InputError where the prior says nothing, or the loss does not tell how well it knows."""
     bending_keys(paths)
     if residuals_of(loss) is None:
-        raise InputError("The prior needs a loss that is a sum of squares.", "Take a target of points.")
+        raise InputError("The prior needs a loss that is a sum of squares.", "Use a target of points.")
 
 
 def _combine_with_prior(found: Recovery, problem: LossOfNumbers, logarithms: Floats, precision: Floats) -> Recovery:

@@ -239,7 +239,7 @@ def recover_clip(
     rest: bool = True,
     progress: Callable[[int, Evaluation], None] | None = None,
 ) -> ClipRecovery:
-    """Find the numbers of a scene, and a rest shape, for which its run passes by edited frames.
+    """Find the numbers of a scene, and a rest shape, with which its run passes through edited frames.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ def _floors(given: Floor, count: int) -> Floats:
 def _refuse_beyond(frames: Sequence[int], last: int) -> None:
     """InputError for a frame that the run of the scene has not."""
     if frames[-1] > last:
-        raise InputError(f"There is no frame {frames[-1]} to pass by.", f"The run of the scene has frames 1 to {last}.")
+        raise InputError(f"There is no frame {frames[-1]} to match.", f"The run of the scene has frames 1 to {last}.")
 
 
 def _first(fit: _Fit) -> _Seen:

@@ -61,7 +61,7 @@ def recover_views(
     twins: bool = True,
     folds: int = 6,
 ) -> ViewRecovery:
-    """Find the numbers of a scene for which its cloth looks in the end as in calibrated pictures.
+    """Find the numbers of a scene whose cloth ends as calibrated pictures show it.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def _descended(
     moves, fresh, runs, before, adjoint = _moves(fit, seen, tell), True, k + 1, seen, 0.0
     for _ in range(most):
         if moves is None:
-            raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
+            raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")
         gradient, hessian, _ = fit.linearised(seen, moves)
         if seen.trace is not None:
             before_adjoint = process_time()
@@ -257,5 +257,5 @@ def _descended(
     if not fresh or moves is None:
         moves, runs = _moves(fit, seen, tell), runs + k
     if moves is None:
-        raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
+        raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")
     return seen, before, moves, runs, adjoint

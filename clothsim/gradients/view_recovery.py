@@ -260,7 +260,7 @@ def halved(scene: Scene) -> tuple[Scene, csr_array, Ints]:
     for keys in scene.cloths:
         mesh = keys.mesh
         if not isinstance(mesh, MeshArrays) or any(isinstance(value, np.ndarray) for value in keys.values()):
-            raise InputError("The cloth is no mesh of arrays, or has keys that are arrays.")
+            raise InputError("The cloth is not a mesh of arrays, or has keys that are arrays.")
         weights, triangles = refined(mesh.triangles, len(mesh.vertices))
         rest = mesh.vertices if mesh.rest is None else mesh.rest
         groups = {name: (4 * rows[:, None] + np.arange(4)).ravel() for name, rows in mesh.groups.items()}

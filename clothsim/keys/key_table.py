@@ -206,7 +206,7 @@ class KeyTable(Locked, Mapping[str, Any]):
         return type(self)(**self._fields_given() | changed)
 
     def _fields_given(self) -> dict[str, Any]:
-        """The fields of the keys that were given, and those that are no keys."""
+        """The fields of the keys that were given, and those that are not keys."""
         keys = {known.field for known in keys_of(type(self)).values()}
         return {
             field.name: getattr(self, field.name)
@@ -251,7 +251,7 @@ def as_tables(value: Any) -> Any:
 
 
 def _refuse_arguments(cls: type[KeyTable], others: Sequence[Any], keys: Mapping[str, Any]) -> None:
-    """InputError for a keyword that is no field, too many values without one, and for a field that is missing."""
+    """InputError for a keyword that is not a field, too many values without one, and for a field that is missing."""
     taken = [field for field in fields(cls) if field.init]
     first = [field for field in taken if not field.kw_only]
     where = f"clothsim.{cls.__name__}"

@@ -115,7 +115,7 @@ def _word(where: str, value: str, known: SceneKey) -> str:
         return value
     if str in members(known.annotation):
         if not value.isprintable():
-            raise InputError(f"{where} is {value!r}, which cannot be printed.", "Give a text of printable letters.")
+            raise InputError(f"{where} is {value!r}, which cannot be printed.", "Give text of printable letters.")
         return value
     if not words:
         raise _wrong_type(where, value, known)

@@ -199,7 +199,7 @@ def refuse_too_coarse(pattern: Pattern, spacing: float) -> None:
     if spacing > largest:
         raise InputError(
             f"The size of the mesh is {spacing:.3g} m, and the largest panel is {largest:.2g} m long.",
-            "Give it with its unit, as --size 2cm; in Python in metres, as 0.02.",
+            "Give it with its unit, such as --size 2cm; in Python in metres, such as 0.02.",
         )
 
 
@@ -349,7 +349,7 @@ def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
         mesh = mesh_panel(border.points, spacing, graded=border.graded)
     except RuntimeError as error:  # samples that coincide or nearly cross
         reason = str(error).partition("\n")[0]
-        raise InputError(f"Panel {name} cannot be triangulated: {reason}.", "Look at its vertices.") from error
+        raise InputError(f"Panel {name} cannot be triangulated: {reason}.", "Check its vertices.") from error
     corners = mesh.points[mesh.triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

@@ -298,7 +298,7 @@ def _largest_figure(frames: Sequence[Sequence[Surface]]) -> float:
 
 
 def pixel_counts(size: Any) -> tuple[int, int]:
-    """The width and height in pixels. InputError where `size` is no pair of numbers."""
+    """The width and height in pixels. InputError where `size` is not a pair of numbers."""
     try:
         width, height = (int(pixels) for pixels in size)
     except (TypeError, ValueError, OverflowError) as error:

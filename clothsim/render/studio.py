@@ -101,7 +101,7 @@ def _mitsuba() -> Any:
         import mitsuba
     except ImportError as error:
         raise InputError(
-            'The style "studio" needs Mitsuba.', "pip install 'clothsim[look]', or take the style \"fabric\"."
+            'The style "studio" needs Mitsuba.', "pip install 'clothsim[look]', or use the style \"fabric\"."
         ) from error
     mitsuba.set_variant("scalar_rgb")
     return mitsuba

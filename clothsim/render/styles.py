@@ -277,7 +277,7 @@ def dyes_of(text: str) -> Floats:
             dyes = []
         if len(dyes) not in (1, 2):
             raise InputError(
-                f"colour: {cloth!r:.80} is no colour.",
+                f"colour: {cloth!r:.80} is not a colour.",
                 'Give "stretch", "plain", a CSS colour ("navy", "#8c2f39"), or two with a slash for a check.',
             )
         cloths.append([dyes[0], dyes[-1]])

@@ -254,7 +254,7 @@ class Certificate:
     energy_scale : float
         Largest part of the energy so far [J].
     moved_by_script : bool
-        True where bodies, pins or wind do work on the cloth, so that a rise is no error.
+        True where bodies, pins or wind do work on the cloth, so that a rise is not an error.
     estimate : ErrorEstimate
         Estimated error of the result.
     asked : float
@@ -304,8 +304,8 @@ class Certificate:
     ) -> Self:
         """Return the certificate after one more step, which started at `before`; energies: of the scene, not bound.
 
-        Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is no rise,
-        but stands in `stiffness`, and what another material adds in `material`.
+        Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is not a
+        rise, but stands in `stiffness`, and what another material adds in `material`.
         """
         changing = {name: each for name, each in (energies or {}).items() if isinstance(each, ChangingMaterial)}
         material = self.material

@@ -157,7 +157,7 @@ def new_pins(
     """The rows of x of a new group of pins and the motion that keeps them where they are."""
     world, groups = built.world, pin_groups(built)
     if not isinstance(group, str) or not group:
-        raise InputError(f"The name of a group of pins must be a text, not {group!r}.", 'Write add_pins("hand", ...).')
+        raise InputError(f"The name of a group of pins must be text, not {group!r}.", 'Write add_pins("hand", ...).')
     if group in {each.name for each in groups}:
         raise InputError(f"There is a group {group!r} of pins already.", "Choose another name.")
     part = world.cloth_slices[number_of("cloth", cloth, [each.name for each in world.cloths])]

@@ -87,7 +87,7 @@ class Frame:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Run(Sequence[Frame]):
-    """The results of a run, also of one that failed, was stopped, or is still going.
+    """The results of a run, also of one that failed, was stopped, or is still in progress.
 
     A sequence of its frames: ``len(run)``, ``run[-1].positions["cloth"]``, ``run[::10]``, ``for frame in run``.
 
@@ -130,7 +130,7 @@ class Run(Sequence[Frame]):
     def __getitem__(self, frame: int | slice) -> Frame | list[Frame]:
         if isinstance(frame, slice):
             return [Frame(self.trajectory, k) for k in range(*frame.indices(len(self)))]
-        frame = index(frame)  # a float is no number of a frame
+        frame = index(frame)  # a float is not a number of a frame
         if not -len(self) <= frame < len(self):
             raise IndexError(f"There is no frame {frame}: the run has {len(self)} frames.")
         return Frame(self.trajectory, frame % len(self))
@@ -368,7 +368,7 @@ class Run(Sequence[Frame]):
 
     def gradient(self, loss: Any) -> Any:
         """InputError: the steps of this run were not kept; those of `simulate(scene, differentiable=True)` are."""
-        raise InputError(f"The run {self.directory} kept no steps, and has no gradient.", NO_GRADIENT)
+        raise InputError(f"The run {self.directory} did not record its steps, and has no gradient.", NO_GRADIENT)
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":
         """Write the frames for other programs, in the format that the ending of the file names.

@@ -100,7 +100,7 @@ class Scene:
     rod: Any
 
     def __new__(cls, *_: Any, **sections: Any) -> Self:
-        """InputError for a keyword that is no section, in place of Python's TypeError."""
+        """InputError for a keyword that is not a section, in place of Python's TypeError."""
         refuse_unknown_key("clothsim.Scene", sections, (*SECTIONS, "directory"))
         return super().__new__(cls)
 

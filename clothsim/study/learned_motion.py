@@ -181,7 +181,7 @@ def clips_of(farm: Farm) -> list[MovingClip]:
     """
     if farm.settings["frames"] != "all":
         raise InputError(
-            "The farm keeps the last frame of each drape, and no motion.",
+            "The farm stores the last frame of each drape, and no motion.",
             'Write frames = "all" and until = "time" in its recipe, or learn drapes: without --motion.',
         )
     _moving(farm.scene)

@@ -65,7 +65,7 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
     parameters = [name for name in headline["missing"] if name not in (*words, *failed)]
     was = "was" if len(parameters) == 1 else "were"
     missing = [f"{' and '.join(parameters)} {was} not refined"] if parameters else []
-    missing += [f"the finer run of {name} is no data point" for name in failed]
+    missing += [f"the finer run of {name} is not a data point" for name in failed]
     missing += [words[name] for name in headline["missing"] if name in words]
     why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
     return [f"The error of this scene could not be found {why}: {'; '.join(missing)}.", *_more(headline)]
@@ -87,7 +87,7 @@ def _more(headline: Mapping[str, Any]) -> list[str]:
     seconds = _budget(headline["needed_seconds"])
     if headline["missing"] == ["base"]:
         return [f"At least {seconds} are needed: --budget {seconds.replace(' ', '')}."]
-    return [f"At least {seconds} more are needed: --budget {seconds.replace(' ', '')} goes on from the runs so far."]
+    return [f"At least {seconds} more are needed: --budget {seconds.replace(' ', '')} continues from the runs so far."]
 
 
 def _so_far(headline: Mapping[str, Any]) -> list[str]:
@@ -192,7 +192,7 @@ def markdown(name: str, result: Mapping[str, Any]) -> str:
         parts[-2:-2] = [f"## Which triangles make the error of {goal['name']}", "\n".join(goal_lines(goal)), *picture]
     if result["left_out"] or result["failed"]:
         lines = [f"* {name}: {reason}." for name, reason in result["left_out"].items()]
-        lines += [f"* {entry['label']} is no data point: {entry['failed']}" for entry in result["failed"]]
+        lines += [f"* {entry['label']} is not a data point: {entry['failed']}" for entry in result["failed"]]
         parts += ["## Left out", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
 

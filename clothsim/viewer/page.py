@@ -352,7 +352,7 @@ def view(
     colour: str | None = None,
     trusted: Sequence[str] = (),
 ) -> Page:
-    """Serve the page of a run, also of one that is still going: turn, scrub, play, colour by a field, pick a vertex.
+    """Serve the page of a run, also of one in progress: turn, scrub, play, colour by a field, pick a vertex.
 
     Parameters
     ----------

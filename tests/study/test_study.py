@@ -154,7 +154,7 @@ def test_a_small_budget_says_how_much_is_needed(tmp_path):
     assert "it would take about" in result["left_out"]["cells +1"]
     assert result["recommended"] == result["front"] == []
     assert not (tmp_path / "study.png").exists()
-    assert "goes on from the runs so far" in (tmp_path / "study.md").read_text()
+    assert "continues from the runs so far" in (tmp_path / "study.md").read_text()
 
 
 def only(*allowed):
@@ -187,7 +187,7 @@ def test_a_parameter_without_a_finer_run_is_reported_as_unknown(tmp_path):
     assert (headline["status"], headline["error"], headline["missing"]) == ("unfinished", None, ["cells"])
     assert headline["needed_seconds"] is None  # it failed: no budget helps
     assert headline["so_far"]["dt"] == pytest.approx(result["parameters"]["dt"]["adds"])
-    assert "the finer run of cells is no data point" in " ".join(reported(result))
+    assert "the finer run of cells is not a data point" in " ".join(reported(result))
 
 
 def test_a_capped_solve_is_no_data_point(tmp_path):
@@ -200,14 +200,14 @@ def test_a_capped_solve_is_no_data_point(tmp_path):
     result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=1e9, workers=1, runners=Runners(capped)).result
     assert not [each for each in result["points"] if each["settings"].get("dt") == 0.04]
     assert [each for each in result["failed"] if each["settings"].get("dt") == 0.04]
-    assert "is no data point: 2 of its steps" in (tmp_path / "study.md").read_text()
+    assert "is not a data point: 2 of its steps" in (tmp_path / "study.md").read_text()
 
 
 def test_a_scene_that_fails_itself_is_one_sentence(tmp_path):
     def fails(job):
         return {"failed": "It fell apart."}
 
-    with pytest.raises(InputError, match="The scene itself is no data point: It fell apart"):
+    with pytest.raises(InputError, match="The scene itself is not a data point: It fell apart"):
         study_accuracy(SHEET, tmp_path, PARAMETERS, workers=1, runners=Runners(fails))
 
 

@@ -37,7 +37,7 @@ TORSO = "torso"
 
 
 def limb_names(body: BodyMesh) -> np.ndarray:
-    """Name of the limb that each vertex of a body is of, (n,); "body" where it is no standing body."""
+    """Name of the limb that each vertex of a body is of, (n,); "body" where it is not a standing body."""
     names = np.full(len(body.positions), "body", dtype="<U13")
     try:
         parts = body.parts

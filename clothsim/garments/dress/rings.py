@@ -114,7 +114,7 @@ def centred(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str,
 
 
 def _on_trouser_legs(state: SewingState, pieces: list[tuple[str, ...]], body: BodyMesh) -> set[tuple[str, ...]]:
-    """Pieces below trousers that are sewn to them, or to one another: trousers have three borders and are no bodice."""
+    """Pieces below trousers, sewn to them or to one another: trousers have three borders and are not bodices."""
     level = {names: float((state.positions[vertices_of(state, names)] @ body.up).mean()) for names in pieces}
     piece = {name: names for names in pieces for name in names}
     sewn = [tuple(piece.get(side.panel) for side in seam.stitch.sides) for seam in state.mesh.seams]
@@ -241,7 +241,7 @@ def _inner_strings(state: SewingState, names: tuple[str, ...], body: BodyMesh) -
 def arms_between(state: SewingState, wearer: Wearer) -> tuple[str, ...]:
     """Limbs of the arms in the way of strings between panels of no arm.
 
-    Hands and forearms that any of them runs through, as those of a wide skirt. An upper arm is no obstacle to some:
+    Hands and forearms that any of them runs through, as those of a wide skirt. An upper arm is not an obstacle to some:
     strings below an armpit pass below it once their neighbours are closed. Where most strings of a seam run through it,
     as those of a short side seam, they close above it.
     """

@@ -98,7 +98,7 @@ def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: Bo
 
 
 def _frames(source: BodyMesh, target: BodyMesh) -> tuple[BodyFrame, ...]:
-    """Frames of both bodies; none where one is no standing body."""
+    """Frames of both bodies; none where one is not a standing body."""
     try:
         return source.frame, target.frame
     except TransferError:

@@ -27,7 +27,7 @@ PATIENCE = 25
 GROWTH, FEW = 1.5, 20
 """Growth of the number of pairs, as a factor and a number, at which an attempt ends."""
 WIDENING = 5
-"""Rounds in which the spread of the motion grows by its first value: what takes long is no local matter."""
+"""Rounds in which the spread of the motion grows by its first value: what takes long is not a local matter."""
 RELAXATIONS, SHORTEST = 30, 0.04
 """Largest number of steps that relieve strain at the end, and the smallest fraction of one."""
 

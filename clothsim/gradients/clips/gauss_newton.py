@@ -104,7 +104,7 @@ class GaussNewton(Generic[S]):
                     break
             else:
                 why = f"The runs beside those of the numbers {seen.at.tolist()} fail: {beside.failure}"
-                raise ClothsimError(why, f"Leave out the number {k}, counted from 0, or begin from other numbers.")
+                raise ClothsimError(why, f"Leave out the number {k}, counted from 0, or start from other numbers.")
         return np.array(columns).T
 
     def descended(self, seen: S, moves: Floats | None = None) -> tuple[S, S, Floats, int]:

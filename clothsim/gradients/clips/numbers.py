@@ -272,7 +272,7 @@ def clip_numbers(scene: Scene, free: Sequence[str] = ()) -> ClipNumbers:
         raise InputError(f"The clip has no number {unknown[0]!r}.", f"Known: {known}.")
     chosen = tuple(each for each in found if not free or any(_names(name, each.name) for name in free))
     if not chosen:
-        raise InputError("Nothing of the scene can explain an edit.", "Give it a membrane, bending or friction.")
+        raise InputError("No parameter of the scene can explain an edit.", "Give it a membrane, bending or friction.")
     added = tuple(np.zeros(shape.shape) for shape in shapes)
     return ClipNumbers(_with_vertices_by_number(scene, world) if shapes else scene, chosen, values, shapes, added)
 

@@ -232,7 +232,7 @@ def _narrowing(key: str, given: ArrayLike) -> Narrowing | None:
     table = _table(f"effects.membrane.{key}", given, "narrowing", "")
     if table[-1, 1] >= 1:
         raise InputError(
-            f"effects.membrane.{key} takes {table[-1, 1]:g} of the width, the whole.", "Give rows below 1."
+            f"effects.membrane.{key} takes {table[-1, 1]:g} of the width, which is all of it.", "Give rows below 1."
         )
     return Narrowing.through(*table.T)
 

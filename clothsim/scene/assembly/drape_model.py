@@ -151,7 +151,7 @@ def read_model(path: Path) -> DrapeModel | MotionModel:
     except TransferError as error:
         raise InputError(f"{path}: {error.sentence}", error.remedy) from error
     except Exception as error:  # zipfile, zlib and NumPy's header raise a dozen types of errors
-        raise InputError(f"{path} is no model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
+        raise InputError(f"{path} is not a model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
     return DrapeModel(**{**content, "family": str(content["family"])})
 
 

@@ -158,7 +158,7 @@ class PlacedCharacter:
         character, pose = self.character, self.pose(time)
         if character.positions.shape != reference.shape:
             found, wanted = len(character.positions), len(reference)
-            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Take the same model.")
+            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Use the same model.")
         matrices = character.matrices(pose)
         linear = self.linear @ matrices[:, :3, :3]
         moves = matrices[:, :3, 3] @ self.linear.T + self.shift

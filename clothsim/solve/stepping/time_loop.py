@@ -224,7 +224,7 @@ class ModeDisplacement:
 def static_model(integrator: Integrator, report: StepReport, only: np.ndarray | None = None) -> StaticModel:
     """Return the static model at the end of a step; only (n_cloth,) bool: all other vertices are fixed.
 
-    Rigid bodies are held where they are: one that may roll has no stiffness, and is no instability of the cloth.
+    Rigid bodies are held where they are: one that may roll has no stiffness, and is not an instability of the cloth.
     """
     world, state = integrator.world, report.state
     fixed = np.ones(world.n_unknowns, bool)
@@ -270,7 +270,7 @@ def stabilised(integrator: Integrator, before: State, report: StepReport) -> Ste
 
 
 def _repeated(integrator: Integrator, before: State, report: StepReport, dx: Floats) -> StepReport | None:
-    """The report of a step repeated from its end displaced by dx; None where it fails, as a shorter one is no use."""
+    """The report of a step repeated from its end displaced by dx; None where it fails: a shorter one is of no use."""
     displaced_start = replace(before, positions=report.state.positions + dx)
     again = advance(integrator, displaced_start, report.state.time, retries=False)
     return again if again.converged and again.state.time == report.state.time else None

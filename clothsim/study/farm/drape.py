@@ -57,7 +57,7 @@ def drape(
 
     folder: of the files of the run, which are deleted; farm: where the meshes are stored; frames: "last" or "all", what
     is kept; rules: what is usable, besides what every drape must be (`checked_rules`; without them, at rest where the
-    scene runs until rest). OSError, MemoryError, MachineError and KeyboardInterrupt are no verdict on the drape, and
+    scene runs until rest). OSError, MemoryError, MachineError and KeyboardInterrupt are not a verdict on the drape, and
     are raised.
     """
     started, cpu = perf_counter(), process_time()
