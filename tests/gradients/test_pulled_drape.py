@@ -17,8 +17,8 @@ from clothsim.gradients.pulled_drape import (
     PULL,
     SMOOTHNESS,
     STEP,
-    displacement,
     frictionless_step,
+    pull_displacement,
     pulled,
     pulled_positions,
 )
@@ -94,7 +94,7 @@ def test_friction_is_off_while_the_cloth_is_pulled_and_holds_it_then(lying):
 
 def test_a_pull_is_bound_and_lowers_the_sum(lying):
     fit, first = lying
-    moved = displacement(first.parts, first.positions, fit.triangles)
+    moved = pull_displacement(first.parts, first.positions, fit.triangles)
     lengths = np.linalg.norm(moved, axis=1)
     assert lengths.max() <= PULL * np.ptp(first.positions, axis=0).max() * (1 + 1e-12)
     slope = sum(each.jacobian.T @ (each.weights * each.slopes) for each in first.parts)
@@ -114,7 +114,7 @@ def test_a_displacement_is_the_least_of_the_sum_and_its_bounds():
     matrix = (np.eye(3) + SMOOTHNESS * laplacian) / PULL**2
     matrix[0, 0] += 2.0
     expected = np.linalg.solve(matrix, [-2e-3, 0.0, 0.0])
-    assert displacement([one], positions, triangles)[:, 0] == pytest.approx(expected, rel=1e-9)
+    assert pull_displacement([one], positions, triangles)[:, 0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_what_is_not_pulled(lying):
