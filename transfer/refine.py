@@ -72,7 +72,7 @@ class Refined:
 
 
 @dataclass(frozen=True)
-class Targets:
+class ActiveRows:
     """Active rows of one pass: indices (k,), outward normals (k, 3), and distances to their target (k,) [m]."""
 
     rows: Ints
@@ -173,7 +173,7 @@ def refined_on(
         if along_normals:
             distance, normals = _seen_along_normals(body, x, triangles, weights, distance, normals)
         rows = np.flatnonzero(distance < wanted)
-        targets = Targets(rows, normals[rows], wanted[rows] - distance[rows])
+        targets = ActiveRows(rows, normals[rows], wanted[rows] - distance[rows])
         x, used = x + displacement(weights, targets, smoothing, k), wanted[: len(x)]
     return Refined(x, tuple(inside), tuple(depth), used)
 
@@ -208,7 +208,7 @@ def clearance(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clea
     return Clearance(longest, at_vertices[body.triangles].max(axis=1), FLOOR * float(np.median(longest[longest > 0])))
 
 
-def displacement(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -> Floats:
+def displacement(weights: Sparse, targets: ActiveRows, smoothing: Sparse, k: int) -> Floats:
     """Displacement d of pass k, (n, 3) [m]: the solution of its normal equations."""
     matrix, right = normal_equations(weights, targets, smoothing, k)
     # The eigenvalues lie between lam_d and 4 lam_s + lam_d + the rows at a vertex: a factorization does not pay.
@@ -218,7 +218,7 @@ def displacement(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -
     return np.ascontiguousarray(solution.reshape(3, -1).T)
 
 
-def normal_equations(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -> tuple[Sparse, Floats]:
+def normal_equations(weights: Sparse, targets: ActiveRows, smoothing: Sparse, k: int) -> tuple[Sparse, Floats]:
     """Symmetric positive definite matrix (3n, 3n) and right-hand side (3n,) of pass k: all x, then y, then z."""
     lam_s, lam_d = (schedule[min(k, len(schedule) - 1)] for schedule in (SMOOTHNESS, DAMPING))
     chosen = weights[targets.rows]

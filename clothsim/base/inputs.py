@@ -56,6 +56,11 @@ def table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:
     return value
 
 
+def is_number(value: Any) -> bool:
+    """True for an int or a float; a truth value is none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def shown(value: Any) -> str:
     """A value in a message: on one line and short, of an array its shape."""
     if getattr(value, "shape", ()):
@@ -77,7 +82,7 @@ def called(where: str, function: Callable[..., Any], *arguments: Any) -> Any:
 def raised(where: str, function: Callable[..., Any], error: Exception) -> InputError:
     """The error for what a function of the user's raised."""
     name = getattr(function, "__qualname__", type(function).__name__)
-    return InputError(f"{where}: the function {name} raised {type(error).__name__}: {error}.", "Mend the function.")
+    return InputError(f"{where}: the function {name} raised {type(error).__name__}: {error}.", "Correct the function.")
 
 
 def refuse_uncallable(**callbacks: Any) -> None:

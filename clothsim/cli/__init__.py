@@ -208,7 +208,7 @@ def without_group(words: Sequence[str]) -> list[str]:
 
 
 def _without_command(words: Sequence[str]) -> int:
-    """Version and help; InputError for a word that is no command."""
+    """Version and help; InputError for a word that is not a command."""
     group = words[0] if words and words[0] in GROUPS else ""
     parser = Parser(
         prog="clothsim",
@@ -244,7 +244,7 @@ def _listing(only: str) -> str:
     parts = []
     for group in [only] if only else GROUPS:
         summaries = {name: COMMANDS[name].summary for name in GROUPS[group]}
-        if only == "garment":  # without the group's name these words are no commands
+        if only == "garment":  # without the group's name these words are not commands
             summaries |= {name: summary for name, (_, summary) in OF_GARMENTS.items()}
         lines = [f"  {name:<11} {summary}" for name, summary in summaries.items()]
         parts.append("\n".join([f"{group or 'commands'}:", *lines]))

@@ -133,7 +133,7 @@ def add_overwrite(command: argparse.ArgumentParser, help: str = "replace files t
 def refuse_output(file: Path, arguments: argparse.Namespace, *inputs: object) -> None:
     """InputError for an output file without a folder, that is one of the inputs, or is there without --overwrite."""
     if not file.resolve().parent.is_dir():
-        raise InputError(f"There is no directory {file.parent}.", "Make it first, or choose another with -o.")
+        raise InputError(f"There is no directory {file.parent}.", "Create it first, or choose another with -o.")
     refuse_replacing([file], arguments.overwrite, inputs)
 
 
@@ -228,9 +228,7 @@ def as_range(option: str, text: str) -> tuple[int, int]:
     """Two whole numbers of "0:15656"."""
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
     if not match:
-        raise InputError(
-            f"{option} is {text!r}.", "Give the first vertex and the one behind the last, such as 0:15656."
-        )
+        raise InputError(f"{option} is {text!r}.", "Give the first vertex and the one after the last, such as 0:15656.")
     return int(match[1]), int(match[2])
 
 
@@ -247,7 +245,7 @@ def as_length(name: str, text: str, example: str = "1mm") -> float:
     try:
         return float(f"{as_positive_number(name, number) * LENGTHS.get(unit, 1.0):.12g}")
     except InputError as error:
-        raise InputError(f"{name} {text!r} is no positive length.", f"Write it as {name} {example}.") from error
+        raise InputError(f"{name} {text!r} is not a positive length.", f"Write it as {name} {example}.") from error
 
 
 def as_frame(text: str) -> int:
@@ -282,14 +280,14 @@ def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
     """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
     name, _, value = (part.strip() for part in text.partition("="))
     if name not in _VALUES or bool(value) != (_VALUES[name] is not None):
-        raise InputError(f"{option} {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
+        raise InputError(f"{option} {text!r} is not a loss.", f"Give {', '.join(LOSSES)}.")
     kind = _VALUES[name]
     if kind is Path and not Path(value).exists():
         raise InputError(f"{option} {text}: there is no file {value}.", "Name a mesh, points (.xyz) or a run.")
     try:
         return gradients.named_loss(name, world, None if kind is None else kind(value))
     except ValueError as error:
-        raise InputError(f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres.") from error
+        raise InputError(f"{option} {text}: {value!r} is not a height.", "Write it as girth=0.8, in metres.") from error
 
 
 def words(option: str, text: str, example: str = "youngs_modulus,bending_stiffness") -> list[str]:

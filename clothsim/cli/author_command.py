@@ -38,9 +38,13 @@ def add_to(commands: Any) -> None:
     )
     author.add_argument("--free", default="", metavar="NAMES", help="what may explain them: stretch,bending,hem,...")
     author.add_argument("--no-rest", action="store_true", help="numbers only, no residual rest shape")
-    author.add_argument("--rate", default="300", metavar="R", help="of the quick pull to the edits [1/s] (default 300)")
-    author.add_argument("--space", choices=("canonical", "world"), help="of the quick form (default: by the body)")
-    author.add_argument("--no-floor", action="store_true", help="leave out the twins, two more runs the first time")
+    author.add_argument(
+        "--rate", default="300", metavar="R", help="rate of the quick pull to the edits [1/s] (default 300)"
+    )
+    author.add_argument(
+        "--space", choices=("canonical", "world"), help="space of the quick form (default: by the body)"
+    )
+    author.add_argument("--no-floor", action="store_true", help="skip the twins, two more runs the first time")
     add_overwrite(author, "replace an earlier run in the output directory")
     add_output_options(author, json="print author.json", quiet="print the end only", handler=_author)
 
@@ -80,13 +84,13 @@ def as_keys(text: str) -> dict[int, Path]:
     for part in filter(None, (word.strip() for word in text.split(","))):
         found = re.fullmatch(r"(\d{1,9})\s*=\s*(.+)", part)
         if found is None:
-            raise InputError(f"--keys has {part!r}.", "Write FRAME=FILE, as 10=edited10.obj,40=edited40.obj.")
+            raise InputError(f"--keys has {part!r}.", "Write FRAME=FILE, such as 10=edited10.obj,40=edited40.obj.")
         frame = int(found[1])
         if frame in keys:
             raise InputError(f"--keys gives frame {frame} twice.", "Give each frame one file.")
         keys[frame] = Path(found[2])
     if not keys:
-        raise InputError("--keys names no edited frame.", "Write FRAME=FILE, as 10=edited10.obj,40=edited40.obj.")
+        raise InputError("--keys names no edited frame.", "Write FRAME=FILE, such as 10=edited10.obj,40=edited40.obj.")
     return keys
 
 
@@ -115,7 +119,8 @@ def lines(found: "Authored") -> list[str]:
 def _explained(found: "ClipRecovery") -> list[str]:
     """What explains the edits, in lines: numbers, what the keys do not determine, the price of the rest shape."""
     before, numbers, left = (f"{1e3 * each:.3g}" for each in found.misfits)
-    out = [f"  explained in {many(found.runs, 'run')}, the keys taken to be known to {1e3 * found.noise:.2g} mm:"]
+    known = ", ".join(f"{1e3 * each:.2g}" for each in found.noise)
+    out = [f"  explained in {many(found.runs, 'run')}, the keys taken to be known to {known} mm:"]
     for name, factor in found.values.items():
         error = found.errors[name]
         known = f"+- {100 * error:.2g} %" if np.isfinite(error) else "not determined by the keys"

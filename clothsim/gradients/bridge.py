@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from clothsim.gradients.layer import Layer, LayerState, Rollout
 
 STARTS = ("start", "velocity")
-"""Values of a bridge that are no numbers of the scene: positions and velocities of the cloth at the start, (n, 3)."""
+"""Values of a bridge that are not numbers of the scene: positions and velocities of the cloth at the start, (n, 3)."""
 
 
 class Differentiable(Protocol):
@@ -63,7 +63,7 @@ class Bridge:
     _last: list[tuple[bytes, Trace]] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """InputError for a name that is no number: packages that call a bridge hide what is raised within it."""
+        """InputError for a name that is not a number: packages that call a bridge hide what is raised within it."""
         for name in self.names:
             if name not in STARTS:
                 value_at(self.scene, self._world, name)

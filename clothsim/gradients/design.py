@@ -114,7 +114,7 @@ def design(
     most_runs: int = MOST_RUNS,
     progress: Callable[[DesignRun], None] | None = None,
 ) -> Design:
-    """Find numbers of a pattern for which a garment hangs as wished.
+    """Find numbers of a pattern with which a garment meets given aims.
 
     Parameters
     ----------
@@ -144,7 +144,9 @@ def design(
     """
     paths = tuple(dict.fromkeys(free))
     if not paths or not aims or not all(path.startswith(SECTION) for path in paths):
-        raise InputError("A design needs aims, and free numbers of the pattern.", "Name some, as pattern.front.height.")
+        raise InputError(
+            "A design needs aims, and free numbers of the pattern.", "Name some, such as pattern.front.height."
+        )
     shaped = shaped_scene(scene, pattern)
     if len(shaped.scene.cloths) != 1:
         raise InputError(f"The scene has {len(shaped.scene.cloths)} cloths.", "A design needs exactly one.")
@@ -156,7 +158,7 @@ def design(
     within = [run for run in runs if largest_area is None or run.area <= largest_area * (1 + 1e-6)]
     best = min(within or runs, key=lambda run: run.loss)
     if not np.isfinite(best.loss):
-        raise ClothsimError(f"No run of the design could be taken: {best.failure}")
+        raise ClothsimError(f"No run of the design succeeded: {best.failure}")
     return Design(shaped.with_numbers(best.values), best, tuple(runs))
 
 
@@ -275,7 +277,7 @@ def mirrored(numbers: PatternNumbers, paths: Sequence[str]) -> Floats:
     Raises
     ------
     InputError
-        For a point whose mirror image is no vertex or control point among the numbers.
+        For a point whose mirror image is not a vertex or control point among the numbers.
     """
     found = [numbers.number(path) for path in paths]
     columns, done = list[Floats](), set[int]()

@@ -71,7 +71,7 @@ def recorded(start: State, report: StepReport) -> RecordedStep:
 
 
 def untimed(potential: Potential) -> Potential:
-    """Return a potential with timers of its own: what the backward pass does is no part of the run's account."""
+    """Return a potential with timers of its own: what the backward pass does is not part of the run's account."""
     return replace(potential, timers=Timers())
 
 
@@ -81,7 +81,7 @@ def bound_to(integrator: Integrator, record: RecordedStep) -> tuple[Step, Potent
     Raises
     ------
     AssertionError
-        Where the solution is no minimum of it: the record is of another scene.
+        Where the solution is not a minimum of it: the record is of another scene.
     """
     step = record.step(integrator)
     return step, untimed(integrator.potential).begin(step)

@@ -167,7 +167,7 @@ def solved(system: ExactSystem, forces: Floats, where: str) -> Floats:
         return system.solve(forces)
     except NotPositiveDefiniteError as error:
         raise NoMinimumError(
-            f"The state {where} is no minimum of the energy: it has no derivative.",
+            f"The state {where} is not a minimum of the energy: it has no derivative.",
             "Its equilibrium is unstable, or it is free to move: add effects.inertia or pins, or change dt.",
         ) from error
 
@@ -182,7 +182,7 @@ LEAST_GAIN = 0.5
 
 
 MOST_DESCENTS = 3
-"""Bound on the descents of one step from states that are no minima."""
+"""Bound on the descents of one step from states that are not minima."""
 AMPLITUDES = tuple(1e-3 * 0.1**k for k in range(6))
 """Largest displacements of a vertex that are tried along the direction of least curvature [m]."""
 DESCENT = NewtonSettings(tolerance=1e-8)

@@ -89,11 +89,11 @@ def with_rest(session: Session, rest: Floats) -> Session:
 def refuse_other_rest(world: World) -> None:
     """InputError where the rest shape is not that of one cloth with rest positions."""
     if len(world.cloths) != 1 or world.cloths[0].flat:
-        raise InputError("cloth.rest is for one cloth with rest positions.", "Take Gradient.rest_along for a field.")
+        raise InputError("cloth.rest is for one cloth with rest positions.", "Use Gradient.rest_along for a field.")
 
 
 def rest_derivative(run: "Trace", adjoints: Adjoints) -> Floats:
-    """Return dL by the rest positions of a single cloth that is no flat pattern, (n, 3): 12 n sets of energies."""
+    """Return dL by the rest positions of a single cloth that is not a flat pattern, (n, 3): 12 n sets of energies."""
     cloths = run.session.built.world.cloths
     refuse_other_rest(run.session.built.world)
     out = np.zeros(cloths[0].rest_positions.shape)

@@ -41,7 +41,7 @@ from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.stepping import Integrator, advance
 
 ARRAYS = ("pins", "force", "cloth.rest")
-"""Parameters that are no numbers of the scene."""
+"""Parameters that are not numbers of the scene."""
 
 MOST_STEPS = 1_000_000
 """Bound on the steps of a rollout."""
@@ -250,7 +250,7 @@ def _numbers(name: object, value: Any) -> Floats:
     """A parameter as finite numbers. InputError names it."""
     if not isinstance(name, str):
         raise InputError(
-            f"{shown(name)} is no name of a parameter.", f"Give a path of the scene, or {', '.join(ARRAYS)}."
+            f"{shown(name)} is not a name of a parameter.", f"Give a path of the scene, or {', '.join(ARRAYS)}."
         )
     return as_finite(name, value)
 
@@ -267,7 +267,7 @@ def _rows(name: str, given: Floats | None, shape: tuple[int, ...], rows: int) ->
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A step of a scene as a function: of a state, or of positions and velocities without a past.
+    """A step of a scene as a function: of a state, or of positions and velocities without history.
 
     Parameters
     ----------
@@ -377,12 +377,12 @@ class Layer:
             Where a step cannot be taken.
         """
         if not isinstance(state, LayerState):
-            raise InputError(f"state is {shown(state)}, no state of a layer.", "Take layer.start or layer.state(x, v).")
+            raise InputError(f"state is {shown(state)}, not one of a layer.", "Use layer.start or layer.state(x, v).")
         k = as_count("k", k, least=0, most=MOST_STEPS)
         by_step = parameters is not None and not isinstance(parameters, Mapping)
         if by_step and (not isinstance(parameters, Sequence) or not all(isinstance(p, Mapping) for p in parameters)):
             raise InputError(
-                f"parameters is {shown(parameters)}, no numbers by name.", 'Give {"cloth.youngs_modulus": 1e4}.'
+                f"parameters is {shown(parameters)}, not numbers by name.", 'Give {"cloth.youngs_modulus": 1e4}.'
             )
         held = [parameters or {}] * k if isinstance(parameters, Mapping | None) else list(parameters)
         each = [{name: _numbers(name, value) for name, value in given.items()} for given in held]

@@ -38,7 +38,7 @@ class Custom(Loss):
     frame: int = -1
 
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
-        """Return what the function returns. InputError where that is no number with an array (n, 3)."""
+        """Return what the function returns. InputError where that is not a number with an array (n, 3)."""
         try:
             value, derivative = called("The loss", self.function, positions)
         except (TypeError, ValueError) as error:
@@ -70,7 +70,7 @@ class OfMotion(Loss):
         return value, by_x
 
     def of_motion(self, positions: Floats, velocities: Floats) -> tuple[float, Floats, Floats]:
-        """Return what the function returns. InputError where that is no number with two arrays (n, 3)."""
+        """Return what the function returns. InputError where that is not a number with two arrays (n, 3)."""
         try:
             value, *given = called("The loss", self.function, positions, velocities)
             by_x, by_v = (as_points("The derivative of the loss", each) for each in given)
@@ -148,7 +148,7 @@ def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
     alike = (own * normals).sum(axis=1) > 0.5 * lengths
     if not alike.any():
         raise InputError(
-            "No normal of the points is like that of the cloth there.", "Turn them round, or leave them out."
+            "No normal of the points agrees with that of the cloth there.", "Turn them round, or leave them out."
         )
     return np.asarray(alike)
 
@@ -269,7 +269,7 @@ def as_loss(loss: Loss | Function) -> Loss:
         return Custom(loss)
     raise InputError(
         f"A loss is needed, not a value of the type {type(loss).__name__}.",
-        "Give one of clothsim.gradients, as Height(), or a function of the positions.",
+        "Give one of clothsim.gradients, such as Height(), or a function of the positions.",
     )
 
 
@@ -298,7 +298,7 @@ class Hem(Loss):
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
         """Return the least mean z of a side and 1/k in its rows. InputError without a border."""
         if not self.sides:
-            raise InputError("The cloth has no border, and so no hem.", "Take another loss, such as height.")
+            raise InputError("The cloth has no border, and so no hem.", "Use another loss, such as height.")
         lowest = min(self.sides, key=lambda side: float(positions[side, 2].mean()))
         return Height(lowest).evaluate(positions, triangles)
 

@@ -17,7 +17,7 @@ NO_NORMALS = np.zeros((0, 3))
 
 
 def named_loss(name: str, world: World, value: float | Path | None = None, scale: float = 1.0) -> Loss:
-    """Return the loss of a name.
+    """Return the loss with a given name.
 
     Parameters
     ----------

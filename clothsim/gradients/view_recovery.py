@@ -124,7 +124,7 @@ class ViewRecovery(Recovery):
 
 
 @dataclass(frozen=True)
-class Search:
+class SearchRecord:
     """What a search took.
 
     runs; minima: sums at the ends of all starts; note: what the prior is; began: processor time at its start; adjoint:
@@ -141,7 +141,7 @@ class Search:
     twins: bool
 
 
-def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], search: Search) -> ViewRecovery:
+def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], search: SearchRecord) -> ViewRecovery:
     """Return what a search found.
 
     Parameters
@@ -152,7 +152,7 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
         The run of the scene itself.
     end : tuple
         The last run, the one before it, and the derivatives of the vertices at the last, (3 n, k).
-    search : Search
+    search : SearchRecord
         What it took.
     """
     last, before, moves = end
@@ -260,7 +260,7 @@ def halved(scene: Scene) -> tuple[Scene, csr_array, Ints]:
     for keys in scene.cloths:
         mesh = keys.mesh
         if not isinstance(mesh, MeshArrays) or any(isinstance(value, np.ndarray) for value in keys.values()):
-            raise InputError("The cloth is no mesh of arrays, or has keys that are arrays.")
+            raise InputError("The cloth is not a mesh of arrays, or has keys that are arrays.")
         weights, triangles = refined(mesh.triangles, len(mesh.vertices))
         rest = mesh.vertices if mesh.rest is None else mesh.rest
         groups = {name: (4 * rows[:, None] + np.arange(4)).ravel() for name, rows in mesh.groups.items()}

@@ -82,13 +82,13 @@ def read_views(path: str | Path, panels: Mapping[str, Ints], obstacle: Obstacle)
     Raises
     ------
     InputError
-        For what is no view: an unknown key, a distorted camera, a picture of another size, two views of one name.
+        For what is not a view: an unknown key, a distorted camera, a picture of another size, two views of one name.
     """
     file = Path(path)
     try:
         given = tomllib.loads(read_regular_file(file).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} is no TOML file ({error}).", "Write a table [[view]] for each picture.") from error
+        raise InputError(f"{file} is not a TOML file ({error}).", "Write a table [[view]] for each picture.") from error
     refuse_unknown(str(file), given, ("view", "noise", "labels"))
     noise = table("noise", given.get("noise", {}))
     refuse_unknown("noise", noise, NOISE)
@@ -155,7 +155,7 @@ def _picture(file: Path) -> np.ndarray:
                 raise InputError(f"{file.name} has {image.width} x {image.height} pixels.", "Scale it down.")
             values = np.asarray(image.convert("L") if image.mode == "1" else image)
     except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{file.name} is no picture that can be read ({error}).", "Save it as PNG.") from error
+        raise InputError(f"{file.name} is not a picture that can be read ({error}).", "Save it as PNG.") from error
     if values.ndim == 3:
         colours = values[..., :3] if values.shape[2] in (3, 4) else values[..., :1]
         if np.ptp(colours, axis=2).any():

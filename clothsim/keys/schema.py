@@ -27,7 +27,7 @@ OverTime: TypeAlias = float | Sequence[Sequence[float]] | Callable[[float], floa
 OverCloth: TypeAlias = float | Sequence[float] | Floats | Mapping[str, Any] | str
 """A number, an array by triangle or by vertex, a NumPy file of one, or a table by cloth or panel."""
 OverTimeByCloth: TypeAlias = float | Sequence[Sequence[float]] | Callable[[float], float] | Mapping[str, Any]
-Curve: TypeAlias = Sequence[Sequence[float]] | Floats | str
+CurveTable: TypeAlias = Sequence[Sequence[float]] | Floats | str
 """Rows of [strain, stress], or a NumPy file of them."""
 Selection: TypeAlias = (
     Literal["corners", "left", "right", "top", "bottom", "boundary"] | Sequence[int] | Mapping[str, Any]
@@ -38,7 +38,7 @@ _WORDS: tuple[tuple[Any, str], ...] = (
     (OverTime, "number, key frames or function"),
     (OverCloth, "number, array, .npy file or table by cloth"),
     (OverTimeByCloth, "number, key frames, function or table by cloth"),
-    (Curve, "rows of [strain, stress] or .npy file"),
+    (CurveTable, "rows of [strain, stress] or .npy file"),
     (
         Selection,
         '"corners" | "left" | "right" | "top" | "bottom" | "boundary", vertex numbers, { box = [lo, hi] } or'

@@ -15,7 +15,7 @@ DEEPEST = 12
 """Largest depth of nested tables and lists."""
 
 
-def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
+def refuse_unknown_key(where: str, given: Iterable[str], known: Iterable[str]) -> None:
     """InputError for the first key of `given` that is not `known`, with the nearest known one."""
     inputs.refuse_unknown(where, given, known, _hint)
 
@@ -115,7 +115,7 @@ def _word(where: str, value: str, known: SceneKey) -> str:
         return value
     if str in members(known.annotation):
         if not value.isprintable():
-            raise InputError(f"{where} is {value!r}, which cannot be printed.", "Give a text of printable letters.")
+            raise InputError(f"{where} is {value!r}, which cannot be printed.", "Give text of printable letters.")
         return value
     if not words:
         raise _wrong_type(where, value, known)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.render.camera import Camera, three_quarter_view
+from clothsim.render.camera import Viewpoint, three_quarter_view
 from clothsim.render.picture import PictureSetup, picture_setup, rendered_without_legend
 from clothsim.render.styles import add_legend, label, margins
 from clothsim.render.surface_look import Surface
@@ -158,7 +158,7 @@ def _behind(corners: Floats, heights: Floats) -> list[Floats]:
     return [np.array([polygon[0], polygon[k], polygon[k + 1]]) for k in range(1, len(polygon) - 1)]
 
 
-def pixels(camera: Camera, points: Floats, size: tuple[int, int]) -> Floats:
+def pixels(camera: Viewpoint, points: Floats, size: tuple[int, int]) -> Floats:
     """Pixel coordinates of points (n, 3), from its upper left corner, (n, 2)."""
     x, y = camera.project(points).T
     return np.column_stack([(x + 1) / 2 * size[0], (1 - y) / 2 * size[1]])

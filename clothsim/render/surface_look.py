@@ -223,7 +223,7 @@ def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
 THICKNESS, HEM_LAYERS = 1.0e-3, 2.2
 """Thickness that is drawn [m], and the factor on it in a hem. Contact keeps layers about as far apart."""
 THICKEST = 0.004
-"""Largest thickness that is drawn, relative to the size of the cloth: one of a millimetre is no block."""
+"""Largest thickness that is drawn, relative to the size of the cloth: one of a millimetre is not a block."""
 HEM_WIDTH, HEM_SLOPE = 0.018, 0.0015
 """Width of a hem, and of the step at its end [m]."""
 STITCH, GAP, THREAD = 0.0034, 0.0014, 0.0003

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.keys.value_checks import refuse_absent, refuse_unknown
+from clothsim.keys.value_checks import refuse_absent, refuse_unknown_key
 from clothsim.mesh.body import LaterMotion, RigidMotion, motion_of
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import PinnedGroup, PinsConstraint
@@ -118,7 +118,7 @@ def with_fabric(
 ) -> Session:
     """Session with the fabric of a cloth changed: masses, hinges and all energies are rebuilt."""
     world, scene = session.built.world, session.scene
-    refuse_unknown("A fabric", keys, FABRIC)
+    refuse_unknown_key("A fabric", keys, FABRIC)
     names = [each.name for each in world.cloths]
     k = number_of("cloth", cloth, names)
     table = {**scene.cloths[k], **keys, **({} if fabric is None else {"fabric": fabric})}
@@ -157,7 +157,7 @@ def new_pins(
     """The rows of x of a new group of pins and the motion that keeps them where they are."""
     world, groups = built.world, pin_groups(built)
     if not isinstance(group, str) or not group:
-        raise InputError(f"The name of a group of pins must be a text, not {group!r}.", 'Write add_pins("hand", ...).')
+        raise InputError(f"The name of a group of pins must be text, not {group!r}.", 'Write add_pins("hand", ...).')
     if group in {each.name for each in groups}:
         raise InputError(f"There is a group {group!r} of pins already.", "Choose another name.")
     part = world.cloth_slices[number_of("cloth", cloth, [each.name for each in world.cloths])]

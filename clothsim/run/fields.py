@@ -336,7 +336,7 @@ def _separate_triangles(at: Configuration) -> tuple[Energy, Ints, Floats]:
     if not isinstance(membrane, TriangleMembrane):
         raise InputError(
             f"A {type(membrane).__name__} has no stress of a triangle.",
-            'Take [effects.membrane] material = "neo_hookean".',
+            'Use [effects.membrane] material = "neo_hookean".',
         )
     triangles = membrane.triangles
     of_world = {tuple(row): k for k, row in enumerate(at.world.triangles.tolist())}

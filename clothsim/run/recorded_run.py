@@ -5,7 +5,7 @@
   solve (k,)                solve of each iterate, 0..s-1; its first iterate is the start
   positions (k, N, 3)       all rows of x: cloths, bodies, ghosts [m], relative to `world.origin`
   fraction (k,)             fraction of the Newton step that contact and line search allowed; 0 at a start, nan after a
-                            nonlinear elimination (`solve.nonlinear_elimination`)
+                            nonlinear elimination (`newton.nonlinear_elimination`)
   speed (k,)                |dx|_inf / dt of that full step [m/s]; nan at a start and after an elimination
   residual (k,)             largest force where that step began [N]; nan also while Dirichlet vertices are displaced
   energy (k,)               E(x) of the step [J]

@@ -65,7 +65,7 @@ def check_rotation_per_step(built: Built, dt: float) -> None:
         if not turn <= LARGEST_TURN:
             raise InputError(
                 f"{name} turns {turn:.4g} degrees in a step, and contact follows it on straight paths.",
-                f"Take solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
+                f"Use solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
             )
 
 
@@ -88,7 +88,7 @@ def check_displacement_per_step(world: World, constraints: Collection[Constraint
             raise InputError(
                 f"{name} moves {distance:.2g} m in a step of {dt:g} s, {sizes:.2g} times the size of the scene"
                 + (f": all {pairs:,} pairs of triangles are candidates for contact." if contact else "."),
-                f"Take solver.dt below {dt * LARGEST_FLIGHT * size / distance:.2g} s, or a smaller velocity; "
+                f"Use solver.dt below {dt * LARGEST_FLIGHT * size / distance:.2g} s, or a smaller velocity; "
                 "--force lifts this bound.",
             )
 

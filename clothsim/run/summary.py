@@ -152,7 +152,7 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
     forces = f"residual force {certificate['residual']:.1e} N"
     if "relative_residual" in certificate:  # a summary of an earlier version has none
-        forces += f", of all steps at most {100 * certificate['relative_residual']:.2g} % of the largest force"
+        forces += f", at most {100 * certificate['relative_residual']:.2g} % of the largest force in any step"
     return [
         ("contact", "; ".join(parts)),
         *(("pinch", text) for text in _pinch(certificate)),
@@ -185,7 +185,7 @@ def _effort(checks: dict[str, int] | None, certificate: Mapping[str, Any]) -> li
     if "rods" in certificate and certificate["cloth_body"] == NO_CLOTH and "rigid" not in certificate:
         return [f"{many(checks['states'], 'state')}: distances of the centre lines of rods, in double precision"]
     tested = f"{many(checks['states'], 'state')} exactly: {many(checks['pairs_tested'], 'pair')} of triangles tested"
-    return [f"{tested}, {checks['pairs_proved']:,} proved apart since an earlier state"]
+    return [f"{tested}, {checks['pairs_proved']:,} known to be apart since an earlier state"]
 
 
 def _unstable(certificate: dict[str, Any]) -> list[str]:
@@ -218,15 +218,15 @@ def _error(certificate: dict[str, Any]) -> str:
         fixed = dict(estimate.get("fixed", {}))
         if why := fixed.pop("coarser runs", ""):
             alone = f"; the last difference alone would say {known}" if isinstance(total, float) else ""
-            return f"not known in all: {why}{alone} (--error 1mm, or `clothsim study`, refines); {parts}"
+            return f"total not known: {why}{alone} (--error 1mm, or `clothsim study`, refines); {parts}"
         if not fixed:
-            return f"{known} in all{request}; {parts}"
+            return f"{known} in total{request}; {parts}"
         if asked:
             request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length(asked)} requested)"
         unknown = " and ".join(fixed)
-        return f"not known in all, as that of {unknown} is not; others {known}{request}; {parts}"
+        return f"total not known, because that of {unknown} is not; others {known}{request}; {parts}"
     temporal = estimate["temporal"]
     steps = temporal if isinstance(temporal, str) else length(temporal)
     if certificate["at_rest"] and not isinstance(temporal, str):
-        steps += " on the way to equilibrium, which has none"
-    return f"not known in all (--estimate); sum of the steps' own {steps}{request}, {parts}"
+        steps += " (the equilibrium does not depend on them)"
+    return f"total not known (--estimate); sum of the local errors of the steps {steps}{request}, {parts}"

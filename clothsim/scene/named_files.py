@@ -84,7 +84,7 @@ def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
 
 
 def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
-    """InputError for a text that is no scene, or that names a file outside of its own folder, or for such `files`."""
+    """InputError for text that is not a scene, or that names a file outside of its own folder, or for such `files`."""
     try:
         scene_from_text(text)
         data = json.loads(text)

@@ -279,7 +279,7 @@ def reference(name: str | None = None) -> dict[str, Any]:
     Raises
     ------
     InputError
-        For a name that is no section and no key, with the nearest known one.
+        For a name that is neither a section nor a key, with the nearest known one.
     """
     matching, only = (list(sections().values()), None) if name is None else _matching(name)
     return {

@@ -43,8 +43,8 @@ def example_file(path: Any, ending: str = ".toml", what: str = "") -> Any:
 
     ending: ".toml" of the scenes, PATTERN of the sewing patterns. InputError for the name of a scene with its ending.
 
-    what: what the file must be, for the remedy. With it a directory, as of an earlier run of that name, is no file, and
-    InputError where there is none, with the nearest installed name; what is no text or path is left as it is.
+    what: what the file must be, for the remedy. With it a directory, as of an earlier run of that name, is not a file,
+    and InputError where there is none, with the nearest installed name; what is neither text nor a path is returned.
     """
     if what and not isinstance(path, str | Path):
         return path
@@ -168,12 +168,12 @@ def load_scene(path: str | Path) -> Scene:
     Raises
     ------
     InputError
-        Where the file is missing, is no TOML (with the line), or has an unknown key or a bad value.
+        Where the file is missing, is not a TOML file (with the line), or has an unknown key or a bad value.
     """
     if not isinstance(path, str | Path):
         kind = type(path).__name__
         raise InputError(
-            f"A scene file is named by a text, not by a {kind}.", "Of a table make clothsim.Scene(**table)."
+            f"The name of a scene file is text, not a {kind}.", "From a table make clothsim.Scene(**table)."
         )
     file = scene_file(Path(path))
     if not os.path.exists(file):
@@ -195,7 +195,7 @@ def load_scene(path: str | Path) -> Scene:
 def _refuse_directory(path: Path) -> None:
     if os.path.isdir(path):
         how = "`clothsim resume DIR` continues a run, `clothsim view DIR` shows it."
-        raise InputError(f"{path} is a directory, and no scene file.", how)
+        raise InputError(f"{path} is a directory, not a scene file.", how)
 
 
 NO_SCENE = "Name a scene (.toml); `clothsim check FILE` examines a mesh or a pattern."

@@ -102,7 +102,7 @@ def _inputs(farm: Farm) -> list[str]:
             f"A model takes numbers: {', '.join(others) or 'nothing'} varies.", "Make a farm that varies numbers alone."
         )
     if settings["frames"] != "last":
-        raise InputError("The farm keeps all frames.", 'A model is of drapes at rest: frames = "last".')
+        raise InputError("The farm stores all frames.", 'A model is of drapes at rest: frames = "last".')
     return inputs
 
 

@@ -5,13 +5,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 from views import looking, seen
 
 from clothsim import load_scene, recover_views
 from clothsim.base.errors import ClothsimError
-from clothsim.gradients.loss_of_numbers import Problem
+from clothsim.gradients.loss_of_numbers import LossOfNumbers
 from clothsim.gradients.mask_border import MaskBorder
-from clothsim.gradients.pulled_drape import PULL, displacement, frictionless_step, pulled, pulled_positions
+from clothsim.gradients.picture_loss import Residuals
+from clothsim.gradients.pulled_drape import (
+    PULL,
+    SMOOTHNESS,
+    STEP,
+    displacement,
+    frictionless_step,
+    pulled,
+    pulled_positions,
+)
 from clothsim.gradients.run import traced
 from clothsim.gradients.view_fit import ViewFit
 from clothsim.gradients.views import View
@@ -61,7 +71,7 @@ def lying(tmp_path_factory):
     mask = seen(camera, (x + MOVED)[triangles])[0] == 0
     view = View("above", camera, {"mask": MaskBorder(camera, mask)})
     paths = ("cloth.bending_stiffness",)
-    problem = Problem(scene, None, paths, np.log([1e-5]), trace.stiffness, None)
+    problem = LossOfNumbers(scene, None, paths, np.log([1e-5]), trace.stiffness, None)
     fit = ViewFit(problem, (view,), triangles, problem.origin, np.zeros((1, 1)))
     return fit, fit.seen(problem.origin, np.zeros((0, 3)))
 
@@ -94,6 +104,19 @@ def test_a_pull_is_bound_and_lowers_the_sum(lying):
     assert fit.total(fit.residuals(positions), first.at) < first.total
 
 
+def test_a_displacement_is_the_least_of_the_sum_and_its_bounds():
+    """A triangle of size 1, pushed at a vertex: (J'WJ + (1 + s L) / PULL^2) u = -J'W r."""
+    positions, triangles = np.array([[0.0, 0, 0], [1.0, 0, 0], [0, 0.5, 0]]), np.array([[0, 1, 2]])
+    one = Residuals(np.array([1e-3]), csr_array(np.eye(1, 9)), np.array([2.0]), np.zeros((1, 2)), huber=1.0)
+    positions, triangles = np.array([[0.0, 0, 0], [1.0, 0, 0], [0, 0.5, 0]]), np.array([[0, 1, 2]])
+    one = Residuals(np.array([1e-3]), csr_array(np.eye(1, 9)), np.array([2.0]), np.zeros((1, 2)), huber=1.0)
+    laplacian = np.array([[2.0, -1, -1], [-1, 2, -1], [-1, -1, 2]])
+    matrix = (np.eye(3) + SMOOTHNESS * laplacian) / PULL**2
+    matrix[0, 0] += 2.0
+    expected = np.linalg.solve(matrix, [-2e-3, 0.0, 0.0])
+    assert displacement([one], positions, triangles)[:, 0] == pytest.approx(expected, rel=1e-9)
+
+
 def test_what_is_not_pulled(lying):
     """A scene that friction does not hold, a run that failed, and a drape that no pull makes better."""
     fit, first = lying
@@ -105,6 +128,14 @@ def test_what_is_not_pulled(lying):
     assert pulled(smooth, first) is first
     better = replace(first, total=0.0)
     assert pulled(fit, better) is better
+
+
+def test_a_pull_is_one_step_and_one_frame_without_friction(lying):
+    short = frictionless_step(lying[0].problem.scene)
+    assert "friction" not in short.effects
+    assert len(traced(short).steps) == 1
+    assert (short.run_settings.duration, short.run_settings.frames_per_second) == (STEP, 1 / STEP)
+    assert short.solver_settings.dt == STEP
 
 
 def test_a_search_begins_where_the_pictures_show_the_cloth(lying, monkeypatch):
@@ -121,6 +152,18 @@ def test_a_search_begins_where_the_pictures_show_the_cloth(lying, monkeypatch):
     assert found.wide == ("cloth.bending_stiffness",)  # a cloth that lies flat
     assert len(pulls) == 2
     assert pulls[1] < 0.05 * pulls[0]
+
+
+def test_runs_and_seconds_of_both_searches_are_added(lying, monkeypatch):
+    fit, first = lying
+    module, ends = sys.modules[recover_views.__module__], [(2, 0.5), (7, 1.25)]
+
+    def descended(own, drape, tell, most):
+        return drape, drape, np.zeros((3 * len(drape.positions), 1)), *ends[int(most == module.MOST_ITERATIONS)]
+
+    monkeypatch.setattr(module, "_descended", descended)
+    *_, runs, seconds = module._pulled_and_descended(fit, first, lambda drape: None)
+    assert (runs, seconds) == (9, 1.75)
 
 
 def test_a_second_search_that_fails_leaves_the_end_of_the_first(lying, monkeypatch):

@@ -5,7 +5,7 @@ import pytest
 
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.errors import TransferError
-from transfer.refine import DAMPING, Targets, clearance, normal_equations, refine, sample_weights
+from transfer.refine import DAMPING, ActiveRows, clearance, normal_equations, refine, sample_weights
 from transfer.refine import _deviation as deviation
 from transfer.signed_distance import body_surface
 from transfer.triangle_surface import convex_curvature, edges_of
@@ -102,7 +102,7 @@ def test_the_equations_are_symmetric_positive_definite():
     weights = sample_weights(triangles, edges, len(sheet) + 1)
     rows = np.arange(0, weights.shape[0], 2)
     normals = np.random.default_rng(0).normal(size=(len(rows), 3))
-    targets = Targets(rows, normals / np.linalg.norm(normals, axis=1, keepdims=True), np.ones(len(rows)))
+    targets = ActiveRows(rows, normals / np.linalg.norm(normals, axis=1, keepdims=True), np.ones(len(rows)))
     for k, lam_d in enumerate((*DAMPING, DAMPING[-1])):
         matrix, _ = normal_equations(weights, targets, deviation(edges, len(sheet) + 1), k)
         dense = matrix.toarray()

@@ -14,7 +14,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import refuse_unknown
+from clothsim.base.inputs import is_number, refuse_unknown
 from clothsim.files.patterns.dxf.drawing import SEW, UNITS, Drawing, Piece, read_drawing
 from clothsim.files.patterns.dxf.outline import Part, edges_of, loop_of, polygon, reflected, unfolded
 from clothsim.patterns.pattern import Panel, Pattern, Side, Stitch
@@ -125,7 +125,7 @@ def sewing_of(data: Mapping[str, Any]) -> SewingFile:
 def _panel_keys(name: str, keys: Any, notches: bool) -> PanelKeys:
     where = f"panels.{name}"
     if not isinstance(keys, Mapping):
-        raise InputError(f"{where} is no table.", f"Write [{where}] and its keys below.")
+        raise InputError(f"{where} is not a table.", f"Write [{where}] and its keys below.")
     refuse_unknown(where, keys, OF_PANEL)
     position = keys.get("position")
     return PanelKeys(
@@ -142,7 +142,7 @@ def _panel_keys(name: str, keys: Any, notches: bool) -> PanelKeys:
 def _seam(number: int, keys: Any) -> Stitch:
     where = f"seam {number}"
     if not isinstance(keys, Mapping):
-        raise InputError(f"{where} is no table.", "Write [[seam]] and from and to below.")
+        raise InputError(f"{where} is not a table.", "Write [[seam]] and from and to below.")
     refuse_unknown(where, keys, ("from", "to", "right_wrong"))
     sides = []
     for end in ("from", "to"):
@@ -163,7 +163,7 @@ def _take_value(keys: Mapping[str, Any], key: str, kind: Any, default: Any, wher
 
 
 def _number(where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+    if not is_number(value) or not np.isfinite(value):
         raise InputError(f"{where} is {value!r}.", "Give a number.")
     return float(value)
 
@@ -334,7 +334,7 @@ def read_pattern(
     MissingPackageError
         A drawing, and ezdxf is not installed.
     InputError
-        A file that is no pattern, naming its panel, edge or stitch; seams for a file that names its own.
+        A file that is not a pattern, naming its panel, edge or stitch; seams for a file that names its own.
     """
     if Path(path).suffix.lower() != DXF:
         if seams is not None:

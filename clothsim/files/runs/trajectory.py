@@ -139,7 +139,7 @@ class TrajectoryWriter(ClosingWriter):
         for array in self.arrays:
             own = [surface for surface in self.surfaces if surface.role == array.role]
             rows = np.asarray(values[array.name], dtype=np.float32)
-            ends = np.cumsum([0, *(_row_count(surface, array) for surface in own)])
+            ends = np.cumsum([0, *(array.row_count(surface) for surface in own)])
             if rows.shape != (ends[-1], *array.components):
                 raise InputError(
                     f"{array.name} must have shape {(int(ends[-1]), *array.components)}, not {rows.shape}."
@@ -148,10 +148,6 @@ class TrajectoryWriter(ClosingWriter):
             for surface, start, stop in zip(own, ends[:-1], ends[1:], strict=True):
                 parts[surface.name, array.name] = flat[start:stop]
         return parts
-
-
-def _row_count(surface: SurfaceRows, array: FrameArray) -> int:
-    return surface.n_vertices if array.location == "vertex" else len(surface.triangles)
 
 
 @dataclass(frozen=True, eq=False)

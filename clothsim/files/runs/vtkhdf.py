@@ -54,6 +54,10 @@ class FrameArray:
         """Path in a block of the table with the first row of each frame."""
         return f"Steps/{_GROUPS[self.location]}Offsets/{self.name}"
 
+    def row_count(self, surface: SurfaceRows) -> int:
+        """Number of its rows on a surface."""
+        return surface.n_vertices if self.location == "vertex" else len(surface.triangles)
+
 
 STRETCHES = FrameArray("principal_stretches", "triangle", (2,))
 
@@ -113,8 +117,7 @@ def frame_bytes(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -
     for surface in surfaces:
         size += 24 * surface.n_vertices
         for array in arrays_for(surface, arrays):
-            rows = surface.n_vertices if array.location == "vertex" else len(surface.triangles)
-            size += 4 * rows * int(np.prod(array.components))
+            size += 4 * array.row_count(surface) * int(np.prod(array.components))
     return size + size // 100  # gzip adds up to that to what it cannot compress
 
 

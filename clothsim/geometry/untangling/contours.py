@@ -268,7 +268,7 @@ def _region(
 
 
 def _chosen(candidates: list[Region]) -> Region:
-    """The old of two regions, else the one that is no disc, else the smaller.
+    """The old of two regions, else the one that is not a disc, else the smaller.
 
     An end of a tube can pass through the disc that it cuts out of a sheet, the disc cannot pass through the tube.
     """

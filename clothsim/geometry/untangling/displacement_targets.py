@@ -62,7 +62,7 @@ class DisplacementTargets:
 NO_TARGETS = DisplacementTargets(np.zeros((0, 1), np.int64), np.zeros((0, 1)), np.zeros((0, 3)))
 
 
-class Sheet:
+class SheetOperators:
     """Rest shape of the sheet: its Laplacian and gradients.
 
     x (n, 3) [m]: start; material (m, 3, 2) [m]: corners of each triangle at rest; fixed (n,) bool: vertices that do not

@@ -88,7 +88,7 @@ def _refuse_negative(world: World) -> None:
                 raise InputError(
                     f'effects.membrane.material = "neo_hookean" does not take the poisson_ratio '
                     f"{fabric.poisson_ratio:g} of {name!r}.",
-                    'Take material = "orthotropic", or leave it out.',
+                    'Use material = "orthotropic", or leave it out.',
                 )
 
 

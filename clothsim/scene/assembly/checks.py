@@ -84,7 +84,7 @@ def _implausible(world: World, scene: Scene) -> list[str]:
     size = float(np.ptp(world.start(), axis=0).max())
     if (scene.solver_settings.error or 0.0) > 0.1 * size:
         error = f"{scene.solver_settings.error:g} m"
-        sentences.append(f"solver.error is {error}, in a scene of {size:.3g} m: millimetres are 1e-3 (--error 1mm).")
+        sentences.append(f"solver.error is {error}, in a scene of {size:.3g} m: a millimetre is 1e-3 (--error 1mm).")
     return sentences
 
 
@@ -94,8 +94,8 @@ def size_doubts(name: str, positions: Floats) -> list[str]:
     if SMALLEST <= longest <= LARGEST or not np.isfinite(longest):
         return []
     factor = next((factor for factor in (1e-2, 1e-3, 10.0, 100.0, 1e3) if 0.1 <= factor * longest <= 3), None)
-    hint = "scale (metres per unit) mends a file in another unit"
-    hint += f": scale = {factor:g} makes it {factor * longest:.3g} m" if factor else ""
+    hint = "if its unit is not the metre, set scale, the metres per unit"
+    hint += f" (scale = {factor:g} makes it {factor * longest:.3g} m)" if factor else ""
     return [f"{name} is {longest:.3g} m long; {hint}."]
 
 
@@ -169,7 +169,7 @@ def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
         if each.pieces == each.of:
             raise InputError(
                 f"{each.cloth} starts inside {each.body}, {each.where}: contact would keep it in.",
-                f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
+                f"Check the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
                 "meant to hold it, give run.allow_inside = true, or --force.",
             )
 

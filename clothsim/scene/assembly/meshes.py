@@ -272,7 +272,7 @@ def fabric_of(keys: ClothTable, where: str) -> tuple[Fabric, str]:
 
 
 def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
-    """The rigid body of a [[rigid]] table, and notes for the user. InputError for a mesh that is no solid."""
+    """The rigid body of a [[rigid]] table, and notes for the user. InputError for a mesh that is not a solid."""
     shape = mesh_shape(keys, where, scene.directory)
     label = name_of(keys, where)
     notes = examined(label, shape, "body")
@@ -290,7 +290,7 @@ def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody
 
 
 def rod_of(keys: RodTable, where: str) -> tuple[Rod, tuple[str, ...]]:
-    """The rod of a [[rod]] table, and notes for the user. InputError for points that are no line."""
+    """The rod of a [[rod]] table, and notes for the user. InputError for points that are not a line."""
     label = name_of(keys, where)
     points = placed(keys, keys.scale * as_points(f"{where}.points", keys.points))
     if keys.edge is not None and len(points) > 1:

@@ -9,9 +9,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import table
+from clothsim.base.inputs import is_number, table
 from clothsim.files.characters.character import Character, mannequin_character, smpl_character
-from clothsim.files.characters.clip import Motion, Timeline, timeline
+from clothsim.files.characters.clip import SkeletonMotion, Timeline, timeline
 from clothsim.files.characters.gait import CLIPS, KINDS, is_packaged, packaged_clip
 from clothsim.files.characters.gltf_character import read_character
 from clothsim.files.characters.keep_apart import kept_apart
@@ -58,7 +58,9 @@ def motion_of_model(
     )
 
 
-def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, character: Character) -> tuple[Motion, str]:
+def _motion(
+    clip: ClipKeys, keys: ModelTable, where: str, directory: Path, character: Character
+) -> tuple[SkeletonMotion, str]:
     """The motion of the character's skeleton that a clip is, and its name."""
     if is_packaged(clip.clip):
         own = keys.model == "mannequin" and not keys.shape
@@ -79,7 +81,7 @@ def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, chara
     )
 
 
-def _read_motion(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
+def _read_motion(path: Path, model: Path, character: Character, scale: float | None) -> SkeletonMotion:
     """The motion of a .bvh or an AMASS .npz file; that of AMASS moves a model of the SMPL family joint by joint."""
     if path.suffix.lower() == ".bvh":
         return retargeted(read_bvh(path), character.skeleton, scale)
@@ -156,7 +158,7 @@ class PlacedCharacter:
         character, pose = self.character, self.pose(time)
         if character.positions.shape != reference.shape:
             found, wanted = len(character.positions), len(reference)
-            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Take the same model.")
+            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Use the same model.")
         matrices = character.matrices(pose)
         linear = self.linear @ matrices[:, :3, :3]
         moves = matrices[:, :3, 3] @ self.linear.T + self.shift
@@ -275,6 +277,6 @@ def _by_name(where: str, shape: Any) -> dict[str, float]:
     if not isinstance(shape, Mapping):
         raise InputError(f"{where} is a list.", 'Give numbers by name: { height = 1.8 } or { "morph target" = 1.0 }.')
     for name, value in shape.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if not is_number(value) or not np.isfinite(value):
             raise InputError(f"{where}.{name} is {value!r}.", "Give a number.")
     return {str(name): float(value) for name, value in shape.items()}

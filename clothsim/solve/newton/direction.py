@@ -26,7 +26,7 @@ MAX_SHIFTS = 12
 SINGULAR = 2.0**12 * float(np.finfo(float).eps)
 """Curvature along a solution, over that of the diagonal alone, below which it is the rounding of the matrix. Whether a
 matrix that is singular but for that can be factorised is chance (Higham 2002, theorem 10.7): it differs from processor
-to processor. A factor that came about so is no preconditioner: of a strip without bending it makes steps of 1e6 m, and
+to processor. Such a factor is not a preconditioner: for a strip without bending it makes steps of 1e6 m, and
 Lanczos' method finds its smallest pivots and nothing else."""
 PRECONDITIONER_ERROR = 1e-2
 """Relative error, in the norm of the matrix, that a preconditioner may leave."""

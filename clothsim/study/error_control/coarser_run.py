@@ -13,7 +13,7 @@ from clothsim.study.error_control.resolution import (
     Runs,
     Trial,
     another_shape,
-    distance_at,
+    differences_of,
     has_cells_for,
     pilot,
     refinable_scene,
@@ -81,9 +81,9 @@ def _estimate(trials: list[Trial], coarser: Coarsened, newton: Any) -> dict[str,
         return {"total": "not estimated (nothing can be coarser)", "known": False, "fixed": fixed}
     if trials[-1].reason:
         return {"total": f"not estimated (a coarser run failed: {trials[-1].reason})", "known": False, "fixed": fixed}
-    distance = distance_at(trials[-1].material)
-    moved, further = (distance(one, other) for one, other in zip(trials[:-1], trials[1:], strict=True))
-    found = from_three(moved, further, coarser.parameters)
+    differences = differences_of(*trials)
+    moved, further = differences.fine, differences.coarse
+    found = from_three(differences, coarser.parameters)
     reason = found.reason
     if another_shape(trials[0], max(moved, further)):
         reason = f"a coarser run ends in another shape, {max(moved, further):.2g} m away"

@@ -1,15 +1,17 @@
 """Errors of a run from differences of runs at several resolutions.
 
 With an error A s^p a refinement by f moves the result by D = A s^p (1 - f^-p) and leaves D / (f^p - 1) of it
-(Richardson 1911). Orders are assumed, not observed: with contact, buckling or flutter the differences of three runs
-give orders between 0 and 3, which predict the next difference worse than one fixed order (docs/notes/tried.md). A scene
-with contact has lower ones: an impact is no smooth function of time, nor the edge of a contact region of the cells.
+(Richardson 1911). Orders are assumed: with contact, buckling or flutter the differences of three runs give orders
+between 0 and 3, which predict the next difference worse than one fixed order (docs/notes/tried.md). Only where the
+differences of three runs point the same way, too, is the order observed. A scene with contact has lower orders: an
+impact is not a smooth function of time, nor the edge of a contact region of the cells.
 
 Three runs tell whether an order may be assumed at all. Coarser by two and by four in all (dt, cells, d_hat), two runs
 move the result by D2 and D4 - D2. Where an error falls with an order p, the second difference is 2^p times the first;
 where the differences do not fall about as assumed the pair tells nothing, and the error is not known. Of 39 runs of 12
 scenes 34 had a number by the first difference alone, 10 of them off by more than two; with this check 8 have one, none
-of them off by more (docs/howto/accuracy.md).
+of them off by more (docs/results/accuracy.md). Lengths alone may fall by chance: a sheet on a ball moved by 17.8, 10.3
+and 1.6 mm from one run to the next, each time in another direction. So the fields are compared as well.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -17,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.study.error_control.resolution import COARSEST_STEP
+from clothsim.study.error_control.resolution import COARSEST_STEP, Differences
 from clothsim.study.parameters import D_HAT, PARAMETERS
 
 SMOOTH = {name: each.assumed.smooth for name, each in PARAMETERS.items() if each.assumed and name != D_HAT}
@@ -156,6 +158,10 @@ FALL, FALL_IN_CONTACT = (2.0, 4.6), (1.65, 3.6)
 differences fall by such a ratio for ever, the estimate is right to a factor of two."""
 
 
+ALIGNED = 0.5
+"""Cosine of two successive differences from which they are taken for one error that shrinks: within 60 degrees."""
+
+
 @dataclass(frozen=True)
 class ThreeRuns:
     """Estimate of three runs.
@@ -166,21 +172,27 @@ class ThreeRuns:
         RMS error that the last difference leaves [m].
     reason : str
         Why the error is not known; empty where it is.
+    aligned : bool
+        True where the error is known and the differences have one direction.
     """
 
     error: float
     reason: str = ""
+    aligned: bool = False
 
 
-def from_three(difference: float, coarser_difference: float, parameters: Collection[str]) -> ThreeRuns:
-    """Estimate the error of a run.
+def from_three(differences: Differences, parameters: Collection[str]) -> ThreeRuns:
+    """Estimate the error of a run by the two that are coarser by two and by four.
+
+    Where the differences fall by a ratio r about as assumed and are aligned as fields, the runs are near their range of
+    convergence: what is left of the last difference D is D / (r - 1) (Richardson 1911), and no more than D / (2^p - 1)
+    with the assumed order p, as a ratio that is still small grows on the way to its limit. Differences that fall
+    without being aligned leave D / (2^p - 1); with contact they tell nothing.
 
     Parameters
     ----------
-    difference : float
-        RMS distance from the run that is coarser by two [m].
-    coarser_difference : float
-        That of this one from the run coarser by four [m].
+    differences : Differences
+        Of the three runs.
     parameters : collection of str
         What is coarser; with a d_hat the scene has contact.
 
@@ -190,20 +202,25 @@ def from_three(difference: float, coarser_difference: float, parameters: Collect
 
     Examples
     --------
-    >>> from_three(1e-3, 3e-3, ("dt", "cells")).reason
-    ''
-    >>> from_three(1e-3, 1.1e-3, ("dt", "cells")).reason
+    >>> from_three(Differences(1e-3, 3e-3, alignment=0.9), ("dt", "cells"))
+    ThreeRuns(error=0.0005, reason='', aligned=True)
+    >>> from_three(Differences(1e-3, 1.1e-3), ("dt", "cells")).reason
     'a run coarser by two moves the result by 1 mm, one by four by another 1.1 mm: no order of convergence'
     """
-    least, most = FALL_IN_CONTACT if D_HAT in parameters else FALL
-    error = difference / (2.0 ** _order_of_all(parameters) - 1)
-    if least * difference <= coarser_difference <= most * difference:
-        return ThreeRuns(error)
-    moved, further = (f"{1e3 * each:.2g} mm" for each in (difference, coarser_difference))
-    return ThreeRuns(
-        error,
-        f"a run coarser by two moves the result by {moved}, one by four by another {further}: no order of convergence",
-    )
+    contact = D_HAT in parameters
+    least, most = FALL_IN_CONTACT if contact else FALL
+    fine, coarse = differences.fine, differences.coarse
+    aligned = differences.alignment >= ALIGNED
+    assumed = fine / (2.0 ** _order_of_all(parameters) - 1)
+    near, far = (f"{1e3 * each:.2g} mm" for each in (fine, coarse))
+    moved = f"a run coarser by two moves the result by {near}, one by four by another {far}"
+    if not least * fine <= coarse <= most * fine:
+        return ThreeRuns(assumed, f"{moved}: no order of convergence")
+    if contact and fine > 0 and not aligned:
+        return ThreeRuns(assumed, f"{moved} in another direction (cosine {differences.alignment:.2g})")
+    if fine > 0 and aligned:
+        return ThreeRuns(min(fine / (coarse / fine - 1), assumed), aligned=True)
+    return ThreeRuns(assumed)
 
 
 def after_halving(error: float, parameters: Collection[str]) -> float:

@@ -4,7 +4,8 @@ Two runs that lie near one another may both be wrong: a strip pushed together by
 away. Errors of single steps, too, say nothing of what a scene makes of them: one tilted by a degree ended 11 mm away
 where every step was solved to a hundredth. So an error is called known only where
 
-1. runs coarser by two and by four in everything differ as an order of convergence demands (`from_three`);
+1. runs coarser by two and by four in everything differ as an order of convergence demands (`from_three`): where they
+   also differ in one direction that is the error, else the larger one of this and of the search;
 2. a twin of the run with TWIN of its Newton stop ends where it does; their distance is Newton's part of the error.
    Where that misses the request, the run takes the twin's stop once, and has a new twin.
 
@@ -19,12 +20,13 @@ from typing import Any
 
 from clothsim import Run, Scene
 from clothsim.base.errors import InputError
-from clothsim.study.error_control.parameter_errors import COARSER, after_halving, from_three
+from clothsim.study.error_control.parameter_errors import COARSER, ThreeRuns, after_halving, from_three
 from clothsim.study.error_control.resolution import (
     Resolution,
     Runs,
     Trial,
     another_shape,
+    differences_of,
     distance_at,
     with_estimate,
     written_run,
@@ -134,8 +136,9 @@ def confirmed(search: ResolutionSearch, found: Found) -> Found:
     for left in reversed(range(MOST_LEVELS + 1)):
         if not found.known or found.run.status != "completed":
             return found
-        error, reason = _estimate_from_three(search, found)
-        if not reason and found.resolution_error < error:
+        three = _estimate_from_three(search, found)
+        error, reason = three.error, three.reason
+        if not reason and (three.aligned or found.resolution_error < error):
             found = replace(found, parts={"all": error, "newton": found.parts["newton"]})
         room = left > 0 and search.spent + REFINED_COST * found.trial.seconds <= search.budget
         if not reason and (found.resolution_error <= search.asked or not room):
@@ -154,22 +157,21 @@ def confirmed(search: ResolutionSearch, found: Found) -> Found:
     return replace(found, known=False)
 
 
-def _estimate_from_three(search: ResolutionSearch, found: Found) -> tuple[float, str]:
-    """Error of the run by two coarser ones [m], and why it is not known; "" where it is."""
+def _estimate_from_three(search: ResolutionSearch, found: Found) -> ThreeRuns:
+    """Estimate the error of the run by two coarser ones."""
     trials = [found.trial]
     for factor in COARSER:
         try:
             trials.append(search.pilot(_coarser(search, found.trial.resolution, factor)))
         except InputError as error:
-            return found.resolution_error, error.sentence
+            return ThreeRuns(found.resolution_error, error.sentence)
         if trials[-1].reason:
-            return found.resolution_error, trials[-1].reason
-    distance = distance_at(trials[-1].material)
-    near, far = distance(trials[1], trials[0]), distance(trials[2], trials[1])
-    three = from_three(near, far, search.refinable.parameters)
-    if another_shape(found.trial, near):
-        return three.error, "coarser runs end in another shape"
-    return three.error, three.reason
+            return ThreeRuns(found.resolution_error, trials[-1].reason)
+    differences = differences_of(*trials)
+    three = from_three(differences, search.refinable.parameters)
+    if another_shape(found.trial, differences.fine):
+        return replace(three, reason="coarser runs end in another shape")
+    return three
 
 
 def _coarser(search: ResolutionSearch, resolution: Resolution, factor: int) -> Resolution:

@@ -215,13 +215,46 @@ def another_shape(finer: Trial, moved: float) -> bool:
     return moved > ANOTHER_SHAPE * float(np.linalg.norm(np.ptp(finer.positions, axis=0)))
 
 
+@dataclass(frozen=True)
+class Differences:
+    """Differences of three runs, each coarser by two than the one before it.
+
+    Parameters
+    ----------
+    fine, coarse : float
+        RMS distances of the first two and of the last two [m].
+    alignment : float
+        Cosine of the angle between the two fields of displacement: 1 where the error has one shape at all resolutions,
+        as in the range of convergence; 0 where the coarser run tells nothing of the finer one's direction; below 0
+        where the runs turn back.
+    """
+
+    fine: float
+    coarse: float
+    alignment: float = 1.0
+
+
+def differences_of(fine: Trial, middle: Trial, coarse: Trial) -> Differences:
+    """Differences of three runs over the material points of the coarsest one."""
+    weights, at = _common_points(coarse.material)
+    first, second = at(fine) - at(middle), at(middle) - at(coarse)
+    products = [float(weights @ (one * other).sum(axis=1)) for one, other in ((first, first), (second, second))]
+    moved, further = np.sqrt(products)
+    cosine = float(weights @ (first * second).sum(axis=1)) / max(moved * further, np.finfo(float).tiny)
+    return Differences(float(moved), float(further), cosine)
+
+
 def distance_at(points: Material) -> Distance:
     """RMS distance of two runs [m] over these material points, weighted by their areas."""
-    areas = point_areas(points)
-    weights = areas / areas.sum()
+    weights, at = _common_points(points)
 
     def distance(one: Trial, other: Trial) -> float:
-        here, there = (at_points_of(points, each.material, each.positions) for each in (one, other))
-        return float(np.sqrt(weights @ ((here - there) ** 2).sum(axis=1)))
+        return float(np.sqrt(weights @ ((at(one) - at(other)) ** 2).sum(axis=1)))
 
     return distance
+
+
+def _common_points(points: Material) -> tuple[Floats, Callable[[Trial], Floats]]:
+    """Fractions of the area (n,) of these material points, and the function that gives their positions in a run."""
+    areas = point_areas(points)
+    return areas / areas.sum(), lambda trial: at_points_of(points, trial.material, trial.positions)

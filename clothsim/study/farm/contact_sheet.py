@@ -1,4 +1,4 @@
-"""Contact sheets: pictures of some drapes of a farm side by side, the failed ones with their sentence."""
+"""Contact sheets: pictures of some drapes of a farm side by side, the failed ones with the reason."""
 
 import tempfile
 import textwrap

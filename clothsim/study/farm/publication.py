@@ -23,7 +23,7 @@ from clothsim.study.farm.reading import HASHES, LETTERS, file_hash, mesh_file, m
 
 
 def content_id(scene: Scene, version: int) -> str:
-    """The first 16 hexadecimal digits of sha256 of the resolved scene, the recipe's version and the package's.
+    """First 16 hexadecimal digits of the sha256 of the resolved scene, the recipe's version and the package's.
 
     Files count by their content, not by their name, and the folder of the scene does not count.
     """
@@ -79,7 +79,7 @@ def publish(farm: Path, name: str, worker: Worker, files: Mapping[str, bytes]) -
                 raise
             set_aside(farm, target)
     else:
-        raise MachineError(f"{target} cannot be made.", "Look at what is there.")
+        raise MachineError(f"{target} cannot be made.", "Check what is there.")
     _flush(farm / "drapes")
     return True
 
@@ -141,7 +141,7 @@ def note_attempt(farm: Path, name: str, event: str) -> None:
 
 
 def attempts(farm: Path, name: str) -> int:
-    """Attempts that began and were not withdrawn; none where the file is no file."""
+    """Attempts that began and were not withdrawn; none where the file is not a file."""
     try:
         events = read_file(farm / "attempts", name).split()
     except InputError:

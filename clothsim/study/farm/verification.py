@@ -65,7 +65,7 @@ class Verified:
 
     @property
     def good(self) -> bool:
-        """True where nothing is torn or gone and nothing differs: then the farm is signed off."""
+        """True where nothing is torn or missing and nothing differs: then the farm is verified."""
         return not self.torn and not self.plan and not self.different
 
 

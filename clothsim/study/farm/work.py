@@ -123,7 +123,7 @@ def make(farm: Farm, job: DrapeJob, worker: Worker, most_attempts: int = ATTEMPT
 
 
 def _attempted(farm: Farm, job: DrapeJob, worker: Worker) -> Drape:
-    """Make a drape; an attempt that its user stops is no attempt."""
+    """Make a drape; an attempt that its user stops is not an attempt."""
     folder = farm.directory
     note_attempt(folder, job.id, "started")
     try:

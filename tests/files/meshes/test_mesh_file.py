@@ -217,9 +217,9 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 BROKEN_OBJ = {
     "empty": ("", "is empty"),
     "blank": (" \n\n", "is empty"),
-    "no faces": (TRIANGLE, "holds no faces"),
+    "no faces": (TRIANGLE, "contains no faces"),
     "no vertices": ("f 1 2 3\n", "line 1: index 1 is out of range"),
-    "page": ("<html>\n<body>v</body>\n", "holds no faces"),
+    "page": ("<html>\n<body>v</body>\n", "contains no faces"),
     "short vertex": ("v 0 0\n", "line 1: 'v 0 0' cannot be read .3 numbers expected"),
     "word": ("v 0 0 zero\n", "line 1: 'v 0 0 zero' cannot be read"),
     "nan": ("v 0 0 0\nv 0 nan 0\nf 1 2 1\n", "line 2: .* is not finite"),

@@ -1,6 +1,7 @@
 """Newton's method: minima, monotone decrease, diagonal shifts, and a named outcome of each end."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -351,6 +352,7 @@ def test_an_old_factor_serves_on_the_way_but_never_ends_a_solve(monkeypatch):
         assert result.outcome.converged
         assert ages[-1] == 0
         assert max(ages) > 0
+        assert all(later in (0, earlier + 1) for earlier, later in pairwise(ages))
 
 
 # --- singular to working precision ----------------------------------------------------------------------------------

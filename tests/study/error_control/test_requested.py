@@ -55,8 +55,9 @@ def test_an_estimate_is_made_of_the_distances_to_two_coarser_runs(tmp_path):
     estimate = estimated.summary["certificate"]["error_estimate"]
     assert "total" not in plain.summary["certificate"]["error_estimate"]
     assert estimate["known"]
-    assert estimate["parts"]["all"] == pytest.approx(estimate["coarser_run_moved"] / (2**1.5 - 1))
-    assert estimate["coarsest_run_moved"] > 2 * estimate["coarser_run_moved"]
+    moved, further = estimate["coarser_run_moved"], estimate["coarsest_run_moved"]
+    assert further > 2**1.5 * moved  # the strip bends one way at all resolutions: the order is the observed one
+    assert estimate["parts"]["all"] == pytest.approx(moved / (further / moved - 1))
     assert estimate["fixed"] == {}
     exact = simulate(paths.replace(finer, "solver.dt", 0.04 / 64), tmp_path / "exact")
     true = np.sqrt(((plain.positions(-1) - exact.positions(-1)) ** 2).sum(axis=1).mean())

@@ -149,7 +149,7 @@ def read_drawing(path: Path, units: str = "", layer: str = "") -> Drawing:
     MissingPackageError
         ezdxf is not installed.
     InputError
-        A file that is no DXF, or has no piece.
+        A file that is not a DXF drawing, or has no piece.
     """
     document = _document(path)
     unit, notes = _unit(document, units)
@@ -174,7 +174,7 @@ def _document(path: Path) -> Any:
         return recover.read(BytesIO(data))[0]
     except (DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
         raise InputError(
-            f"{path.name} is no DXF that ezdxf reads: {error}.", "Export it again, as ASCII DXF."
+            f"{path.name} is not a DXF drawing that ezdxf reads: {error}.", "Export it again, as ASCII DXF."
         ) from error
 
 

@@ -204,7 +204,7 @@ def edges_of(
     notches : (k, 2) array
         Points at which an edge ends and the next one begins [m].
     curve_points : (k, 2) array
-        Points that are no corners, however the loop turns there [m].
+        Points that are not corners, however the loop turns there [m].
     reach : float
         Largest distance of a notch from the loop [m]: beyond, it belongs to another line.
     corner : float
