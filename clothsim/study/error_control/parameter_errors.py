@@ -158,8 +158,10 @@ FALL, FALL_IN_CONTACT = (2.0, 4.6), (1.65, 3.6)
 differences fall by such a ratio for ever, the estimate is right to a factor of two."""
 
 
-ALIGNED = 0.5
-"""Cosine of two successive differences from which they are taken for one error that shrinks: within 60 degrees."""
+ALIGNED = 0.45
+"""Cosine of two successive differences from which they are one error that shrinks, or that turns over (below its
+negative). Between them a finer run shows something new: the wrinkles of a compressed strip, three times the error that
+falling lengths alone promise."""
 
 
 @dataclass(frozen=True)
@@ -186,8 +188,8 @@ def from_three(differences: Differences, parameters: Collection[str]) -> ThreeRu
 
     Where the differences fall by a ratio r about as assumed and are aligned as fields, the runs are near their range of
     convergence: what is left of the last difference D is D / (r - 1) (Richardson 1911), and no more than D / (2^p - 1)
-    with the assumed order p, as a ratio that is still small grows on the way to its limit. Differences that fall
-    without being aligned leave D / (2^p - 1); with contact they tell nothing.
+    with the assumed order p, as a ratio that is still small grows on the way to its limit. Differences of one shape
+    that turn over leave D / (2^p - 1), except with contact. All others tell nothing.
 
     Parameters
     ----------
@@ -216,10 +218,10 @@ def from_three(differences: Differences, parameters: Collection[str]) -> ThreeRu
     moved = f"a run coarser by two moves the result by {near}, one by four by another {far}"
     if not least * fine <= coarse <= most * fine:
         return ThreeRuns(assumed, f"{moved}: no order of convergence")
-    if contact and fine > 0 and not aligned:
+    if aligned:
+        return ThreeRuns(min(fine / (coarse / fine - 1), assumed) if fine > 0 else 0.0, aligned=True)
+    if contact or differences.alignment > -ALIGNED:
         return ThreeRuns(assumed, f"{moved} in another direction (cosine {differences.alignment:.2g})")
-    if fine > 0 and aligned:
-        return ThreeRuns(min(fine / (coarse / fine - 1), assumed), aligned=True)
     return ThreeRuns(assumed)
 
 

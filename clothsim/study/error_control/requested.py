@@ -4,8 +4,8 @@ Two runs that lie near one another may both be wrong: a strip pushed together by
 away. Errors of single steps, too, say nothing of what a scene makes of them: one tilted by a degree ended 11 mm away
 where every step was solved to a hundredth. So an error is called known only where
 
-1. runs coarser by two and by four in everything differ as an order of convergence demands (`from_three`): where they
-   also differ in one direction that is the error, else the larger one of this and of the search;
+1. runs coarser by two and by four in everything differ as an order of convergence demands (`from_three`): that is the
+   error where they go one way, and the larger one of this and of the search where they turn over;
 2. a twin of the run with TWIN of its Newton stop ends where it does; their distance is Newton's part of the error.
    Where that misses the request, the run takes the twin's stop once, and has a new twin.
 

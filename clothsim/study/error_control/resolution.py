@@ -240,8 +240,8 @@ def differences_of(fine: Trial, middle: Trial, coarse: Trial) -> Differences:
     first, second = at(fine) - at(middle), at(middle) - at(coarse)
     products = [float(weights @ (one * other).sum(axis=1)) for one, other in ((first, first), (second, second))]
     moved, further = np.sqrt(products)
-    cosine = float(weights @ (first * second).sum(axis=1)) / max(moved * further, np.finfo(float).tiny)
-    return Differences(float(moved), float(further), cosine)
+    cosine = (weights @ (first * second).sum(axis=1)) / (moved * further) if moved * further > 0 else 1.0
+    return Differences(float(moved), float(further), float(cosine))
 
 
 def distance_at(points: Material) -> Distance:
