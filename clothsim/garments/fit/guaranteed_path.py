@@ -247,7 +247,7 @@ def overlaps_at(body: BodySurface, place: Floats) -> Iterator[Overlap]:
 
 
 def carried_rows(overlap: Overlap, positions: Floats, carried: np.ndarray) -> Ints:
-    """Rows of the vertices (n, 3) [m] that are marked as carried (n,) where the body overlaps itself."""
+    """Rows of the vertices (n, 3) [m] that are marked as fixed to the body (n,) where it overlaps itself."""
     return np.flatnonzero(carried & overlap.holds(positions)).astype(np.int64)
 
 
