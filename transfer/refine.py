@@ -102,7 +102,7 @@ def refine(
         Body vertices [m].
     body_triangles : array_like (l, 3)
     eps : float, optional
-        Target distance from the body [m], > 0. None: from edge lengths and curvature (`clearance`).
+        Target distance from the body [m], > 0. None: from edge lengths and curvature (`clearances`).
     passes : int
         Most passes, >= 1.
     samples : bool
@@ -159,7 +159,7 @@ def refined_on(
         raise TransferError(f"passes is {passes!r}.", "Give at least 1.")
     edges = edges_of(triangles)
     weights = sample_weights(triangles, edges, len(x)) if samples else _identity(len(x))
-    aims = clearance(x, edges, body) if eps is None else None
+    aims = clearances(x, edges, body) if eps is None else None
     smoothing = _deviation(edges, len(x))
     inside, depth, used = [], [], np.zeros(len(x))
     for k in range(passes + 1):
@@ -197,7 +197,7 @@ class Clearance:
         return np.asarray(self.floor + np.minimum(sagitta, CEILING * edges))
 
 
-def clearance(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clearance:
+def clearances(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clearance:
     """Target distance eps = edge^2 curvature / 6 + floor.
 
     A chord of length h between points on a sphere of curvature c is h^2 c / 8 below it, the middle of an equilateral

@@ -15,7 +15,7 @@ from typing import NamedTuple, TextIO
 
 from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.base.text import printable
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
 from clothsim.cli.report import BAD_INPUT, DONE, FAILED, INTERRUPTED, Report, events, never_silent, stream
@@ -221,7 +221,7 @@ def _without_command(words: Sequence[str]) -> int:
     arguments, others = parser.parse_known_args(words[1:] if group else words)
     if arguments.command is not None:
         names = GROUPS[group] if group else (*COMMANDS, *GROUPS)
-        hint = nearest(arguments.command, [name for name in names if name], 0.6)
+        hint = did_you_mean(arguments.command, [name for name in names if name], 0.6)
         hint = hint or f"`clothsim {group}{' ' * bool(group)}--help` lists them."
         if arguments.command.endswith(".toml"):
             hint = f"Write `clothsim run {arguments.command}`."

@@ -11,7 +11,7 @@ import clothsim
 from clothsim import engine, gradients, patterns
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 
 if TYPE_CHECKING:
     from clothsim import Loss, Scene
@@ -52,7 +52,9 @@ class Parser(argparse.ArgumentParser):
             value = next((word for word in words[words.index(given) + 1 :] if word not in of_options), "")
         options = command._options()
         long = [option for option in options if name.startswith("--") and option.startswith(name)]
-        hint = f"Did you mean {long[0]!r}?" if long else nearest(name, options, 0.7) if name.startswith("--") else ""
+        hint = (
+            f"Did you mean {long[0]!r}?" if long else did_you_mean(name, options, 0.7) if name.startswith("--") else ""
+        )
         key = nearest_key(name.lstrip("-").replace("-", "_")) if name and "--set" in options and not hint else ""
         if key:
             hint = f"Write it as --set {key}={value or '...'}."

@@ -54,7 +54,7 @@ def _author(arguments: argparse.Namespace) -> Report:
     run = clothsim.open_run(arguments.directory)
     rate = as_positive_number("--rate", arguments.rate)
     messages(arguments, arguments.directory)
-    with progress.shown(arguments.quiet) as listener:
+    with progress.progress_on_stderr(arguments.quiet) as listener:
         found = clothsim.author(
             run,
             keys,

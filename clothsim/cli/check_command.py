@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
-from clothsim.base.text import length
+from clothsim.base.text import length_text
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     add_output_options,
@@ -195,6 +195,7 @@ def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination"
     verdict = f"Not clean: {report.counts}{where}."
     if report.counts.clean:
         nearest = float(report.closest.signed_distance.min())
-        far = f"Nothing intersects, but the garment is {length(nearest)} away from the body: give their units, --scale."
+        away = length_text(nearest)
+        far = f"Nothing intersects, but the garment is {away} away from the body: give their units, --scale."
         verdict = "" if nearest <= WORN * report.body.size else far
     return engine.Examination(f"{arguments.target} on {arguments.on}", tuple(notes), tuple(findings), verdict)

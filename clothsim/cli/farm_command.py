@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     Parser,
@@ -149,7 +149,7 @@ def read_recipe(path: Path) -> "Recipe":
     """The recipe in a file, or the shipped one of that name. InputError that lists these for another name."""
     file = engine.example_file(path, RECIPE)
     if not file.exists():
-        hint = nearest(path.name.removesuffix(RECIPE), SHIPPED)
+        hint = did_you_mean(path.name.removesuffix(RECIPE), SHIPPED)
         known = f"{', '.join(SHIPPED)} come with the package; else name a TOML file with [farm] and [vary]."
         raise InputError(f"There is no recipe {path}.", hint or known)
     return on_demand.load_recipe(file)

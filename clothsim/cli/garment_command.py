@@ -9,7 +9,7 @@ import clothsim
 from clothsim import render
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.file_writing import refuse_replacing
-from clothsim.base.text import length
+from clothsim.base.text import length_text
 from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import (
     Renamed,
@@ -149,7 +149,7 @@ def _fit(arguments: argparse.Namespace) -> Report:
         refuse_replacing([directory / PICTURE_NAME], arguments.overwrite)
 
     message = messages(arguments, arguments.garment)
-    with progress.shown(arguments.quiet) as listener:
+    with progress.progress_on_stderr(arguments.quiet) as listener:
         done = clothsim.fit(
             arguments.garment,
             arguments.to,
@@ -191,7 +191,7 @@ def _fit_verdict(done: "Fit") -> list[str]:
         *([f"  size      {done.size}"] if str(done.size) and done.source is not done.target else []),
         f"  look      edges {look.edge_low:.2f} to {look.edge_high:.2f} with the scale {look.scale:.2f} taken out, "
         f"{100 * look.distorted:.1f} % of the triangles doubled or halved, hem {100 * look.hem:+.1f} %",
-        f"  moved     at most {length(cost.displacement)} from where it was worn",
+        f"  moved     at most {length_text(cost.displacement)} from where it was worn",
         f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
     ]
 
@@ -274,7 +274,7 @@ def _dress(arguments: argparse.Namespace) -> Report:
         "overwrite": arguments.overwrite,
         "on_stage": lambda stage: message(_stage(stage)),
     }
-    with progress.shown(arguments.quiet) as listener:
+    with progress.progress_on_stderr(arguments.quiet) as listener:
         if several:
             settings |= {"over": arguments.over}
             worn = clothsim.outfit(arguments.patterns, arguments.on, directory, progress=listener, **settings)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, files
 from clothsim.base.errors import InputError
-from clothsim.base.text import length, many
+from clothsim.base.text import length_text, many
 from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import add_output_options, add_overwrite, add_set, as_count, as_length, as_positive_number
 from clothsim.cli.progress import clock, frame_counter
@@ -224,7 +224,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         message(settings(session, directory, before))
 
     try:
-        with progress.shown(arguments.quiet) as listener:
+        with progress.progress_on_stderr(arguments.quiet) as listener:
             run = job(progress=listener, announce=announce, dump_iterates=step)
         trouble = engine.draw_pictures(
             run,
@@ -280,7 +280,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
         kind = "quasi-static, loads grow over the duration"
     steps = f"steps of {integrator.dt:g} s"
     if solver.error:
-        steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
+        steps = f"steps chosen for an error of {length_text(solver.error)}, of {integrator.dt:g} s at most"
     end = f"{'until rest, at most ' if run.until == 'rest' else ''}{run.duration:g} s"
     newton = f"to {integrator.settings.tolerance:g} m/s"
     if integrator.settings.error_fraction and "inertia" in built.energies:

@@ -71,11 +71,11 @@ def _study(arguments: argparse.Namespace) -> Report:
     if not (directory / on_demand.FOLDER).is_dir():  # else a study that goes on
         refuse_replacing([directory / name for name in FILES], arguments.overwrite, (arguments.scene,))
     messages(arguments, arguments.scene)
-    with shown(arguments.quiet) as progress, terminated() as stopped:
+    with study_progress(arguments.quiet) as progress, terminated() as stopped:
         named: dict[str, Any] = {"name": arguments.scene.stem, **({} if goal is None else {"goal": goal})}
         named["stopped"] = stopped
         done = clothsim.study_accuracy(scene, directory, parameters, budget, workers, progress, **named)
-    lines = on_demand.answer(done.result)
+    lines = on_demand.answer_lines(done.result)
     lines += [
         f"  for <= {each['error']:g} mm: {on_demand.settings_text(each['settings'])}, about {each['seconds']:.2g} s"
         for each in done.result["recommended"]
@@ -111,7 +111,7 @@ def terminated() -> "Iterator[Callable[[], bool]]":
         signal.signal(signal.SIGTERM, before)
 
 
-def shown(quiet: bool) -> "AbstractContextManager[Callable[[StudyProgress], None]]":
+def study_progress(quiet: bool) -> "AbstractContextManager[Callable[[StudyProgress], None]]":
     """A callback that shows the progress of a study on stderr: a bar on a terminal, else a line every few seconds."""
     return listener_for(quiet, _bar, _lines())
 

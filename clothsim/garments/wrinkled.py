@@ -24,9 +24,9 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import World, build, refuse_earlier_run
 from clothsim.garments.authoring.arrays import table_of_arrays
-from clothsim.garments.wrinkle.compression import Rings, compression_of, followed, ring_tensors
+from clothsim.garments.wrinkle.compression import Rings, blended_in_time, compression_of, ring_tensors
 from clothsim.garments.wrinkle.curves import CompressionField, Crest, FineSheet, followed_curves, heights
-from clothsim.garments.wrinkle.finer import Subdivision, subdivision, vertex_normals
+from clothsim.garments.wrinkle.finer import Subdivision, normals_or_zero, subdivision
 from clothsim.garments.wrinkle.waves import Waves
 
 if TYPE_CHECKING:
@@ -270,7 +270,7 @@ class Relief:
             fabric = cloth.fabric
             bending = float(np.sqrt(fabric.bending_along_warp * fabric.bending_along_weft))
             stretching = float(np.sqrt(fabric.stiffness_along_warp * fabric.stiffness_along_weft))
-            normals = vertex_normals(rest, one.triangles)
+            normals = normals_or_zero(rest, one.triangles)
             sheets.append(FineSheet(rest, normals, edge, Waves(bending, stretching, edge, radius)))
         return cls(run, world, finer, sheets, Rings.of(world.triangles, world.rest_areas, world.n_cloth))
 
@@ -280,7 +280,7 @@ class Relief:
         tensors, before = None, float(self.run.times[0])
         for frame, time in enumerate(self.run.times):
             own = ring_tensors(self.run, frame, self.rings)
-            tensors = followed(tensors, own, float(time) - before)
+            tensors = blended_in_time(tensors, own, float(time) - before)
             positions, shapes, crests = self.run.positions(frame), [], []
             most, worst = 0.0, 0.0
             for k, (one, rows) in enumerate(_rows(self.world, self.finer)):
@@ -289,7 +289,7 @@ class Relief:
                 field = CompressionField(self.sheets[k], found, surface)
                 curves[k] = followed_curves(curves[k], field, float(time) - before)
                 lifts = heights(curves[k], field)
-                shapes.append(surface + lifts[:, None] * vertex_normals(surface, one.triangles))
+                shapes.append(surface + lifts[:, None] * normals_or_zero(surface, one.triangles))
                 crests += curves[k]
                 most = max(most, float(np.abs(lifts).max(initial=0.0)))
                 worst = max(worst, float(np.quantile(found.amount, 0.99)))

@@ -90,7 +90,7 @@ class Bridge:
         """The stiffness of each contact [Pa] in all runs."""
         if self.stiffness is not None:
             return self.stiffness
-        return pilot(self.scene)
+        return held_stiffness(self.scene)
 
     def trace(self, values: Sequence[Floats]) -> Trace:
         """Run the scene with other numbers; the last run is stored, because its derivative is requested next."""
@@ -177,7 +177,7 @@ class RolloutBridge:
         return found
 
 
-def pilot(scene: Scene) -> dict[str, float]:
+def held_stiffness(scene: Scene) -> dict[str, float]:
     """Return the stiffness of each contact [Pa] that a run of the scene holds for its gradient, by effect."""
     session = differentiable_session(prepare(scene, build(scene, affordable=True)), polish=0)
     return stiffness_of(session.built.energies)

@@ -157,7 +157,7 @@ class KeyPoints(PictureLoss):
     huber : float
         Residual over the noise beyond which rho(r) = r^2/2 goes on as a straight line: an outlier counts less.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     camera: Camera

@@ -12,7 +12,7 @@ from clothsim.physics.energies.base import Prescribed
 from clothsim.physics.energies.hessians import ByElement, explicit, split
 from clothsim.solve.linear.direct_solver import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.linear.sparsity import Explicit, couplings, times
+from clothsim.solve.linear.sparsity import Explicit, couplings, hessian_product
 from clothsim.solve.newton.lanczos import lowest_eigenvector
 from clothsim.solve.newton.newton import Newton, NewtonResult, NewtonSettings
 from clothsim.solve.newton.potential import Potential
@@ -66,7 +66,7 @@ class ExactSystem:
         prescribed = np.ones(len(vectors), bool)
         prescribed[: len(self.free)] = ~self.free
         parts = [part for part in self.hessians if not isinstance(part, ByElement) or prescribed[part.elements].any()]
-        return times(parts, vectors)
+        return hessian_product(parts, vectors)
 
 
 def exact_system(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> ExactSystem:

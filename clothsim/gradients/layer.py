@@ -24,9 +24,9 @@ from clothsim.gradients.backward_pass import (
     step_back,
     with_remembered_pairs,
 )
-from clothsim.gradients.bridge import pilot
+from clothsim.gradients.bridge import held_stiffness
 from clothsim.gradients.differentiable_session import RecordedStep, differentiable_session, recorded, with_stiffness
-from clothsim.gradients.gradient import rest_derivative, with_rest
+from clothsim.gradients.gradient import rest_derivative, with_rest_positions
 from clothsim.gradients.parameters import full_path, scene_derivative, value_at, with_value
 from clothsim.gradients.run import Trace, begun
 from clothsim.mesh.world import World
@@ -414,7 +414,7 @@ class Layer:
         if scene is not self.scene:
             session = differentiable_session(prepare(scene, build(scene, affordable=True)))
         if "cloth.rest" in values:
-            session = with_rest(session, values["cloth.rest"])
+            session = with_rest_positions(session, values["cloth.rest"])
         integrator = session.integrator
         if "pins" in values:
             if values["pins"].shape != (len(self.pinned), 3) or not len(self.pinned):
@@ -457,7 +457,7 @@ def layer(scene: Scene) -> Layer:
             'Load one: clothsim.load_scene("scene.toml").',
         )
     scene.refuse_without_cloth("a layer")
-    held = pilot(scene)
+    held = held_stiffness(scene)
     session = prepare(scene, build(scene, affordable=True))
     made = differentiable_session(with_stiffness(session, held))
     return Layer(Trace(made, ()).held_scene, made)

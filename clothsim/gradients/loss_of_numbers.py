@@ -142,10 +142,10 @@ def evaluation(
 ) -> Evaluation:
     """Return what a run tells of its numbers."""
     slope = derivatives(values, gradient, shaped) * list(values.values())
-    return Evaluation(values, gradient.value, slope, gradient.newton_error, intersecting_pairs(trace))
+    return Evaluation(values, gradient.value, slope, gradient.newton_error, count_intersecting_pairs(trace))
 
 
-def intersecting_pairs(trace: Trace) -> int:
+def count_intersecting_pairs(trace: Trace) -> int:
     """Return the number of intersecting triangles in the last state, by the exact test."""
     world = trace.session.built.world
     found = crossings(trace.steps[-1].end.positions, world_surfaces(world))

@@ -58,7 +58,7 @@ class OfMotion(Loss):
     function : callable
         Positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives by both, (n, 3) each.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     function: Callable[[Floats, Floats], tuple[float, Floats, Floats]]
@@ -90,7 +90,7 @@ class Distance(Loss):
     target : (n, 3) array
         Positions [m].
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     target: Floats
@@ -114,7 +114,7 @@ class Scan(Loss):
     points : (k, 3) array
         Measured points [m].
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     normals : (k, 3) array
         Normals of the points, on the side of the cloth's own (its triangles counter-clockwise). A point whose closest
         triangle faces more than 60 degrees off is left out: it lies on another layer, or on none. Empty: all count.
@@ -164,7 +164,7 @@ class Height(Loss):
     direction : (3,) array
         Unit vector.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     vertices: Ints | tuple[int, ...] = ()
@@ -191,7 +191,7 @@ class Girth(Loss):
     height : float
         Of the plane [m].
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     height: float
@@ -242,7 +242,7 @@ class Silhouette(Loss):
     direction : (3,) array
         Unit vector along which it is seen.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -289,7 +289,7 @@ class Hem(Loss):
     sides : tuple of (k,) int arrays
         Vertices of the sides, as of `border_sides`.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     sides: tuple[Ints, ...]
@@ -303,7 +303,7 @@ class Hem(Loss):
         return Height(lowest).evaluate(positions, triangles)
 
 
-def hem_of(world: World) -> Hem:
+def hem_loss(world: World) -> Hem:
     """Return the loss of a scene's cloths: the lowest side of all their borders."""
     rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
     return Hem(border_sides(rest, world.triangles))

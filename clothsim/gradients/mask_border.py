@@ -120,7 +120,7 @@ class MaskBorder(PictureLoss):
     huber : float
         Residual over the noise from which it counts less than its square.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     obstacle : Obstacle
         Bodies in front of and behind the cloth [m].
     label : (k,) int array

@@ -10,7 +10,7 @@ from scipy.sparse import block_diag, csr_array, eye_array, kron
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.loss_of_numbers import intersecting_pairs
+from clothsim.gradients.loss_of_numbers import count_intersecting_pairs
 from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import PictureLoss
@@ -183,7 +183,7 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
         (),
         tuple(dict(zip(paths, each.tolist(), strict=True)) for each in loose),
         tuple(path for path, limit in zip(paths, at_limit, strict=True) if limit),
-        replace(gradient, intersecting_pairs=intersecting_pairs(trace)),
+        replace(gradient, intersecting_pairs=count_intersecting_pairs(trace)),
         search.minima,
         search.runs + len(twins),
         search.note,

@@ -28,7 +28,7 @@ from PIL import Image, UnidentifiedImageError
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_numbers, read_regular_file
-from clothsim.base.inputs import refuse_unknown, table
+from clothsim.base.inputs import as_table, refuse_unknown
 from clothsim.gradients.camera import Camera
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.picture_loss import Obstacle, PictureLoss
@@ -90,15 +90,15 @@ def read_views(path: str | Path, panels: Mapping[str, Ints], obstacle: Obstacle)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{file} is not a TOML file ({error}).", "Write a table [[view]] for each picture.") from error
     refuse_unknown(str(file), given, ("view", "noise", "labels"))
-    noise = table("noise", given.get("noise", {}))
+    noise = as_table("noise", given.get("noise", {}))
     refuse_unknown("noise", noise, NOISE)
     noises = {name: as_positive(f"noise.{name}", noise.get(name, default)) for name, default in NOISE.items()}
-    labels = table("labels", given.get("labels", {}))
+    labels = as_table("labels", given.get("labels", {}))
     refuse_unknown("labels", labels, panels)
     tables = given.get("view", [])
     if not isinstance(tables, list) or not tables:
         raise InputError(f"{file} has no views.", "Write a table [[view]] for each picture.")
-    made = [_view(f"view[{k}]", table(f"view[{k}]", keys), file.parent, noises) for k, keys in enumerate(tables)]
+    made = [_view(f"view[{k}]", as_table(f"view[{k}]", keys), file.parent, noises) for k, keys in enumerate(tables)]
     names = [view[0] for view in made]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
@@ -135,7 +135,7 @@ def _camera(name: str, keys: Mapping[str, Any]) -> Camera:
         raise InputError(f"The view {name!r} has the size {size}.", "Give width and height as whole numbers.")
     if not models:
         return Camera(*size, *(keys[key] for key in OF_CAMERA))
-    own = table(models[0], keys[models[0]])
+    own = as_table(models[0], keys[models[0]])
     refuse_unknown(models[0], own, OF_MODELS[models[0]])
     absent = [key for key in OF_MODELS[models[0]] if key not in own]
     if absent:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NoReturn, Self
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import table
+from clothsim.base.inputs import as_table
 from clothsim.keys.schema import keys_of
 from clothsim.keys.value_checks import check_value, refuse_missing, refuse_unknown_key
 
@@ -185,7 +185,7 @@ class KeyTable(Locked, Mapping[str, Any]):
         """
         if type(given) is cls:
             return given
-        keys = table(where, given)
+        keys = as_table(where, given)
         refuse_unknown_key(where, keys, keys_of(cls))
         refuse_missing(where, keys, cls)
         return cls.of_known_keys(where, keys)

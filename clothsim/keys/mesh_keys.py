@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest, table
+from clothsim.base.inputs import as_table, did_you_mean
 from clothsim.keys.effect_tables import SELECT, Motion
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable, composed
@@ -308,7 +308,7 @@ def sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
         return (GENERATOR_KEYS[mesh],)
     if "." not in Path(mesh).name:
         known = f"Give one of {', '.join(GENERATOR_KEYS)}, or a file with its ending."
-        hint = " ".join(filter(None, [nearest(mesh, GENERATOR_KEYS), known]))
+        hint = " ".join(filter(None, [did_you_mean(mesh, GENERATOR_KEYS), known]))
         raise InputError(f"{where}.mesh is {mesh!r}, which is neither a generator nor a file.", hint)
     return (FilePart,)
 
@@ -317,7 +317,7 @@ def section_of(
     where: str, keys: Any, kinds: Callable[[str, Mapping[str, Any]], tuple[type[KeyTable], ...]]
 ) -> KeyTable:
     """The section of a table of keys; kinds: the sections whose keys it has. InputError names a bad key."""
-    given = table(where, keys)
+    given = as_table(where, keys)
     parts = kinds(where, given)
     kind = composed(parts)
     if type(given) is kind:

@@ -311,7 +311,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         border = sampled[name]
         mesh = _meshed(name, border, spacing)
         follows = border.counter_clockwise != turned[name]
-        triangles, corners = wound(mesh.points, mesh.triangles, follows)
+        triangles, corners = wound_for_front(mesh.points, mesh.triangles, follows)
         parts.append((panel.placed(mesh.points), triangles + n, corners, mesh.points))
         edges |= {Side(name, number): border.along(number) + n for number in range(len(panel.edges))}
         vertices[name], faces[name] = slice(n, n + len(mesh.points)), slice(m, m + len(triangles))
@@ -365,7 +365,7 @@ def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
     return mesh
 
 
-def wound(points: Floats, triangles: Ints, follows: bool) -> tuple[Ints, Floats]:
+def wound_for_front(points: Floats, triangles: Ints, follows: bool) -> tuple[Ints, Floats]:
     """Triangles wound for the front of the garment, and their corners in the material plane, (m, 3, 2) [m].
 
     follows: True where the front of the sewn garment is the side from which the panel's x, y are right-handed; else the

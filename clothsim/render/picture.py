@@ -25,7 +25,7 @@ from clothsim.render.colour_scale import (
 from clothsim.render.display import choose_renderer
 from clothsim.render.ray_caster import pixel_geometry
 from clothsim.render.styles import STYLES, Style, add_legend, backdrop, dyes_of, margins, outlined, woven
-from clothsim.render.surface_look import Surface, looks, smoothed
+from clothsim.render.surface_look import Surface, looks, subdivided
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _COLOURINGS = ("stretch", "plain", "auto")
@@ -318,7 +318,7 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
     camera, style = setup.camera, setup.style
     if setup.follow:
         camera = replace(camera, position=camera.position + centre_of(surfaces))
-    drawn = [smoothed(each) for each in surfaces] if setup.smooth else list(surfaces)
+    drawn = [subdivided(each) for each in surfaces] if setup.smooth else list(surfaces)
     if style.traced:
         trace = import_module(_RENDERERS["mitsuba"]).render
         return np.asarray(trace(drawn, setup.scale, camera, setup.size, setup.up, setup.samples, setup.dyes))

@@ -183,7 +183,7 @@ COS_SHARP = 0.5
 fold as tight as the mesh the smooth sheets would cross."""
 
 
-def smoothed(surface: Surface) -> Surface:
+def subdivided(surface: Surface) -> Surface:
     """A cloth with its edges halved up to LEVELS times; a body, a fine cloth or one with strokes as it is."""
     if surface.role != "cloth" or len(surface.strokes):
         return surface

@@ -82,7 +82,7 @@ def pin_groups(built: Built) -> tuple[PinnedGroup, ...]:
     return pins.groups if isinstance(pins, PinsConstraint) else ()
 
 
-def standing(positions: Floats, time: float) -> LaterMotion:
+def still_from(positions: Floats, time: float) -> LaterMotion:
     """From `time` [s] on at `positions (n, 3)` [m]."""
     return LaterMotion(positions, RigidMotion(np.zeros(3), np.zeros(3), np.zeros(3)), time)
 
@@ -148,7 +148,7 @@ def pins_at(built: Built, state: State, group: str, positions: ArrayLike) -> tup
             f"{group} is clamped, so that positions alone do not determine its rotation.", "Use drive_pins."
         )
     points = _points(f"positions of {group}", positions, len(rows)) - built.world.origin
-    return rows, standing(points, state.time)
+    return rows, still_from(points, state.time)
 
 
 def new_pins(
@@ -171,7 +171,7 @@ def new_pins(
     for each in groups:
         if np.isin(rows, each.vertices).any():
             raise InputError(f"A vertex of {group} is pinned by {each.name}.", "Leave it out, or release_pins first.")
-    return rows, standing(state.positions[rows], state.time)
+    return rows, still_from(state.positions[rows], state.time)
 
 
 def pinned_rows(built: Built, group: str) -> Ints:
@@ -183,12 +183,12 @@ def pinned_rows(built: Built, group: str) -> Ints:
 
 def body_at(world: World, state: State, name: str, positions: ArrayLike) -> LaterMotion:
     """The motion that keeps a body at `positions` (n, 3) [m] from the next step on."""
-    rows = body_rows(world, name)
+    rows = rows_of_moved_body(world, name)
     points = _points(f"positions of {name}", positions, rows.stop - rows.start) - world.origin
-    return standing(points, state.time)
+    return still_from(points, state.time)
 
 
-def body_rows(world: World, name: str) -> slice:
+def rows_of_moved_body(world: World, name: str) -> slice:
     """The rows of x of a body whose motion is prescribed. InputError for a rigid one, which forces move."""
     if name in [body.name for body in world.rigid]:
         raise InputError(f"{name} is rigid: forces move it.", "Make it a [[body]] to move it by hand.")

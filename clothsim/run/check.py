@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.text import length, many
+from clothsim.base.text import length_text, many
 from clothsim.files.characters.motion_check import MOST_DEGREES, closing_folds, fastest_turn, meetings
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
@@ -146,10 +146,11 @@ def sizes(positions: Floats, triangles: Ints) -> tuple[str, ...]:
     box = " x ".join(f"{side:.3g}" for side in np.ptp(positions, axis=0))
     if not len(triangles):
         return (f"{len(positions):,} vertices", f"box {box} m")
+    least, most, median = (length_text(float(each)) for each in (edges.min(), edges.max(), np.median(edges)))
     return (
         f"{len(positions):,} vertices, {len(triangles):,} triangles",
         f"box {box} m",
-        f"edges {length(edges.min())} to {length(edges.max())}, median {length(float(np.median(edges)))}",
+        f"edges {least} to {most}, median {median}",
     )
 
 

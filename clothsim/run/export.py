@@ -24,8 +24,8 @@ from clothsim.files.exchange.animation import Animation
 from clothsim.files.exchange.formats import Format, format_of
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.run.checkpoints import refuse_functions
-from clothsim.run.frames import parts_of, samples_of, with_frames
-from clothsim.run.pictures import upright
+from clothsim.run.frames import animated_parts, samples_of, with_frames
+from clothsim.run.pictures import up_of_run
 from clothsim.run.resume import RUN_FILES
 from clothsim.scene.named_files import FOLDER, refuse_outside, relocated
 from clothsim.scene.scene import scene_from_text
@@ -125,7 +125,7 @@ def export(
     target = Path(target)
     kind = format_of(target)
     _refuse_settings(run, target, kind, {"frame": frame, "fps": fps, "scale": scale, "colour": colour})
-    parts, notes = parts_of(run)
+    parts, notes = animated_parts(run)
     if frame is None and fps is None and len(run.times) > 1 and _is_worn(run.directory):
         frame = -1
         notes = (*notes, f"The garment as it is worn at the end; fps gives the {len(run.times)} frames of its drape.")
@@ -139,7 +139,7 @@ def export(
     files = tuple(kind.writer.files(animation, target))
     refuse_replacing(files, True, (run.directory / name for name in RUN_FILES))
     _refuse_files(target, files, overwrite)
-    turn = scale * _rotation(upright(run.directory), axis)
+    turn = scale * _rotation(up_of_run(run.directory), axis)
     animation = with_frames(animation, run.trajectory, samples, turn, colour == "stretch", kind.relative)
     kind.writer.write(animation, target)
     between = sum(each.weight > 0 for each in samples)
@@ -176,7 +176,7 @@ def _axis(up: str | None, kind: Format, directory: Path) -> Literal["y", "z"]:
         raise InputError(f"up is {up!r}.", 'Known: "y", "z".')
     if up is not None and kind.up and up != kind.up:
         raise InputError(f"This format has {kind.up} up.", "Leave --up out.")
-    asked = up or kind.up or _scene_axis(upright(directory))
+    asked = up or kind.up or _scene_axis(up_of_run(directory))
     return "y" if asked == "y" else "z"
 
 

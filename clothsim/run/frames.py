@@ -192,7 +192,7 @@ def _sample(times: Floats, time: float) -> Sample:
     return Sample(float(time), first, weight if weight > SAME_TIME else 0.0)
 
 
-def parts_of(run: "Run") -> tuple[tuple[AnimatedPart, ...], tuple[str, ...]]:
+def animated_parts(run: "Run") -> tuple[tuple[AnimatedPart, ...], tuple[str, ...]]:
     """The surfaces of a run; of its scene, where it can be built again, texture and panels; polygons of a fit."""
     trajectory, none = run.trajectory, np.zeros((0, 3, 2))
     cloths: dict[str, Cloth] = {}

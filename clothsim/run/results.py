@@ -30,7 +30,7 @@ from clothsim.run.pictures import (
     draw_run,
     field_settings,
     frame_picture,
-    upright,
+    up_of_run,
 )
 from clothsim.run.summary import certificate_rows
 from clothsim.scene.scene import Scene, scene_from_text
@@ -191,7 +191,7 @@ class Run(Sequence[Frame]):
     @property
     def up(self) -> tuple[float, ...] | str:
         """The direction against the gravity of the scene; "z" where the run's checkpoint gives none."""
-        return upright(self.directory)
+        return up_of_run(self.directory)
 
     @property
     def times(self) -> Floats:

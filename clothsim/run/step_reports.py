@@ -178,7 +178,7 @@ def progress_of(report: StepReport, session: Session, seconds: float) -> Progres
     )
 
 
-def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
+def record_entry(report: StepReport, certificate: Certificate) -> dict[str, Any]:
     """A line of the record."""
     return {
         "step": report.state.step,

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.process_memory import peak_memory
-from clothsim.base.text import length, many, percent
+from clothsim.base.text import length_text, many, percent
 from clothsim.geometry.held_inside import held_inside
 from clothsim.physics.energies.protocols import report_of
 from clothsim.run.intersections import NO_CLOTH, SURFACES_OF_KIND, IntersectionCheck, intersection_warnings
@@ -106,7 +106,7 @@ def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """Names and texts of what a summary certifies, with its warnings."""
     certificate = summary["certificate"]
     speed = certificate["fastest_speed"]
-    fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
+    fastest = "" if speed is None else f", fastest vertex {length_text(speed)}/s"
     return [
         *_contact_and_balance(certificate, "body_contact" in summary["effects"]),
         *(("checked", text) for text in _effort(summary.get("exact_check"), certificate)),
@@ -136,7 +136,7 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         parts.append("earlier steps were NOT CHECKED")
     gap = certificate["minimum_gap"]
     if contact:
-        parts.append(f"smallest gap {length(gap)}" if gap is not None else "never closer than d_hat")
+        parts.append(f"smallest gap {length_text(gap)}" if gap is not None else "never closer than d_hat")
     drift = certificate["energy_drift"]
     energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {percent(drift)}"
     changes = certificate.get("stiffness_changes", {"added": 0.0})  # a summary of an earlier version has none
@@ -206,12 +206,12 @@ def _error(certificate: dict[str, Any]) -> str:
     """
     estimate = certificate["error_estimate"]
     newton, gap = estimate["newton"], estimate["contact_gap"]
-    parts = f"Newton {newton if isinstance(newton, str) else length(newton)}"
+    parts = f"Newton {newton if isinstance(newton, str) else length_text(newton)}"
     parts += "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
     asked, total = estimate.get("asked"), estimate.get("total")
-    request = f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)" if asked else ""
+    request = f" ({'' if estimate['met'] else 'MISSED: '}{length_text(asked)} requested)" if asked else ""
     if total is not None:
-        known = f"about {length(total)}" if isinstance(total, float) else total
+        known = f"about {length_text(total)}" if isinstance(total, float) else total
         of_refined = estimate.get("of_refined", estimate)
         if isinstance(total, float) and not of_refined["known"]:
             known = f"not known, {known} by the last difference"
@@ -222,11 +222,11 @@ def _error(certificate: dict[str, Any]) -> str:
         if not fixed:
             return f"{known} in total{request}; {parts}"
         if asked:
-            request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length(asked)} requested)"
+            request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length_text(asked)} requested)"
         unknown = " and ".join(fixed)
         return f"total not known, because that of {unknown} is not; others {known}{request}; {parts}"
     temporal = estimate["temporal"]
-    steps = temporal if isinstance(temporal, str) else length(temporal)
+    steps = temporal if isinstance(temporal, str) else length_text(temporal)
     if certificate["at_rest"] and not isinstance(temporal, str):
         steps += " (the equilibrium does not depend on them)"
     return f"total not known (--estimate); sum of the local errors of the steps {steps}{request}, {parts}"

@@ -101,9 +101,9 @@ def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
 
 def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
     """The files of an animation by new names, numbered in their order."""
-    from clothsim.files.meshes.mesh_file import frame_files
+    from clothsim.files.meshes.mesh_file import animation_files
 
-    files = frame_files(directory, pattern)
+    files = animation_files(directory, pattern)
     return {f"{folder}/{k:06d}_{_plain(file.name)}": file for k, file in enumerate(files)}
 
 

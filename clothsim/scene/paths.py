@@ -172,16 +172,16 @@ def located(scene: Scene, path: str) -> tuple[str, str | int | None, list[str | 
     tables = getattr(scene, LISTS[str(section)])
     if not tables:
         raise InputError(f"{path}: the scene has no {section}.", f"Add a [{section}] to the scene.")
-    return str(section), *entry_of(path, names_of(str(section), tables), keys)
+    return str(section), *select_entry(path, entry_names(str(section), tables), keys)
 
 
-def names_of(section: str, entries: Sequence[Any]) -> list[str]:
+def entry_names(section: str, entries: Sequence[Any]) -> list[str]:
     """The names of the entries of a section; of one without a name "cloth", or "cloth[1]" where there are several."""
     several = len(entries) > 1
     return [keys.name or (f"{section}[{k}]" if several else section) for k, keys in enumerate(entries)]
 
 
-def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[int, list[str | int]]:
+def select_entry(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[int, list[str | int]]:
     """The number of the entry that the first of the keys names or counts, else the only one, and the other keys."""
     first, several = keys[0], len(names) > 1
     if isinstance(first, int):

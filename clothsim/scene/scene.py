@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import shown, table
+from clothsim.base.inputs import as_table, shown
 from clothsim.keys.key_table import FrozenTable, KeyTable, frozen
 from clothsim.keys.mesh_arrays import TEXT, MeshArrays
 from clothsim.keys.mesh_keys import (
@@ -121,7 +121,7 @@ class Scene:
         for name, value in (*objects.items(), ("effects", effects)):
             refuse_deep(name, value)
         named = effects_by_name(effects)
-        refuse_unknown_key("effects", table("effects", named, "Write [effects.gravity]."), EFFECTS)
+        refuse_unknown_key("effects", as_table("effects", named, "Write [effects.gravity]."), EFFECTS)
         made: dict[str, Any] = {"effects": FrozenTable({name: _effect(name, keys) for name, keys in named.items()})}
         settings: dict[str, tuple[type[KeyTable], Any]] = {
             "solver": (Solver, solver),
@@ -325,7 +325,7 @@ def _several(sections: Any) -> tuple[Any, ...]:
 def _effect(name: str, keys: Any) -> EffectKeys:
     """The section of an effect."""
     where = f"effects.{name}"
-    return EFFECTS[name].keys_class.parsed(where, table(where, keys, effect_remedy(name)))
+    return EFFECTS[name].keys_class.parsed(where, as_table(where, keys, effect_remedy(name)))
 
 
 def _sections(name: str, value: Any) -> Any:
@@ -372,7 +372,7 @@ def _mesh_table(where: str, value: Any) -> Any:
         return value
     if isinstance(value, MeshArrays) or is_mesh(value):
         return {"mesh": mesh_arrays(where, value)}
-    keys = table(
+    keys = as_table(
         where,
         value,
         f"Write [[{section}]]; arrays go into clothsim.{section.capitalize()}(vertices, triangles).",

@@ -14,7 +14,7 @@ from clothsim.gradients import StateAtRest
 from clothsim.study.evaluation import Gatherer
 from clothsim.study.pictures import draw_goal
 from clothsim.study.points import BASE, Bench, Point, point
-from clothsim.study.resample import at_points_of, barycentric, world_material
+from clothsim.study.resample import at_points_of, nearest_weights, world_material
 
 # Goal-oriented error: the triangles that make the error of one number of a drape at rest.
 #
@@ -164,7 +164,7 @@ def _powers_of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) ->
     interpolated, corners, weights = np.zeros_like(fine.x), list[Ints](), list[Floats]()
     first = 0
     for points, cloth in zip(world_material(fine.world).rest, world.cloths, strict=True):
-        nearest, own = barycentric(points, cloth.rest_positions, cloth.triangles)
+        nearest, own = nearest_weights(points, cloth.rest_positions, cloth.triangles)
         corners.append(cloth.triangles[nearest] + first)
         weights.append(own)
         first += len(cloth.rest_positions)

@@ -26,7 +26,7 @@ from clothsim.engine import MovingGarment
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.reading import positions_of
 from clothsim.study.farm.verification import demand_verified
-from clothsim.study.learned_drapes import alike
+from clothsim.study.learned_drapes import drapes_on_one_mesh
 from transfer.drape_autoencoder import distance_grid
 from transfer.errors import TransferError
 from transfer.motion_model import MotionModel
@@ -186,7 +186,7 @@ def clips_of(farm: Farm) -> list[MovingClip]:
         )
     _moving(farm.scene)
     demand_verified(farm)
-    rows, _, _ = alike(farm)
+    rows, _, _ = drapes_on_one_mesh(farm)
     jobs = {job.id: job for job in farm.jobs}
     reference = MovingGarment.of_scene(farm.scene).reference
     return [_clip(farm, farm.scene_of(jobs[row["id"]]), row["id"], reference) for row in rows]
@@ -282,7 +282,7 @@ def learn_motion(
     found = clips_of(farm) if clips is None else clips
     sets = division([(clip.body, clip.motion, clip.kind) for clip in found], kind, bodies, seed)
     training = [found[k] for k in sets.training]
-    _, areas, _ = alike(farm)
+    _, areas, _ = drapes_on_one_mesh(farm)
     flat, inputs = (
         np.concatenate([getattr(clip, name)[clip.settled] for clip in training]) for name in ("canonical", "inputs")
     )

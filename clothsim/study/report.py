@@ -13,7 +13,7 @@ SAME = 0.5
 """Interaction term over the error, from which the report says that the parameters do not add up."""
 
 
-def answer(result: Mapping[str, Any]) -> list[str]:
+def answer_lines(result: Mapping[str, Any]) -> list[str]:
     """What is known of the error of the scene as it is, and the cost of half of it, as sentences."""
     headline = result["headline"]
     if headline["status"] == UNFINISHED:
@@ -170,7 +170,7 @@ def in_seconds(seconds: float) -> str:
 
 def markdown(name: str, result: Mapping[str, Any]) -> str:
     """The report: the answer first."""
-    parts = [f"# What accuracy costs: {name}", "\n".join(answer(result))]
+    parts = [f"# What accuracy costs: {name}", "\n".join(answer_lines(result))]
     if result["front"]:
         parts += [
             "![Error against processor seconds](study.png)",

@@ -13,7 +13,7 @@ from clothsim.base.errors import InputError
 from clothsim.scene.assembly.meshes import cloth_shape
 from clothsim.scene.scene import scene_from_text
 from clothsim.study.parameters import written
-from clothsim.study.report import answer as reported
+from clothsim.study.report import answer_lines as reported
 from clothsim.study.resample import material_of, point_areas
 from clothsim.study.study import study_accuracy
 

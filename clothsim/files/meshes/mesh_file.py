@@ -299,7 +299,7 @@ MOST_FRAMES, MOST_BYTES = 20_000, 8 << 30
 """Largest number of frames, and largest memory of their positions [bytes]."""
 
 
-def frame_files(directory: Path, pattern: str) -> list[Path]:
+def animation_files(directory: Path, pattern: str) -> list[Path]:
     """The files that match `pattern` ("kick/shell*.obj") in `directory`, in natural order: shell2 before shell10.
 
     InputError where there is none.

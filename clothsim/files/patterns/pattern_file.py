@@ -16,7 +16,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.inputs import is_number, refuse_unknown
 from clothsim.files.patterns.dxf.drawing import SEW, UNITS, Drawing, Piece, read_drawing
-from clothsim.files.patterns.dxf.outline import Part, edges_of, loop_of, polygon, reflected, unfolded
+from clothsim.files.patterns.dxf.outline import Part, loop_of, outline_edges, polygon, reflected, unfolded
 from clothsim.patterns.pattern import Panel, Pattern, Side, Stitch
 from clothsim.patterns.specification import USUAL_UNITS, read_specification
 
@@ -266,18 +266,18 @@ def _panel(name: str, keys: PanelKeys, pieces: dict[str, Piece], sewing: SewingF
             np.concatenate([points, reflected(points, piece.mirror)]) for points in (notches, curve_points)
         )
     reach = ON_CUT_LINE if piece.layer == SEW else ON_OUTLINE
-    vertices, edges = edges_of(loop, notches, curve_points, reach, sewing.corner)
+    vertices, edges = outline_edges(loop, notches, curve_points, reach, sewing.corner)
     turn = keys.turn + _upright(piece.grain)
     cosine, sine = np.cos(turn), np.sin(turn)
     matrix = np.array([[cosine, sine], [-sine, cosine]])  # rows are points
     border = polygon(loop) @ matrix
     middle = (border.min(axis=0) + border.max(axis=0)) / 2
     flat = Panel(name, vertices @ matrix - middle, edges, np.zeros(3), keys.rotation, keys.label)
-    panel = mirrored(flat) if keys.mirrored else flat
+    panel = mirrored_panel(flat) if keys.mirrored else flat
     return panel if keys.position is None else replace(panel, translation=keys.position)
 
 
-def mirrored(panel: Panel) -> Panel:
+def mirrored_panel(panel: Panel) -> Panel:
     """The reflection of a panel in x; its edges keep their numbers."""
     axis = np.array([[0.0, 0.0], [0.0, 1.0]])
     ends = [(panel.vertices[edge.start], panel.vertices[edge.end]) for edge in panel.edges]

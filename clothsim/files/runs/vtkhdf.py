@@ -111,7 +111,7 @@ def grow_tables(file: h5py.File, frame: int) -> None:
             _write_offsets(block[array.offsets], rows, rows_of(block, array))
 
 
-def frame_bytes(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
+def frame_size_bound(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
     """Upper bound on the bytes that a frame adds, uncompressed, with the pieces of index and tables that it may add."""
     size = _INDEX_BYTES * (3 + len(surfaces) * (3 + 2 * len(arrays)))
     for surface in surfaces:
@@ -121,13 +121,13 @@ def frame_bytes(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -
     return size + size // 100  # gzip adds up to that to what it cannot compress
 
 
-def layout_bytes(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
+def layout_size_bound(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
     """Upper bound on the bytes of `lay_out`."""
     blocks_size = _INDEX_BYTES * (3 + len(surfaces) * (10 + 2 * len(arrays)))
     return blocks_size + sum(40 * len(surface.triangles) for surface in surfaces)
 
 
-def cut(file: h5py.File, frames: int) -> None:
+def truncate(file: h5py.File, frames: int) -> None:
     """Drop the frames from number `frames` on, and the data of an incomplete one."""
     set_frame_count(file, frames, None)
     file.flush()

@@ -43,7 +43,7 @@ def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: 
         *_frictionless(scene, energies),
         *_skipped_frames(world, dt),
         *_fast_spins(world, dt),
-        *_starts_inside(world, energies),
+        *held_sentences(held_inside(world, world.start()), "starts", "body_contact" in energies),
         *_nested_bodies(world, energies),
         *_wide_activation(world, energies),
         *_close_starts(world, energies, dt),
@@ -154,11 +154,6 @@ def _skipped_frames(world: World, dt: float) -> list[str]:
                 f"{body.name}: a step of {dt:g} s skips frames of {frame:g} s: it moves in straight lines."
             )
     return sentences
-
-
-def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
-    """Pieces of cloth that start inside a body without intersecting it: contact keeps them there, or they pass out."""
-    return held_sentences(held_inside(world, world.start()), "starts", "body_contact" in energies)
 
 
 def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import is_number, table
+from clothsim.base.inputs import as_table, is_number
 from clothsim.files.characters.character import Character, mannequin_character, smpl_character
 from clothsim.files.characters.clip import SkeletonMotion, Timeline, timeline
 from clothsim.files.characters.gait import CLIPS, KINDS, is_packaged, packaged_clip
@@ -22,7 +22,7 @@ from clothsim.keys.mesh_keys import ClipKeys, ModelTable, PlacedKeys
 from clothsim.mesh.body import Body, PosedMotion, make_body
 from clothsim.mesh.generators.mannequin.generator import Proportions, turns_of
 from clothsim.scene import paths
-from clothsim.scene.assembly.shapes import Shape, examined, existing_file, name_of, placed
+from clothsim.scene.assembly.shapes import Shape, checked_notes, existing_file, name_of, placed
 from clothsim.scene.scene import Scene
 from transfer.body_model import PosedBody
 
@@ -175,7 +175,7 @@ def body_of_model(keys: ModelTable, where: str, directory: Path) -> tuple[Body, 
     made = placed_character(keys, where, directory)
     first = made.character.vertices(made.first)
     positions = first @ made.linear.T + made.shift
-    notes = examined(label, Shape(positions, made.character.triangles, np.zeros((0, 3, 2)), ()), "body")
+    notes = checked_notes(label, Shape(positions, made.character.triangles, np.zeros((0, 3, 2)), ()), "body")
     if made.timeline is None:
         return make_body(label, positions, made.character.triangles), notes
     displacement = PosedDisplacement(made.character, made.timeline, first, made.linear)
@@ -262,7 +262,8 @@ def first_pose(keys: ModelTable, where: str, character: Character) -> Pose:
             raise InputError(f"{where}.pose is {pose!r}.", "Give a table of joints with rotation vectors [degrees].")
         return skeleton.turned(dict(turns_of(pose, None)))
     turns = {
-        name: np.radians(as_vector(f"{where}.pose.{name}", turn)) for name, turn in table(f"{where}.pose", pose).items()
+        name: np.radians(as_vector(f"{where}.pose.{name}", turn))
+        for name, turn in as_table(f"{where}.pose", pose).items()
     }
     try:
         return skeleton.turned(turns)

@@ -76,7 +76,6 @@ def build(scene: Scene, affordable: bool = False) -> Built:
     Parameters
     ----------
     scene : Scene
-        The scene.
     affordable : bool
         True: what a machine cannot be expected to run is refused before anything is built.
 

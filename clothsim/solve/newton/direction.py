@@ -13,7 +13,7 @@ from clothsim.base.vectors import taken
 from clothsim.physics.energies.hessians import Hessian, ImplicitHessian, explicit, split
 from clothsim.solve.linear.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.linear.sparsity import times
+from clothsim.solve.linear.sparsity import hessian_product
 from clothsim.solve.newton.lanczos import saddle_free_solve
 from clothsim.solve.newton.outcome import Ending, Outcome, outcome
 from clothsim.solve.newton.potential import Potential
@@ -112,7 +112,9 @@ class QuadraticModel:
                 first = cached.solver.back_solve(right)
             return self._curved(data, implicit, right, first, gradient, trust, replace(cached, age=cached.age + 1))
         hessians = self.potential.hessians(x)
-        right = -self._free(gradient + times(explicit(hessians), displacement) if displacement.any() else gradient)
+        right = -self._free(
+            gradient + hessian_product(explicit(hessians), displacement) if displacement.any() else gradient
+        )
         exact: list[Hessian] = []
 
         def formed_beside() -> list[Hessian]:

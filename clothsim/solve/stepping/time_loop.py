@@ -63,7 +63,7 @@ def next_step(integrator: Integrator, state: State, duration: float, frames_per_
         report = advance(integrator, state, until)
     if report.converged and report.state.time == until:
         report = replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
-    return with_rest(integrator, state, report, duration)
+    return with_rest_state(integrator, state, report, duration)
 
 
 def finished(state: State, duration: float, frames_per_second: float, until: str = "time") -> bool:
@@ -95,7 +95,7 @@ ROUNDING = 1e-9
 """Relative change of a load or a position below which it is none."""
 
 
-def with_rest(integrator: Integrator, before: State, report: StepReport, until: float) -> StepReport:
+def with_rest_state(integrator: Integrator, before: State, report: StepReport, until: float) -> StepReport:
     """Return the report of a step with the `rest` of its state, which is displaced where it was found unstable.
 
     Parameters
@@ -169,7 +169,7 @@ def _varies(integrator: Integrator, state: State, energy: Energy, later: list[fl
     """True where the force of an energy on the cloth without velocities varies over time."""
 
     def force(t: float) -> Floats:
-        return energy.begin(standing(integrator, state, t)).gradient(state.positions)
+        return energy.begin(step_from_rest(integrator, state, t)).gradient(state.positions)
 
     now = force(0.0)
     return any(_differ(force(t), now) for t in later)
@@ -231,11 +231,11 @@ def static_model(integrator: Integrator, report: StepReport, only: np.ndarray | 
     fixed[: world.n_cloth] = False if only is None else ~only
     rows = prescribed(world, integrator.constraints.values(), state.time).vertices
     fixed[rows[rows < world.n_cloth]] = True
-    rest = standing(integrator, state, 0.0)
+    rest = step_from_rest(integrator, state, 0.0)
     return StaticModel(report.potential, integrator.system, world.inertial_masses, fixed, rest)
 
 
-def standing(integrator: Integrator, state: State, later: float) -> Step:
+def step_from_rest(integrator: Integrator, state: State, later: float) -> Step:
     """Return a step from the positions of `state` without velocities, with the loads of `later` [s] from then."""
     end, h = state.time + later, state.dt
     zero = np.zeros_like(state.positions)

@@ -19,7 +19,7 @@ from clothsim import Scene, __version__
 from clothsim.base.errors import InputError, MachineError
 from clothsim.engine import by_content
 from clothsim.study.farm.claims import Worker
-from clothsim.study.farm.reading import HASHES, LETTERS, file_hash, mesh_file, mesh_hash, read_file, read_mesh
+from clothsim.study.farm.reading import HASHES, LETTERS, file_hash, mesh_file, mesh_hash, read_file, read_stored_mesh
 
 
 def content_id(scene: Scene, version: int) -> str:
@@ -107,7 +107,7 @@ def store_mesh(farm: Path, arrays: Mapping[str, NDArray[Any]]) -> str:
     digest = mesh_hash(arrays)
     file = mesh_file(farm, digest)
     with suppress(InputError):
-        read_mesh(farm, digest)
+        read_stored_mesh(farm, digest)
         return digest
     if file.is_dir():
         set_aside(farm, file)

@@ -113,7 +113,7 @@ def mesh_file(farm: Path, digest: Any) -> Path:
     return farm / "meshes" / f"{checked_id(digest, farm / 'drapes')}.npz"
 
 
-def read_mesh(farm: Path, digest: Any) -> dict[str, NDArray[Any]]:
+def read_stored_mesh(farm: Path, digest: Any) -> dict[str, NDArray[Any]]:
     """The arrays of a stored mesh. InputError where they do not have the hash that is its name."""
     file = mesh_file(farm, digest)
     try:

@@ -14,7 +14,7 @@ import numpy as np
 from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import is_number, refuse_unknown, shown, table
+from clothsim.base.inputs import as_table, is_number, refuse_unknown, shown
 from clothsim.study.farm.rules import checked_rules
 
 # Random draws of scene keys: one stream for each seed, index and key.
@@ -263,7 +263,7 @@ def load_recipe(path: str | Path) -> Recipe:
         remedy = f'Write a recipe that names it: [farm] with scene = "{file.name}", and [vary].'
         raise InputError(f"{file} is a scene, not a recipe.", remedy)
     refuse_unknown("The recipe", data, ("farm", "set", "usable", "vary"))
-    farm = table("farm", data.get("farm", {}))
+    farm = as_table("farm", data.get("farm", {}))
     refuse_unknown("farm", farm, FARM_KEYS)
     named = farm.get("scene")
     if not isinstance(named, str):
@@ -272,7 +272,7 @@ def load_recipe(path: str | Path) -> Recipe:
         )
     beside = file.parent / named
     scene = load_scene(beside if beside.is_file() else named)
-    fixed, varied, usable = (table(name, data.get(name, {})) for name in ("set", "vary", "usable"))
+    fixed, varied, usable = (as_table(name, data.get(name, {})) for name in ("set", "vary", "usable"))
     return make_recipe(scene, farm, fixed, varied, file.parent, usable)
 
 

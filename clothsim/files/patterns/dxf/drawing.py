@@ -36,7 +36,7 @@ def in_plane(point: Any) -> Floats:
     return np.array([point[0], point[1]], np.float64)
 
 
-def parts_of(entity: Any, metres: float, budget: Budget) -> tuple[Part, ...]:
+def curves_of_entity(entity: Any, metres: float, budget: Budget) -> tuple[Part, ...]:
     """Curves of an entity of an outline [m]; none of a text or a point. The points of flattened ones are counted."""
     kind = entity.dxftype()
     if kind == "LINE":
@@ -220,7 +220,7 @@ def _piece(block: str, given: Iterable[Any], inserted: bool, metres: float, laye
     if outline not in drawn:
         return None
     texts = list(_texts(entities))
-    parts = tuple(part for entity in layers[outline] for part in parts_of(entity, metres, budget))
+    parts = tuple(part for entity in layers[outline] for part in curves_of_entity(entity, metres, budget))
     return Piece(
         _value_of(texts, "piece name") or block,
         _value_of(texts, "size"),
