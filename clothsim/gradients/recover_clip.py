@@ -23,9 +23,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.clips.gauss_newton import Search
+from clothsim.gradients.clips.gauss_newton import GaussNewton
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
-from clothsim.gradients.clips.rest_shape import RestPrice, Sheet, fitted_rest
+from clothsim.gradients.clips.rest_shape import RestMesh, RestPrice, fitted_rest
 from clothsim.gradients.differentiable_session import forward
 from clothsim.gradients.loss_of_numbers import Evaluation
 from clothsim.gradients.losses import Custom
@@ -198,16 +198,16 @@ class _Fit:
         gradient, hessian = self.normal(seen, moves)
         return gradient + inverse * seen.at, hessian + np.diag(inverse)
 
-    def search(self, tell: Callable[[_Seen], None]) -> Search[_Seen]:
+    def search(self, tell: Callable[[_Seen], None]) -> GaussNewton[_Seen]:
         """The search from run to run, each from the start of the scene."""
         of, limit = self.numbers.of_kind, self.numbers.of_kind("limit")
 
         def run(at: Floats, _: _Seen) -> _Seen:
             return self.run(at)
 
-        return Search(run, self.beside, self.linearised, self.steps, of("reach"), -limit, limit, tell, LEAST)
+        return GaussNewton(run, self.beside, self.linearised, self.steps, of("largest"), -limit, limit, tell, LEAST)
 
-    def along(self, direction: Floats, tell: Callable[[_Seen], None]) -> Search[_Seen]:
+    def along(self, direction: Floats, tell: Callable[[_Seen], None]) -> GaussNewton[_Seen]:
         """The search along one direction (k,), whose outcomes have one number."""
         of = self.numbers.of_kind
         moved = direction > 0
@@ -223,12 +223,12 @@ class _Fit:
             gradient, hessian = self.normal(seen, moves)
             return gradient + inverse * seen.at, hessian + inverse
 
-        ends = [np.array([float(each[moved].min())]) for each in (self.steps, of("reach"), of("limit"))]
+        ends = [np.array([float(each[moved].min())]) for each in (self.steps, of("largest"), of("limit"))]
 
         def report(seen: _Seen) -> None:
             tell(replace(seen, at=seen.at[0] * direction))
 
-        return Search(run, beside, linearised, ends[0], ends[1], -ends[2], ends[2], report, LEAST)
+        return GaussNewton(run, beside, linearised, ends[0], ends[1], -ends[2], ends[2], report, LEAST)
 
 
 def recover_clip(
@@ -239,7 +239,7 @@ def recover_clip(
     rest: bool = True,
     progress: Callable[[int, Evaluation], None] | None = None,
 ) -> ClipRecovery:
-    """Find the numbers of a scene, and a rest shape, for which its run passes by edited frames.
+    """Find the numbers of a scene, and a rest shape, with which its run passes through edited frames.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ def _floors(given: Floor, count: int) -> Floats:
 def _refuse_beyond(frames: Sequence[int], last: int) -> None:
     """InputError for a frame that the run of the scene has not."""
     if frames[-1] > last:
-        raise InputError(f"There is no frame {frames[-1]} to pass by.", f"The run of the scene has frames 1 to {last}.")
+        raise InputError(f"There is no frame {frames[-1]} to match.", f"The run of the scene has frames 1 to {last}.")
 
 
 def _first(fit: _Fit) -> _Seen:
@@ -434,7 +434,7 @@ def _with_rest(fit: _Fit, last: _Seen, found: ClipRecovery, tell: Callable[[_See
     rests = fit.numbers.rests(last.at)
     ends = np.cumsum([len(rest) for rest in rests])[:-1]
     world = build(fit.numbers.scene, affordable=True).world
-    sheet = Sheet(np.concatenate(rests), world.triangles)
+    sheet = RestMesh(np.concatenate(rests), world.triangles)
 
     def with_added(displacements: Floats) -> _Fit:
         added = tuple(np.split(displacements, ends))

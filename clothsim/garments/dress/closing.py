@@ -22,7 +22,7 @@ from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_b
 from clothsim.garments.dress.welding import mean_edge, welded_where_closed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
-from clothsim.patterns import Panel, PatternMesh, Seam
+from clothsim.patterns import MeshedSeam, Panel, PatternMesh
 from transfer.signed_distance import BodySurface
 
 SPEED = 0.5
@@ -93,7 +93,7 @@ class SewingPhase:
 
     Attributes
     ----------
-    closing, closed : tuple of Seam
+    closing, closed : tuple of MeshedSeam
         Seams that are drawn together, and seams that are kept together.
     factor : float
         Factor of the stiffness.
@@ -106,8 +106,8 @@ class SewingPhase:
         torso, and a spring that ran through an arm passes below it.
     """
 
-    closing: tuple[Seam, ...]
-    closed: tuple[Seam, ...] = ()
+    closing: tuple[MeshedSeam, ...]
+    closed: tuple[MeshedSeam, ...] = ()
     factor: float = 1.0
     hold: bool = False
     friction: bool = False
@@ -135,7 +135,7 @@ class SewingPhase:
             len(self.drawn_pairs(state, seam, surface)) < len(state.pairs(seam)) for seam in self.closing
         )
 
-    def drawn_pairs(self, state: SewingState, seam: Seam, surface: BodySurface) -> Ints:
+    def drawn_pairs(self, state: SewingState, seam: MeshedSeam, surface: BodySurface) -> Ints:
         """Pairs of a seam that are drawn together, (k, 2)."""
         pairs = state.pairs(seam)
         return pairs[~crosses_body(state.positions[pairs], surface)] if self.patient and len(pairs) else pairs
@@ -169,8 +169,8 @@ MOST = 0.5
 
 
 def _ends_to_sew_later(
-    state: SewingState, within: tuple[Seam, ...], below: tuple[Seam, ...], surface: BodySurface
-) -> tuple[Seam, ...]:
+    state: SewingState, within: tuple[MeshedSeam, ...], below: tuple[MeshedSeam, ...], surface: BodySurface
+) -> tuple[MeshedSeam, ...]:
     """Seams of which springs run through the body, of two panels that are sewn to a piece above or below.
 
     They come round with that piece. Such are the seams of which most springs run through the body, as do those of all
@@ -214,7 +214,7 @@ def _meet(mesh: PatternMesh, first: tuple[str, int], second: tuple[str, int]) ->
     return first[0] == second[0] and (first[1] - second[1]) % number in (1, number - 1)
 
 
-def _panels_of(seam: Seam) -> set[str]:
+def _panels_of(seam: MeshedSeam) -> set[str]:
     """Both panels of a seam, or the one."""
     return {side.panel for side in seam.stitch.sides}
 
@@ -225,7 +225,7 @@ def stiffer_phases(state: SewingState) -> list[SewingPhase]:
     return [SewingPhase(seams, factor=STIFFER**number, friction=True) for number in range(1, FURTHER + 1)]
 
 
-def order_of(seam: Seam, state: SewingState) -> int:
+def order_of(seam: MeshedSeam, state: SewingState) -> int:
     """DART, WITHIN, BELOW or ONTO.
 
     Sleeves and collars that close while they are sewn on would drag the shoulders of the garment off the body.
@@ -341,7 +341,7 @@ def close(
     return ClosingResult(state, failure, description, tuple(runs), between)
 
 
-def _open_seams(state: SewingState) -> list[Seam]:
+def _open_seams(state: SewingState) -> list[MeshedSeam]:
     """Seams with a pair that is not welded."""
     return [state.mesh.seams[k] for k in state.open_seams]
 
