@@ -46,6 +46,10 @@ LEAST = 0.05
 """Relative drop of the sum in a step at which the search ends."""
 ALONE = 2
 """Directions that are searched alone, those that promise most."""
+BEGIN = 0.7
+"""Least first step along a direction, of what is likely."""
+VERTICES = 6
+"""Runs along a direction after its steps have doubled."""
 UNEXPLAINED = 0.5
 """Fraction of what a run leaves at the keys that counts as noise in the next search."""
 TIGHTENINGS = 3
@@ -58,6 +62,8 @@ SEEN = 2.0
 """Multiple of the floor up to which a difference of runs at a key is chance."""
 
 
+Tell = Callable[["_Seen"], None]
+"""Called with each run."""
 Floor = float | Sequence[float] | Floats
 """Noise of a run in all frames, or at each key [m]."""
 
@@ -207,28 +213,60 @@ class _Fit:
 
         return Search(run, self.beside, self.linearised, self.steps, of("reach"), -limit, limit, tell, LEAST)
 
-    def along(self, direction: Floats, tell: Callable[[_Seen], None]) -> Search[_Seen]:
-        """The search along one direction (k,), whose outcomes have one number."""
-        of = self.numbers.of_kind
-        moved = direction > 0
+    def scanned(self, first: _Seen, direction: Floats, slope: float, curvature: float, tell: Tell) -> _Seen:
+        """The lowest run found along a direction (k,): steps double while the sum falls, then vertices of parabolas.
 
-        def run(at: Floats, _: _Seen) -> _Seen:
-            return replace(self.run(at[0] * direction), at=at)
+        slope, curvature: of the sum along it at the first run. The first step is at least BEGIN of what is likely, to
+        the other side too: small steps of a garment on a body change its buckles at random.
+        """
+        of, moved = self.numbers.of_kind, direction > 0
+        prior, reach, limit = (float(of(what)[moved].min()) for what in ("prior", "reach", "limit"))
+        tried = [(0.0, self.at(first))]
 
-        def beside(at: Floats, seen: _Seen) -> _Seen:
-            return replace(self.beside(at[0] * direction, seen), at=at)
+        def run(q: float) -> None:
+            seen = self.run(q * direction)
+            tell(seen)
+            tried.append((q, seen))
 
-        def linearised(seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
-            inverse = float(((direction / of("prior")) ** 2).sum())
-            gradient, hessian = self.normal(seen, moves)
-            return gradient + inverse * seen.at, hessian + inverse
+        q = float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, reach), -slope))
+        run(q)
+        if tried[1][1].total >= tried[0][1].total:
+            q = -q
+            run(q)
+        lowest = tried[0][1].total
+        while tried[-1][1].total < lowest and abs(q) <= 0.5 * limit:
+            lowest, q = tried[-1][1].total, 2 * q
+            run(q)
+        for count in range(VERTICES):
+            tried.sort(key=lambda each: each[0])
+            k = int(np.argmin([seen.total for _, seen in tried]))
+            around = tried[max(k - 1, 0) : k + 2]
+            poor = count and tried[k][0] == 0.0  # nothing along it is lower than the first run
+            if poor or len(around) < 3 or self.misfit(tried[k][1].positions) < self.known:
+                break
+            run(_vertex([(q, seen.total) for q, seen in around]))
+        return min((seen for _, seen in tried), key=lambda seen: seen.total)
 
-        ends = [np.array([float(each[moved].min())]) for each in (self.steps, of("reach"), of("limit"))]
 
-        def report(seen: _Seen) -> None:
-            tell(replace(seen, at=seen.at[0] * direction))
+def _vertex(places: Sequence[tuple[float, float]]) -> float:
+    """Where a parabola through three totals is lowest, of which the middle one is the lowest.
 
-        return Search(run, beside, linearised, ends[0], ends[1], -ends[2], ends[2], report, LEAST)
+    No nearer to that than a tenth of the way to its farther neighbour; the middle of that way where a total is
+    infinite.
+
+    Examples
+    --------
+    >>> round(_vertex([(q, (q - 2.0) ** 2) for q in (0, 1.5, 3)]), 9)
+    2.0
+    """
+    q, totals = np.array(places).T
+    farther = q[0] if q[1] - q[0] > q[2] - q[1] else q[2]
+    if not np.isfinite(totals).all():
+        return float(0.5 * (q[1] + farther))
+    bend, tilt, _ = np.polyfit(q, totals, 2)
+    vertex = float(-0.5 * tilt / bend)
+    least = 0.1 * (farther - q[1])
+    return vertex if abs(vertex - q[1]) >= abs(least) else float(q[1] + least)
 
 
 def recover_clip(
@@ -336,15 +374,10 @@ def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[
     drops = [float(d @ gradient) ** 2 / float(d @ hessian @ d) for d in fit.numbers.directions]
     best = first
     for direction in (fit.numbers.directions[k] for k in np.argsort(drops)[::-1][:ALONE]):
-        last, rows = first, moves @ direction[:, None]
-        for _ in range(TIGHTENINGS):
-            own, left = fit.tightened(last.positions), fit.misfit(last.positions)
-            begin = replace(own.at(last), at=np.array([float(last.at @ direction) / float(direction @ direction)]))
-            end, _, rows, _ = own.along(direction, tell).descended(begin, rows)
-            last = replace(end, at=end.at[0] * direction)
-            if not fit.known < fit.misfit(last.positions) < UNEXPLAINED * left:
-                break
-        best = min(best, last, key=lambda each: fit.misfit(each.positions))
+        lowest = loose.scanned(
+            first, direction, float(gradient @ direction), float(direction @ hessian @ direction), tell
+        )
+        best = min(best, lowest, key=lambda each: fit.misfit(each.positions))
         if fit.misfit(best.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
             break
     if best is not first:
