@@ -23,7 +23,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.clips.gauss_newton import Search
+from clothsim.gradients.clips.gauss_newton import Line, Search
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
 from clothsim.gradients.clips.rest_shape import RestPrice, Sheet, fitted_rest
 from clothsim.gradients.differentiable_session import forward
@@ -48,8 +48,6 @@ ALONE = 2
 """Directions that are searched alone, those that promise most."""
 BEGIN = 0.7
 """Least first step along a direction, of what is likely."""
-VERTICES = 6
-"""Runs along a direction after its steps have doubled."""
 UNEXPLAINED = 0.5
 """Fraction of what a run leaves at the keys that counts as noise in the next search."""
 TIGHTENINGS = 3
@@ -213,60 +211,22 @@ class _Fit:
 
         return Search(run, self.beside, self.linearised, self.steps, of("reach"), -limit, limit, tell, LEAST)
 
-    def scanned(self, first: _Seen, direction: Floats, slope: float, curvature: float, tell: Tell) -> _Seen:
-        """The lowest run found along a direction (k,): steps double while the sum falls, then vertices of parabolas.
+    def doubled(self, first: _Seen, direction: Floats, slope: float, curvature: float, tell: Tell) -> Line[_Seen]:
+        """Runs along a direction (k,); slope, curvature: of the sum along it at the first run.
 
-        slope, curvature: of the sum along it at the first run. The first step is at least BEGIN of what is likely, to
-        the other side too: small steps of a garment on a body change its buckles at random.
+        The first step is at least BEGIN of what is likely.
         """
         of, moved = self.numbers.of_kind, direction > 0
         prior, reach, limit = (float(of(what)[moved].min()) for what in ("prior", "reach", "limit"))
-        tried = [(0.0, self.at(first))]
 
-        def run(q: float) -> None:
+        def run(q: float) -> _Seen:
             seen = self.run(q * direction)
             tell(seen)
-            tried.append((q, seen))
+            return seen
 
-        q = float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, reach), -slope))
-        run(q)
-        if tried[1][1].total >= tried[0][1].total:
-            q = -q
-            run(q)
-        lowest = tried[0][1].total
-        while tried[-1][1].total < lowest and abs(q) <= 0.5 * limit:
-            lowest, q = tried[-1][1].total, 2 * q
-            run(q)
-        for count in range(VERTICES):
-            tried.sort(key=lambda each: each[0])
-            k = int(np.argmin([seen.total for _, seen in tried]))
-            around = tried[max(k - 1, 0) : k + 2]
-            poor = count and tried[k][0] == 0.0  # nothing along it is lower than the first run
-            if poor or len(around) < 3 or self.misfit(tried[k][1].positions) < self.known:
-                break
-            run(_vertex([(q, seen.total) for q, seen in around]))
-        return min((seen for _, seen in tried), key=lambda seen: seen.total)
-
-
-def _vertex(places: Sequence[tuple[float, float]]) -> float:
-    """Where a parabola through three totals is lowest, of which the middle one is the lowest.
-
-    No nearer to that than a tenth of the way to its farther neighbour; the middle of that way where a total is
-    infinite.
-
-    Examples
-    --------
-    >>> round(_vertex([(q, (q - 2.0) ** 2) for q in (0, 1.5, 3)]), 9)
-    2.0
-    """
-    q, totals = np.array(places).T
-    farther = q[0] if q[1] - q[0] > q[2] - q[1] else q[2]
-    if not np.isfinite(totals).all():
-        return float(0.5 * (q[1] + farther))
-    bend, tilt, _ = np.polyfit(q, totals, 2)
-    vertex = float(-0.5 * tilt / bend)
-    least = 0.1 * (farther - q[1])
-    return vertex if abs(vertex - q[1]) >= abs(least) else float(q[1] + least)
+        line = Line(run, {0.0: self.at(first)}, lambda seen: self.misfit(seen.positions) < self.known)
+        line.double(float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, reach), -slope)), limit)
+        return line
 
 
 def recover_clip(
@@ -372,14 +332,15 @@ def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[
     moves = loose.search(tell).moves(first)
     gradient, hessian = loose.linearised(first, moves)
     drops = [float(d @ gradient) ** 2 / float(d @ hessian @ d) for d in fit.numbers.directions]
-    best = first
+    lines = []
     for direction in (fit.numbers.directions[k] for k in np.argsort(drops)[::-1][:ALONE]):
-        lowest = loose.scanned(
-            first, direction, float(gradient @ direction), float(direction @ hessian @ direction), tell
-        )
-        best = min(best, lowest, key=lambda each: fit.misfit(each.positions))
-        if fit.misfit(best.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
+        slope, curvature = float(gradient @ direction), float(direction @ hessian @ direction)
+        lines.append(loose.doubled(first, direction, slope, curvature, tell))
+        if fit.misfit(lines[-1].lowest.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
             break
+    best = min(lines, key=lambda line: line.lowest.total).refined()
+    if not best.at.any():
+        best = first
     if best is not first:
         moves = fit.search(tell).moves(best)
     for _ in range(TIGHTENINGS):

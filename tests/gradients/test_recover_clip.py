@@ -1,7 +1,6 @@
 """What explains edited frames: a stiffness from two keys, and a number that they do not determine."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -142,32 +141,3 @@ def test_runs_end_at_the_last_key(keys, monkeypatch):
 def test_a_floor_that_is_none_is_refused(keys, floor):
     with pytest.raises(InputError, match="floor"):
         clothsim.recover_clip(strip(), keys, ["stretch"], floor=floor)
-
-
-def scanned(run, slope, tell):
-    """A scan along the one number of a fit whose runs are `run`."""
-    kinds = {"prior": np.ones(1), "reach": np.ones(1), "limit": np.full(1, 4.6)}
-    own = {"run": run, "at": lambda seen: seen, "misfit": lambda positions: 1.0, "known": 0.0}
-    fit = SimpleNamespace(numbers=SimpleNamespace(of_kind=kinds.get), **own)
-    return recover_clip._Fit.scanned(fit, run(np.zeros(1)), np.ones(1), slope, 28.0, tell)
-
-
-@pytest.mark.parametrize("failing", [np.inf, 2.0])
-def test_a_direction_is_scanned_beyond_a_poor_derivative(failing):
-    """The sum is lowest at 1.5, where the derivatives say -0.1; runs from `failing` on have no end."""
-
-    def run(at):
-        return recover_clip._Seen(at, (at[0] - 1.5) ** 2 if at[0] < failing else np.inf, np.zeros((3, 3)))
-
-    seen = []
-    assert scanned(run, 2.8, seen.append).at[0] == pytest.approx(1.5)
-    assert [one.at[0] for one in seen[:4]] == pytest.approx([-0.7, 0.7, 1.4, 2.8])
-
-
-def test_a_direction_that_lowers_nothing_is_left():
-    def run(at):
-        return recover_clip._Seen(at, abs(at[0]), np.zeros((3, 3)))
-
-    seen = []
-    assert scanned(run, -1.0, seen.append).at[0] == 0
-    assert len(seen) == 3
