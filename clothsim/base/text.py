@@ -31,7 +31,7 @@ def _number(cell: str) -> bool:
     return not text or text == "-" or text.replace(".", "", 1).replace("e-", "", 1).replace("-", "", 1).isdigit()
 
 
-def length(metres: float) -> str:
+def length_text(metres: float) -> str:
     """A length in m, mm or um."""
     if metres >= 1:
         return f"{metres:.3g} m"

@@ -38,9 +38,13 @@ def add_to(commands: Any) -> None:
     )
     author.add_argument("--free", default="", metavar="NAMES", help="what may explain them: stretch,bending,hem,...")
     author.add_argument("--no-rest", action="store_true", help="numbers only, no residual rest shape")
-    author.add_argument("--rate", default="300", metavar="R", help="of the quick pull to the edits [1/s] (default 300)")
-    author.add_argument("--space", choices=("canonical", "world"), help="of the quick form (default: by the body)")
-    author.add_argument("--no-floor", action="store_true", help="leave out the twins, two more runs the first time")
+    author.add_argument(
+        "--rate", default="300", metavar="R", help="rate of the quick pull to the edits [1/s] (default 300)"
+    )
+    author.add_argument(
+        "--space", choices=("canonical", "world"), help="space of the quick form (default: by the body)"
+    )
+    author.add_argument("--no-floor", action="store_true", help="skip the twins, two more runs the first time")
     add_overwrite(author, "replace an earlier run in the output directory")
     add_output_options(author, json="print author.json", quiet="print the end only", handler=_author)
 
@@ -50,7 +54,7 @@ def _author(arguments: argparse.Namespace) -> Report:
     run = clothsim.open_run(arguments.directory)
     rate = as_positive_number("--rate", arguments.rate)
     messages(arguments, arguments.directory)
-    with progress.shown(arguments.quiet) as listener:
+    with progress.progress_on_stderr(arguments.quiet) as listener:
         found = clothsim.author(
             run,
             keys,
@@ -80,13 +84,13 @@ def as_keys(text: str) -> dict[int, Path]:
     for part in filter(None, (word.strip() for word in text.split(","))):
         found = re.fullmatch(r"(\d{1,9})\s*=\s*(.+)", part)
         if found is None:
-            raise InputError(f"--keys has {part!r}.", "Write FRAME=FILE, as 10=edited10.obj,40=edited40.obj.")
+            raise InputError(f"--keys has {part!r}.", "Write FRAME=FILE, such as 10=edited10.obj,40=edited40.obj.")
         frame = int(found[1])
         if frame in keys:
             raise InputError(f"--keys gives frame {frame} twice.", "Give each frame one file.")
         keys[frame] = Path(found[2])
     if not keys:
-        raise InputError("--keys names no edited frame.", "Write FRAME=FILE, as 10=edited10.obj,40=edited40.obj.")
+        raise InputError("--keys names no edited frame.", "Write FRAME=FILE, such as 10=edited10.obj,40=edited40.obj.")
     return keys
 
 

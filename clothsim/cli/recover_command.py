@@ -54,7 +54,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", metavar="N", help="starts of the search (default 2, of pictures 1)")
     recover.add_argument("--folds", metavar="N", help="with --views: drapes to choose a start from (6)")
-    recover.add_argument("--no-twins", action="store_true", help="with --views: no other models at the end")
+    recover.add_argument("--no-twins", action="store_true", help="with --views: skip the other models at the end")
     recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
     add_set(recover)
     add_overwrite(recover, "replace an earlier run in the output directory")
@@ -74,7 +74,7 @@ Find the numbers with which a scene, fabric or pattern hangs as in a target or i
 """
 
 
-NUMBERS = "Name the numbers to find, as --free youngs_modulus,pattern.front.width."
+NUMBERS = "Name the numbers to find, such as --free youngs_modulus,pattern.front.width."
 """Remedy of a recovery without --free."""
 
 
@@ -219,7 +219,7 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
         on_stage=lambda stage: tell(f"  {stage.name}"),
     )
     if not worn.draped or worn.run is None:
-        raise InputError(f"The pattern as it is read cannot be worn: {worn.reason}", "Mend it with `clothsim dress`.")
+        raise InputError(f"The pattern as given cannot be worn: {worn.reason}", "Correct it with `clothsim dress`.")
     return engine.override(worn.run.scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size)
 
 
@@ -331,5 +331,5 @@ def lines(found: "clothsim.Recovery", directory: Path | None) -> list[str]:
 
 def _error(error: float) -> str:
     if math.isnan(error):
-        return "(no standard error: the loss is no sum of squares, or a run beside the minimum failed)"
+        return "(no standard error: the loss is not a sum of squares, or a run beside the minimum failed)"
     return f"+- {100 * error:.2g} %" if math.isfinite(error) else "(not determined by the target)"

@@ -85,7 +85,7 @@ class Authored:
     intersecting_frames : tuple of int or None
         Frames in which the exact test found an intersection; None where not all of them were tested.
     floor : tuple of float
-        Root mean square distances of the run that was edited from its twins over frames that are no keys [m]: from a
+        Root mean square distances of the run that was edited from its twins over frames that are not keys [m]: from a
         start 1e-6 m aside, and with a tenth of Newton's stop. nan where it is not known, or was not asked for.
     recovery : ClipRecovery or None
         What explains the edits; None of offsets that were interpolated.
@@ -125,7 +125,7 @@ def author(
     overwrite: bool = False,
     floor: bool = True,
 ) -> Authored:
-    """A clip that passes by edited frames, free of intersections.
+    """A clip through edited frames, free of intersections.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def _recovered(
 ) -> "ClipRecovery":
     """What explains edited frames; without lengths where the scene cannot be of arrays, as with labels of a pattern."""
     scene = run.scene
-    if not scene.rods:  # whose rest shape is no key
+    if not scene.rods:  # whose rest shape is not a key
         with suppress(InputError):
             of_arrays = scene_of_arrays(scene)
             engine.build(of_arrays)
@@ -285,7 +285,7 @@ def edited_frames(run: "Run", keys: Mapping[int, Any]) -> tuple[EditedFrame, ...
     found = []
     other = next((frame for frame in keys if not isinstance(frame, int | np.integer)), None)
     if other is not None:
-        raise InputError(f"The frame {other!r} is no whole number.", "Give positions by the number of a frame.")
+        raise InputError(f"The frame {other!r} is not a whole number.", "Give positions by the number of a frame.")
     for frame in sorted(keys):
         if frame == 0:
             raise InputError("Frame 0 is the start, which the scene gives.", f"Edit a frame from 1 to {last}.")
@@ -304,7 +304,7 @@ def _positions(run: "Run", what: str, given: Any) -> Floats:
         try:
             points = np.asarray(given, np.float64)
         except (TypeError, ValueError) as error:
-            raise InputError(f"{what} is {shown(given)}, no numbers.", "Give (n, 3) numbers, or a file.") from error
+            raise InputError(f"{what} is {shown(given)}, not numbers.", "Give (n, 3) numbers, or a file.") from error
     else:
         try:
             mesh = files.read_mesh(given)

@@ -41,7 +41,7 @@ from transfer.errors import TransferError
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED_NAME, REST, START, BODY, *CLOSING)
 """Files of a fit in its directory."""
-REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
+REMEDY = "Check fit.png, and the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
 
 
 @dataclass(frozen=True)

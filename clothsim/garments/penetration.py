@@ -9,7 +9,7 @@ import numpy as np
 from clothsim import Finding
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.text import length
+from clothsim.base.text import length_text
 from clothsim.engine import intersecting_pairs, intersection_points
 from clothsim.garments.inputs import BodyMesh, Garment, read_body_mesh, read_garment
 from clothsim.render import Surface, draw_marks
@@ -193,7 +193,7 @@ def entries(report: PenetrationReport) -> Iterator[Finding | str]:
             yield f"vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_place(position)}"
     else:
         nearest = float(report.closest.signed_distance.min())
-        yield f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away"
+        yield f"none of {n:,} vertices is inside the body; the nearest is {length_text(nearest)} away"
     x, own = report.garment.positions, report.garment.triangles
     for who, pairs, other in (
         ("the garment and the body", report.body_pairs, report.body.triangles + n),

@@ -192,7 +192,7 @@ DRESS_CLOSING = StageScene(
     },
     solver={"dt": 0.04, "tolerance": 0.1, "max_iterations": 200, "integrator": "backward_euler"},
 )
-KEPT = {"fields": ["contact_pressure"]}
+STORED_FIELDS = {"fields": ["contact_pressure"]}
 """Fields that drapes keep, to say how tight a garment is."""
 DRESS_DRAPE = StageScene(
     effects={
@@ -225,7 +225,7 @@ def fit_drape(
     """Drape of a fitted garment; duration [s]: None: as in FIT_DRAPE; closes: the body closes and carries vertices."""
     effects = _add_fitted_contact(FIT_DRAPE.effects, stiffness, seams, self_contact)
     effects["gravity"] = {"acceleration": (-GRAVITY * up).tolist()}
-    run = {**FIT_DRAPE.run, **KEPT, **({} if duration is None else {"duration": duration})}
+    run = {**FIT_DRAPE.run, **STORED_FIELDS, **({} if duration is None else {"duration": duration})}
     return replace(FIT_DRAPE, effects=effects, run=run, contact={"pinch": "carry"} if closes else {})
 
 
@@ -247,7 +247,7 @@ def dress_drape(up: Floats, seams: Sequence[Mapping[str, Any]], friction: float)
     """Drape of a sewn garment; seams: those that are not welded."""
     own = {"friction": {"coefficient": friction}, "gravity": {"acceleration": (-GRAVITY * up).tolist()}}
     effects = {**DRESS_DRAPE.effects, **own, **({"seams": {"seam": seams}} if seams else {})}
-    return replace(DRESS_DRAPE, effects=effects, run={**DRESS_DRAPE.run, **KEPT})
+    return replace(DRESS_DRAPE, effects=effects, run={**DRESS_DRAPE.run, **STORED_FIELDS})
 
 
 def named_stage(name: str, listener: Listener | None) -> Listener | None:

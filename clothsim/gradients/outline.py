@@ -23,7 +23,7 @@ class Outline(Loss):
     centre : (float, float)
         x and y [m].
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
 
     Notes
     -----

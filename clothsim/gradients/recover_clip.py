@@ -23,9 +23,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.clips.gauss_newton import Line, Search
+from clothsim.gradients.clips.gauss_newton import GaussNewton, Line
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
-from clothsim.gradients.clips.rest_shape import RestPrice, Sheet, fitted_rest
+from clothsim.gradients.clips.rest_shape import RestMesh, RestPrice, fitted_rest
 from clothsim.gradients.differentiable_session import forward
 from clothsim.gradients.loss_of_numbers import Evaluation
 from clothsim.gradients.losses import Custom
@@ -202,14 +202,14 @@ class _Fit:
         gradient, hessian = self.normal(seen, moves)
         return gradient + inverse * seen.at, hessian + np.diag(inverse)
 
-    def search(self, tell: Callable[[_Seen], None]) -> Search[_Seen]:
+    def search(self, tell: Callable[[_Seen], None]) -> GaussNewton[_Seen]:
         """The search from run to run, each from the start of the scene."""
         of, limit = self.numbers.of_kind, self.numbers.of_kind("limit")
 
         def run(at: Floats, _: _Seen) -> _Seen:
             return self.run(at)
 
-        return Search(run, self.beside, self.linearised, self.steps, of("reach"), -limit, limit, tell, LEAST)
+        return GaussNewton(run, self.beside, self.linearised, self.steps, of("largest"), -limit, limit, tell, LEAST)
 
     def doubled(self, first: _Seen, direction: Floats, slope: float, curvature: float, tell: Tell) -> Line[_Seen]:
         """Runs along a direction (k,); slope, curvature: of the sum along it at the first run.
@@ -217,7 +217,7 @@ class _Fit:
         The first step is at least BEGIN of what is likely.
         """
         of, moved = self.numbers.of_kind, direction > 0
-        prior, reach, limit = (float(of(what)[moved].min()) for what in ("prior", "reach", "limit"))
+        prior, largest, limit = (float(of(what)[moved].min()) for what in ("prior", "largest", "limit"))
 
         def run(q: float) -> _Seen:
             seen = self.run(q * direction)
@@ -225,7 +225,7 @@ class _Fit:
             return seen
 
         line = Line(run, {0.0: self.at(first)}, lambda seen: self.misfit(seen.positions) < self.known)
-        line.double(float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, reach), -slope)), limit)
+        line.double(float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, largest), -slope)), limit)
         return line
 
 
@@ -237,7 +237,7 @@ def recover_clip(
     rest: bool = True,
     progress: Callable[[int, Evaluation], None] | None = None,
 ) -> ClipRecovery:
-    """Find the numbers of a scene, and a rest shape, for which its run passes by edited frames.
+    """Find the numbers of a scene, and a rest shape, with which its run passes through edited frames.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def _floors(given: Floor, count: int) -> Floats:
 def _refuse_beyond(frames: Sequence[int], last: int) -> None:
     """InputError for a frame that the run of the scene has not."""
     if frames[-1] > last:
-        raise InputError(f"There is no frame {frames[-1]} to pass by.", f"The run of the scene has frames 1 to {last}.")
+        raise InputError(f"There is no frame {frames[-1]} to match.", f"The run of the scene has frames 1 to {last}.")
 
 
 def _first(fit: _Fit) -> _Seen:
@@ -428,7 +428,7 @@ def _with_rest(fit: _Fit, last: _Seen, found: ClipRecovery, tell: Callable[[_See
     rests = fit.numbers.rests(last.at)
     ends = np.cumsum([len(rest) for rest in rests])[:-1]
     world = build(fit.numbers.scene, affordable=True).world
-    sheet = Sheet(np.concatenate(rests), world.triangles)
+    sheet = RestMesh(np.concatenate(rests), world.triangles)
 
     def with_added(displacements: Floats) -> _Fit:
         added = tuple(np.split(displacements, ends))

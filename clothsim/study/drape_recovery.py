@@ -103,7 +103,7 @@ class DrapeRecovery:
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
-def cloth_of(bending_length: float, curl: float = 0.0, own: Mapping[str, float] | None = None) -> dict[str, Any]:
+def assumed_cloth(bending_length: float, curl: float = 0.0, own: Mapping[str, float] | None = None) -> dict[str, Any]:
     """Keys of [cloth] of the assumed sheet with a bending length [m] and a curl [1/m]; own: keys in their place."""
     known = {"density": DENSITY, **ASSUMED, **(own or {})}
     mean = known["density"] * GRAVITY * bending_length**3
@@ -197,7 +197,7 @@ def recover_drape(
     for step in range(MOST_STEPS):
         ups = (1, -1) if both and curl else (1,)
         c = float(np.exp(x / 3))
-        found = [np.array(lay(cloth_of(c, up * curl, own), mesh_size(c))) for up in ups]
+        found = [np.array(lay(assumed_cloth(c, up * curl, own), mesh_size(c))) for up in ups]
         taken += sum(map(len, found))
         mean, apart = float(np.mean(found)), 0.5 * float(found[0].mean() - found[-1].mean())
         spread = float(np.concatenate(found).std() / np.sqrt(taken / (step + 1)))

@@ -60,7 +60,7 @@ class RestPrice:
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class RestMesh:
     """Triangles (m, 3) and rest positions (n, 3) [m] of all cloths, and how displacements of them are smoothed."""
 
     rest: Floats
@@ -117,7 +117,7 @@ class Sheet:
 
 
 def fitted_rest(
-    sheet: Sheet,
+    sheet: RestMesh,
     keys: Sequence[Floats],
     start: Floats,
     run: Callable[[Floats], Sequence[Floats]],
@@ -127,7 +127,7 @@ def fitted_rest(
 
     Parameters
     ----------
-    sheet : Sheet
+    sheet : RestMesh
     keys : sequence of (n, 3) ndarray [m]
         The edited frames.
     start : (k n, 3) ndarray [m]

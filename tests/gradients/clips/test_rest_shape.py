@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.gradients.clips.rest_shape import LONGEST, Sheet, _mixed, fitted_rest
+from clothsim.gradients.clips.rest_shape import LONGEST, RestMesh, _mixed, fitted_rest
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import rectangle
 
@@ -12,7 +12,7 @@ TURN = rotation_matrix(np.array([0.4, -0.9, 0.3]))
 
 def sheet():
     points, triangles = rectangle(size=(1.0, 1.0), cells=(8, 8))
-    return Sheet(points, triangles)
+    return RestMesh(points, triangles)
 
 
 def bump(points, height=0.05):
