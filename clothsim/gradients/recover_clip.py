@@ -23,7 +23,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.clips.gauss_newton import GaussNewton, Line
+from clothsim.gradients.clips.gauss_newton import GaussNewton, LineSearch
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
 from clothsim.gradients.clips.rest_shape import RestMesh, RestPrice, fitted_rest
 from clothsim.gradients.differentiable_session import forward
@@ -211,7 +211,7 @@ class _Fit:
 
         return GaussNewton(run, self.beside, self.linearised, self.steps, of("largest"), -limit, limit, tell, LEAST)
 
-    def doubled(self, first: _Seen, direction: Floats, slope: float, curvature: float, tell: Tell) -> Line[_Seen]:
+    def doubled(self, first: _Seen, direction: Floats, slope: float, curvature: float, tell: Tell) -> LineSearch[_Seen]:
         """Runs along a direction (k,); slope, curvature: of the sum along it at the first run.
 
         The first step is at least BEGIN of what is likely.
@@ -224,7 +224,7 @@ class _Fit:
             tell(seen)
             return seen
 
-        line = Line(run, {0.0: self.at(first)}, lambda seen: self.misfit(seen.positions) < self.known)
+        line = LineSearch(run, {0.0: self.at(first)}, lambda seen: self.misfit(seen.positions) < self.known)
         line.double(float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, largest), -slope)), limit)
         return line
 

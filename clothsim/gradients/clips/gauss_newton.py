@@ -144,7 +144,7 @@ class GaussNewton(Generic[S]):
 
 
 @dataclass(frozen=True, eq=False)
-class Line(Generic[S]):
+class LineSearch(Generic[S]):
     """Runs along a direction, by how far they are along it.
 
     Parameters

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim import ClothsimError
-from clothsim.gradients.clips.gauss_newton import HALVINGS, GaussNewton, Line, broyden_update, halved_until_lower
+from clothsim.gradients.clips.gauss_newton import HALVINGS, GaussNewton, LineSearch, broyden_update, halved_until_lower
 
 TARGET = np.array([np.exp(0.6), np.exp(-0.4), 2.0])
 
@@ -95,7 +95,7 @@ def scanned(total, step):
         seen.append(q)
         return Seen(np.array([q]), total(q), np.zeros((1, 3)))
 
-    line = Line(run, {0.0: run(0.0)})
+    line = LineSearch(run, {0.0: run(0.0)})
     line.double(step, 4.6)
     return line.refined().at[0], seen[1:]
 
@@ -116,7 +116,9 @@ def test_a_line_along_which_nothing_is_lower_takes_three_runs():
 
 def test_a_line_ends_at_its_limit_and_where_it_is_near_enough():
     assert max(scanned(lambda q: -q, 1.0)[1]) == 4.0
-    line = Line(lambda q: Seen(np.array([q]), (q - 1.5) ** 2, np.zeros((1, 3))), {}, lambda seen: seen.total < 1.0)
+    line = LineSearch(
+        lambda q: Seen(np.array([q]), (q - 1.5) ** 2, np.zeros((1, 3))), {}, lambda seen: seen.total < 1.0
+    )
     line.runs[0.0] = line.run(0.0)
     line.double(1.0, 4.6)
     assert line.refined().total == 0.25
