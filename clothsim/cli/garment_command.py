@@ -186,7 +186,7 @@ def _fit_verdict(done: "Fit") -> list[str]:
         f"{done.status}: {done.reason}",
         *(f"  note      {note}" for note in done.notes),
         f"  fitted    {_answer(done)}{done.counts}",
-        *_carried(done),
+        *_flypapered(done),
         f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as given)",
         *([f"  size      {done.size}"] if str(done.size) and done.source is not done.target else []),
         f"  look      edges {look.edge_low:.2f} to {look.edge_high:.2f} with the scale {look.scale:.2f} taken out, "
@@ -196,14 +196,14 @@ def _fit_verdict(done: "Fit") -> list[str]:
     ]
 
 
-def _carried(done: "Fit") -> list[str]:
+def _flypapered(done: "Fit") -> list[str]:
     """A line on the vertices that the body carries, where it overlaps itself."""
-    if not len(done.carried):
+    if not len(done.flypapered):
         return []
-    at = ", ".join(f"{value:.3f}" for value in done.positions[done.carried].mean(axis=0))
+    at = ", ".join(f"{value:.3f}" for value in done.positions[done.flypapered].mean(axis=0))
     return [
-        f"  carried   {len(done.carried)} vertices about ({at}) m, where {done.target.name} overlaps itself: one part "
-        "carries them, and what they intersect is not counted"
+        f"  carried   {len(done.flypapered)} vertices about ({at}) m, where {done.target.name} overlaps itself: "
+        "one part carries them, and what they intersect is not counted"
     ]
 
 
@@ -224,7 +224,7 @@ def _picture(done: "Fit") -> list[str]:
 
 
 def as_fabrics(given: list[str]) -> dict[str, str]:
-    """Named fabric by panel from "collar=denim" and the like. InputError for what is none, or a panel given twice."""
+    """Named fabric by panel from "collar=denim" and the like. InputError for other text, or a panel given twice."""
     found: dict[str, str] = {}
     for text in given:
         panel, equals, fabric = text.rpartition("=")
@@ -237,7 +237,7 @@ def as_fabrics(given: list[str]) -> dict[str, str]:
 
 
 def as_factors(given: list[str]) -> dict[str, float]:
-    """Factor by name from "waist=1.05" and the like. InputError for what is none, or a name given twice."""
+    """Factor by name from "waist=1.05" and the like. InputError for other text, or a name given twice."""
     found: dict[str, float] = {}
     for text in given:
         name, equals, factor = text.partition("=")

@@ -40,7 +40,7 @@ class Stage:
             "intersecting_pairs": self.counts.body_pairs,
             "self_pairs": self.counts.self_pairs,
             "said": self.description,
-            **({"carried": self.counts.carried} if self.counts.carried else {}),
+            **({"carried": self.counts.flypapered} if self.counts.flypapered else {}),
         }
 
 
@@ -63,17 +63,17 @@ def staged(
     make: Callable[[], tuple[Floats, str]],
     on_stage: StageCallback,
     started: float | None = None,
-    carried: Callable[[], Ints] = lambda: NO_ROWS,
+    flypapered: Callable[[], Ints] = lambda: NO_ROWS,
 ) -> Stage:
     """Run a stage: `make` returns its positions and a description; checked on `body`, then `on_stage` is called.
 
-    started: where the stage began before this call, its `process_time`; carried: called after `make`, the vertices that
-    the body carries (`penetrations`).
+    started: where the stage began before this call, its `process_time`; flypapered: called after `make`, the vertices
+    that the body carries (`penetrations`).
     """
     started = process_time() if started is None else started
     positions, description = make()
     seconds = process_time() - started
-    stage = Stage(name, seconds, positions, count_penetrations(positions, triangles, body, carried()), description)
+    stage = Stage(name, seconds, positions, count_penetrations(positions, triangles, body, flypapered()), description)
     on_stage(stage)
     return stage
 
@@ -251,7 +251,7 @@ def dress_drape(up: Floats, seams: Sequence[Mapping[str, Any]], friction: float)
 
 
 def named_stage(name: str, listener: Listener | None) -> Listener | None:
-    """The listener, with the name of the stage in what it gets; None where there is none."""
+    """The listener, with the name of the stage in its messages; None where there is none."""
     return None if listener is None else lambda progress: listener(replace(progress, stage=name))
 
 

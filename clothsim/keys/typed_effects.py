@@ -152,7 +152,11 @@ class Bending(EffectKeys):
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
     short_waves: Annotated[
         float,
-        Key("Weight of the bending of waves of a few cells that the mean of curvature loses: 1 restores it", least=0),
+        Key(
+            "Weight of the bending of waves of a few cells that the mean of curvature loses: 1 restores it",
+            least=0,
+            most=10,
+        ),
     ] = 0.0
 
 

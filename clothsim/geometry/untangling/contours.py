@@ -221,9 +221,7 @@ class Region:
     is_old: bool
 
 
-def inside_ends(
-    mesh: FilledMesh, found: EdgeTriangleIntersections, graph: Contours, inside_before: Flags
-) -> InsideEnds:
+def inner_ends(mesh: FilledMesh, found: EdgeTriangleIntersections, graph: Contours, inside_before: Flags) -> InsideEnds:
     """Return the inside end of each intersection's edge: of one curve for each contour."""
     n = len(mesh.areas)
     rows = np.searchsorted(mesh.edges[:, 0] * n + mesh.edges[:, 1], found.edges[:, 0] * n + found.edges[:, 1])

@@ -22,7 +22,7 @@ from clothsim.geometry.untangling.contours import (
     Flags,
     contours,
     edge_triangle_intersections,
-    inside_ends,
+    inner_ends,
 )
 from clothsim.mesh.topology import half_edges
 
@@ -237,7 +237,7 @@ def _cloth_targets(
     x = _leave_planes(x, mesh.triangles, own, JITTER * step)
     found = edge_triangle_intersections(x, mesh.triangles, own)
     graph = contours(found, len(own))
-    chosen = inside_ends(mesh, found, graph, inside_before)
+    chosen = inner_ends(mesh, found, graph, inside_before)
     inner, is_open = chosen.inner.copy(), chosen.is_open.copy()
     if layers is not None:
         below, above = layers[found.edges[:, 0]], layers[mesh.triangles[found.faces, 0]]
