@@ -251,7 +251,7 @@ def half_widths(ring: LevelSet) -> Floats:
 
 
 def smoothed(values: Floats) -> Floats:
-    """Means of three neighbours of `values` (k, ...), the ends kept."""
+    """Means of three neighbours of `values` (k, ...), with the ends unchanged."""
     result = values.copy()
     result[1:-1] = (values[:-2] + 2.0 * values[1:-1] + values[2:]) / 4.0
     return result

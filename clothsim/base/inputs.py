@@ -57,7 +57,7 @@ def as_table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:
 
 
 def is_number(value: Any) -> bool:
-    """True for an int or a float; a truth value is none."""
+    """True for an int or a float; not for a truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -69,7 +69,7 @@ def shown(value: Any) -> str:
 
 
 def called(where: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function of the user's returns. InputError with its name and its own error where it raises one."""
+    """What a function of the user returns. InputError with its name and its error where it raises one."""
     try:
         return function(*arguments)
     except ClothsimError:
@@ -79,7 +79,7 @@ def called(where: str, function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def raised(where: str, function: Callable[..., Any], error: Exception) -> InputError:
-    """The error for what a function of the user's raised."""
+    """The error for what a function of the user raised."""
     name = getattr(function, "__qualname__", type(function).__name__)
     return InputError(f"{where}: the function {name} raised {type(error).__name__}: {error}.", "Correct the function.")
 

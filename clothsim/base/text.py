@@ -40,6 +40,16 @@ def length_text(metres: float) -> str:
     return f"{1e6 * metres:.3g} um"
 
 
+def percent(fraction: float, sign: str = "") -> str:
+    """A fraction in percent with two digits, in whole percent from 100 on; sign: "+" writes it of positive ones too.
+
+    >>> percent(0.00223), percent(1.0), percent(0.031, "+")
+    ('0.22 %', '100 %', '+3.1 %')
+    """
+    value = 100 * fraction
+    return f"{value:{sign}.2g} %" if abs(value) < 99.5 else f"{value:{sign}.0f} %"
+
+
 def many(count: int, what: str) -> str:
     """A number of things, in the plural where it is not one."""
     return f"{count:,} {what}{'' if count == 1 else 's'}"

@@ -175,7 +175,7 @@ def as_printed_size(text: str) -> tuple[tuple[int, int], float]:
 
 
 def as_limits(option: str, text: str) -> tuple[float, float]:
-    """Two numbers of "0.9,1.1"; whether they are a range is said where it is used."""
+    """Two numbers of "0.9,1.1"; whether they are a range is checked where it is used."""
     try:
         low, high = (float(part) for part in text.split(","))
     except ValueError as error:

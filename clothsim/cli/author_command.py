@@ -9,7 +9,7 @@ import numpy as np
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.base.text import many
+from clothsim.base.text import many, percent
 from clothsim.cli import progress
 from clothsim.cli.arguments import add_output_options, add_overwrite, as_positive_number
 from clothsim.cli.report import Report, messages
@@ -123,7 +123,7 @@ def _explained(found: "ClipRecovery") -> list[str]:
     out = [f"  explained in {many(found.runs, 'run')}, the keys taken to be known to {known} mm:"]
     for name, factor in found.values.items():
         error = found.errors[name]
-        known = f"+- {100 * error:.2g} %" if np.isfinite(error) else "not determined by the keys"
+        known = f"+- {percent(error)}" if np.isfinite(error) else "not determined by the keys"
         limit = ", at its limit" if name in found.at_limit else ""
         out.append(f"    {name:<16} x {factor:<7.4g} {known}{limit}")
     for each in found.undetermined:
@@ -136,7 +136,7 @@ def _explained(found: "ClipRecovery") -> list[str]:
         price = found.rest
         out.append(
             f"  rest     residual shape: {1e3 * price.displacement:.3g} mm RMS, {1e3 * price.most:.3g} at most; "
-            f"lengths by {100 * price.length:.2g} %, angles by {np.degrees(price.angle):.2g} degrees at most"
+            f"lengths by {percent(price.length)}, angles by {np.degrees(price.angle):.2g} degrees at most"
         )
     elif found.no_rest:
         out.append(f"  rest     no residual shape: {found.no_rest}")

@@ -224,7 +224,7 @@ def _picture(done: "Fit") -> list[str]:
 
 
 def as_fabrics(given: list[str]) -> dict[str, str]:
-    """Named fabric by panel from "collar=denim" and the like. InputError for what is none, or a panel given twice."""
+    """Named fabric by panel from "collar=denim" and the like. InputError for other text, or a panel given twice."""
     found: dict[str, str] = {}
     for text in given:
         panel, equals, fabric = text.rpartition("=")
@@ -237,7 +237,7 @@ def as_fabrics(given: list[str]) -> dict[str, str]:
 
 
 def as_factors(given: list[str]) -> dict[str, float]:
-    """Factor by name from "waist=1.05" and the like. InputError for what is none, or a name given twice."""
+    """Factor by name from "waist=1.05" and the like. InputError for other text, or a name given twice."""
     found: dict[str, float] = {}
     for text in given:
         name, equals, factor = text.partition("=")

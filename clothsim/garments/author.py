@@ -274,7 +274,7 @@ def _finite(value: float) -> float | None:
 
 
 def edited_frames(run: "Run", keys: Mapping[int, Any]) -> tuple[EditedFrame, ...]:
-    """The keys in the order of time. InputError for what is none; those of `author`."""
+    """The keys in the order of time. InputError for anything else; parameters as of `author`."""
     if run.status != "completed":
         raise InputError(f"{run.directory} is a run that {run.status}.", "Edit frames of one that completed.")
     if not keys:

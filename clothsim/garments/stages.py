@@ -251,7 +251,7 @@ def dress_drape(up: Floats, seams: Sequence[Mapping[str, Any]], friction: float)
 
 
 def named_stage(name: str, listener: Listener | None) -> Listener | None:
-    """The listener, with the name of the stage in what it gets; None where there is none."""
+    """The listener, with the name of the stage in its messages; None where there is none."""
     return None if listener is None else lambda progress: listener(replace(progress, stage=name))
 
 

@@ -93,7 +93,7 @@ class Bridge:
         return held_stiffness(self.scene)
 
     def trace(self, values: Sequence[Floats]) -> Trace:
-        """Run the scene with other numbers; the last run is kept, as its derivative is asked for next."""
+        """Run the scene with other numbers; the last run is stored, because its derivative is requested next."""
         arrays = [np.asarray(value, np.float64) for value in values]
         key = b"".join(array.tobytes() for array in arrays)
         if not self._last or self._last[0][0] != key:
@@ -146,7 +146,7 @@ class RolloutBridge:
         return shape, shape
 
     def rollout(self, values: Sequence[Floats]) -> "Rollout":
-        """Take the steps; the last rollout is kept, as its derivative is asked for next."""
+        """Take the steps; the last rollout is stored, because its derivative is requested next."""
         arrays = [np.asarray(value, np.float64) for value in values]
         key = b"".join(array.tobytes() for array in arrays)
         if not self._last or self._last[0][0] != key:

@@ -32,7 +32,7 @@ class Loss(abc.ABC):
 
 @dataclass(frozen=True)
 class Custom(Loss):
-    """A loss of the user's own: a function of the positions."""
+    """A custom loss: a function of the positions."""
 
     function: Function
     frame: int = -1
@@ -51,7 +51,7 @@ class Custom(Loss):
 
 @dataclass(frozen=True)
 class OfMotion(Loss):
-    """A loss of the user's own of positions and velocities.
+    """A custom loss of positions and velocities.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ class Silhouette(Loss):
 
 
 def as_loss(loss: Loss | Function) -> Loss:
-    """Return a loss, made of a function of the last frame's positions where it is none."""
+    """Return a loss; a function of the positions of the last frame is made one."""
     if isinstance(loss, Loss):
         return loss
     if isinstance(loss, type):

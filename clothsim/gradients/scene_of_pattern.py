@@ -47,7 +47,7 @@ class ShapedScene:
         return self.scene.cloths[self.cloth].name or "cloth"
 
     def edge_rows(self, panel: str, edge: int) -> Ints:
-        """Return the vertices of the sewn cloth on an edge of a panel, (k,). InputError for an edge that is none."""
+        """Return the vertices of the sewn cloth on an edge of a panel, (k,). InputError where there is no such edge."""
         mesh, side = self.numbers.mesh, Side(panel, edge)
         if side not in mesh.edges:
             known = ", ".join(f"{each.panel}.{each.edge}" for each in mesh.edges)

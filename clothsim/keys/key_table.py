@@ -223,7 +223,7 @@ class KeyTable(Locked, Mapping[str, Any]):
 
 @cache
 def composed(parts: tuple[type[KeyTable], ...]) -> type[KeyTable]:
-    """The section with the keys of several, as of a cloth and of its generator; a key of two is that of the last."""
+    """The section with the keys of several, such as a cloth and its generator; of equal keys the last one counts."""
     first, *others = parts
     if not others:
         return first

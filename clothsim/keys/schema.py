@@ -80,7 +80,7 @@ class Key:
 
     @property
     def range(self) -> str:
-        """The bounds in words, empty where there are none: "above 0", "from 0 to 1"."""
+        """The bounds as text, empty where there are none: "above 0", "from 0 to 1"."""
         if self.least is not None and self.most is not None:
             return f"from {self.least:,g} to {self.most:,g}"
         low = f"above {self.above:g}" if self.above is not None else ""
@@ -139,7 +139,7 @@ def keys_of(section: type) -> Mapping[str, SceneKey]:
 
 
 def members(annotation: Any) -> tuple[Any, ...]:
-    """The types of a union, None left out; the type itself where it is none."""
+    """The types of a union, without None; the type itself where it is not a union."""
     if get_origin(annotation) not in (Union, UnionType):
         return (annotation,)
     return tuple(part for part in get_args(annotation) if part is not type(None))

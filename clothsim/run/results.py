@@ -171,7 +171,7 @@ class Run(Sequence[Frame]):
 
     @property
     def reason(self) -> str:
-        """The sentence that goes with the status."""
+        """The reason for the status, a sentence."""
         return str((self.summary or _INTERRUPTED).get("reason", ""))
 
     @property
@@ -285,7 +285,7 @@ class Run(Sequence[Frame]):
         return certificate_rows(self.summary) if self.summary else []
 
     def record(self) -> list[dict[str, Any]]:
-        """The entries of the record, one a step; none where the run kept no record."""
+        """The entries of the record, one a step; none where the run has no record."""
         path = self.directory / RECORD_NAME
         return read_record(path) if path.is_file() else []
 
@@ -367,7 +367,7 @@ class Run(Sequence[Frame]):
         return target
 
     def gradient(self, loss: Any) -> Any:
-        """InputError: the steps of this run were not kept; those of `simulate(scene, differentiable=True)` are."""
+        """InputError: the steps of this run were not recorded; those of `simulate(scene, differentiable=True)` are."""
         raise InputError(f"The run {self.directory} did not record its steps, and has no gradient.", NO_GRADIENT)
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":

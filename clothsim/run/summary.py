@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.process_memory import peak_memory
-from clothsim.base.text import length_text, many
+from clothsim.base.text import length_text, many, percent
 from clothsim.geometry.held_inside import held_inside
 from clothsim.physics.energies.protocols import report_of
 from clothsim.run.intersections import NO_CLOTH, SURFACES_OF_KIND, IntersectionCheck, intersection_warnings
@@ -138,7 +138,7 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
     if contact:
         parts.append(f"smallest gap {length_text(gap)}" if gap is not None else "never closer than d_hat")
     drift = certificate["energy_drift"]
-    energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {100 * drift:.2g} %"
+    energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {percent(drift)}"
     changes = certificate.get("stiffness_changes", {"added": 0.0})  # a summary of an earlier version has none
     if changes["added"]:
         energy += (
@@ -152,7 +152,7 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
     forces = f"residual force {certificate['residual']:.1e} N"
     if "relative_residual" in certificate:  # a summary of an earlier version has none
-        forces += f", at most {100 * certificate['relative_residual']:.2g} % of the largest force in any step"
+        forces += f", at most {percent(certificate['relative_residual'])} of the largest force in any step"
     return [
         ("contact", "; ".join(parts)),
         *(("pinch", text) for text in _pinch(certificate)),

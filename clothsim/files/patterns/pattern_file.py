@@ -87,7 +87,7 @@ class SewingFile:
 
 
 def read_sewing_file(path: Path) -> SewingFile:
-    """Entries of a sewing file. InputError for a file that is none, naming the key."""
+    """Entries of a sewing file. InputError for any other file, naming the key."""
     try:
         absent = "Write the seams to it, or name another file with --seams."
         data = tomllib.loads(read_regular_file(path, MOST_BYTES, absent).decode("utf-8-sig"))

@@ -150,7 +150,7 @@ def sized(
 
 
 def worn_positions(garment: Floats, source: BodySurface, moved: Floats) -> Floats:
-    """Garment positions carried from one body to another with the points of the body below them, (n, 3) [m].
+    """Garment positions moved from one body to another with the points of the body below them, (n, 3) [m].
 
     Each vertex keeps its offset from the closest point of the body, turned as the body is turned there. garment (n, 3):
     positions on the source body [m]; moved (k, 3): vertices of that body in the shape and pose of the other one [m].

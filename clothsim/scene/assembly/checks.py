@@ -51,7 +51,7 @@ def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: 
 
 
 def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) -> tuple[str, ...]:
-    """Meshes whose unit or vertical axis looks wrong, each with the key that mends it.
+    """Meshes whose unit or vertical axis looks wrong, each with the key that corrects it.
 
     world: cloths and bodies at the start; scene: their tables. Of generated bodies a slab is taken for a floor, and
     none has a vertical axis of its own; energies: the effects that are on.

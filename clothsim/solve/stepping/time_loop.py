@@ -210,7 +210,7 @@ COMPRESSED = 1 - 1e-9
 
 @dataclass(frozen=True)
 class ModeDisplacement:
-    """A displacement dx (N, 3) [m] along a mode; 0 where the state is kept."""
+    """A displacement dx (N, 3) [m] along a mode; 0 where the state is left unchanged."""
 
     mode: Mode
     dx: Floats

@@ -204,7 +204,7 @@ def refuse_unbuildable(recipe: Recipe) -> None:
 
 
 def open_farm(directory: str | Path) -> Farm:
-    """The farm in a folder. InputError where there is none, it is not as it was planned, or a link leads out of it."""
+    """The farm in a folder. InputError where there is none, it differs from its plan, or a link leads out of it."""
     folder = Path(directory)
     if not (folder / FARM_NAME).exists():
         raise InputError(f"{folder} is not a farm.", "Make one: `clothsim farm plan RECIPE -o DIR`.")

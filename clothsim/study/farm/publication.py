@@ -85,7 +85,7 @@ def publish(farm: Path, name: str, worker: Worker, files: Mapping[str, bytes]) -
 
 
 def is_published(farm: Path, name: str) -> bool:
-    """True where the folder of a drape is there; a link or a file in its place is none."""
+    """True where the folder of a drape is there; False for a link or a file in its place."""
     path = farm / "drapes" / name
     return path.is_dir() and not path.is_symlink()
 

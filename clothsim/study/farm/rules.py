@@ -59,7 +59,7 @@ def checked_rules(given: Mapping[str, Any], until: str) -> dict[str, Any]:
 
 
 def broken_rule(rules: Mapping[str, Any], at_rest: bool, measured: Mapping[str, float | None]) -> tuple[str, str]:
-    """The first rule that a drape breaks and a sentence on it; both empty where it keeps all.
+    """The first rule that a drape breaks and a sentence on it; both empty where it meets all.
 
     measured: by the name of what is measured; None where it is not known, which breaks the rule.
 
