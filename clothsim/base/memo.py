@@ -38,7 +38,14 @@ class Memo(Generic[Result]):
         for argument, result in self._cached:
             if equal(argument, x):
                 return result
-        result = compute(x)
+        return self.remember(x, compute(x))
+
+    def known(self, x: Floats) -> Result | None:
+        """Return the cached result for x (n, 3); None where there is none."""
+        return next((result for argument, result in self._cached if equal(argument, x)), None)
+
+    def remember(self, x: Floats, result: Result) -> Result:
+        """Cache a result for x (n, 3), which is copied, as the last one; return it."""
         if len(self._cached) == CAPACITY + self._oldest:
             del self._cached[self._oldest]
         self._cached.append((x.copy(), result))

@@ -34,3 +34,12 @@ def test_what_is_not_finite_is_asked_again():
     for _ in range(2):
         lately.at(np.full((1, 3), np.nan), asked.append)
     assert len(asked) == 2
+
+
+def test_a_result_is_remembered_as_a_copy_of_its_place():
+    lately, x = Memo(), np.zeros((1, 3))
+    assert lately.known(x) is None
+    assert lately.remember(x, "zero") == "zero"
+    x += 1.0
+    assert lately.known(x) is None
+    assert lately.known(np.zeros((1, 3))) == "zero"
