@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import is_number
 
 
 class Drapes:
@@ -40,7 +41,7 @@ class Drapes:
     Raises
     ------
     InputError
-        Where the file is no data set of drapes.
+        Where the file is not a data set of drapes.
 
     Examples
     --------
@@ -76,14 +77,14 @@ class Drapes:
             self._places = [places[row["id"]] for row in self.rows]
         except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
             raise InputError(
-                f"{self.path} is no data set of drapes ({error}).", "Write one: `clothsim farm pack DIR -o data.h5`."
+                f"{self.path} is not a data set of drapes ({error}).", "Write one: `clothsim farm pack DIR -o data.h5`."
             ) from error
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
         """The varied keys that are numbers in every drape."""
         keys = self.rows[0]["parameters"] if self.rows else {}
-        return tuple(key for key in keys if all(_is_number(row["parameters"][key]) for row in self.rows))
+        return tuple(key for key in keys if all(is_number(row["parameters"][key]) for row in self.rows))
 
     def __len__(self) -> int:
         """Number of drapes."""
@@ -130,7 +131,3 @@ class Drapes:
     def __getstate__(self) -> dict[str, Any]:
         """Without the open file, for a process that is spawned."""
         return {**self.__dict__, "_opened": None}
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

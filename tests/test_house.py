@@ -1,5 +1,6 @@
 """Structure of the package: limits that may only fall, and what the doors load."""
 
+import ast
 import subprocess
 import sys
 
@@ -14,6 +15,8 @@ LIMITS = {
     "names at the other doors": 39,
     "modules with one importer, in their folder": 11,
     "imports inside functions": 51,
+    "classes of one name in several modules": 2,
+    "functions of one name in several modules": 37,
 }
 
 
@@ -24,12 +27,18 @@ def counts():
         "names at the other doors": sum(len(door.__all__) for door in (patterns, files, render, gradients)),
         "modules with one importer, in their folder": len(house.single_importers()),
         "imports inside functions": house.function_imports(),
+        "classes of one name in several modules": len(house.repeated_names(ast.ClassDef)),
+        "functions of one name in several modules": len(house.repeated_names(ast.FunctionDef)),
     }
 
 
 @pytest.mark.parametrize("what", LIMITS)
 def test_what_one_must_know_only_falls(what):
     assert counts()[what] <= LIMITS[what]
+
+
+def test_docstrings_name_what_there_is():
+    assert house.unknown_names() == []
 
 
 def test_no_application_imports_an_engine_room():

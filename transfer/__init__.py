@@ -26,7 +26,7 @@ if _TYPE_CHECKING:
     )
     from transfer.correspond import Correspondence, Similarity, by_boxes, by_points
     from transfer.correspond import correspond as correspond_bodies
-    from transfer.deform import DeformationTransfer, FollowedSource, deformation_transfer, followed_source
+    from transfer.deform import DeformationTransfer, SourceFrames, deformation_transfer, source_frames
     from transfer.errors import TransferError
     from transfer.garment import garment_transfer, transfer_garment
     from transfer.refine import Refined

@@ -20,7 +20,7 @@ from transfer.triangle_surface import Floats, Ints, as_surface, unit
 
 
 @dataclass(frozen=True)
-class Ring:
+class LevelSet:
     """Level set of a field.
 
     Attributes
@@ -53,12 +53,12 @@ class Ring:
         squared = (((self.starts + self.ends) / 2.0 - self.centre) ** 2).sum(axis=1)
         return float(np.sqrt(lengths @ squared / lengths.sum()))
 
-    def only(self, chosen: NDArray[np.bool_]) -> "Ring":
-        """Ring of the segments where `chosen` (s,) is true."""
-        return Ring(self.starts[chosen], self.ends[chosen], self.triangles[chosen])
+    def only(self, chosen: NDArray[np.bool_]) -> "LevelSet":
+        """The level set of the segments where `chosen` (s,) is true."""
+        return LevelSet(self.starts[chosen], self.ends[chosen], self.triangles[chosen])
 
 
-def level_set(positions: Floats, triangles: Ints, field: Floats, level: float) -> Ring:
+def level_set(positions: Floats, triangles: Ints, field: Floats, level: float) -> LevelSet:
     """Curve on which the piecewise linear `field` (n,) has the value `level`; without segments where none has."""
     values = field[triangles] - level
     above = values > 0
@@ -72,10 +72,10 @@ def level_set(positions: Floats, triangles: Ints, field: Floats, level: float) -
         at, to = values[rows, single], values[rows, other]
         t = (at / (at - to))[:, None]
         ends.append((1.0 - t) * positions[corners[rows, single]] + t * positions[corners[rows, other]])
-    return Ring(ends[0], ends[1], crossed)
+    return LevelSet(ends[0], ends[1], crossed)
 
 
-def loops(ring: Ring, triangles: Ints) -> list[Ring]:
+def loops(ring: LevelSet, triangles: Ints) -> list[LevelSet]:
     """Connected pieces of a level set, the longest first."""
     crossed = triangles[ring.triangles]
     other = crossed[:, [1, 2, 0]]
@@ -89,7 +89,7 @@ def loops(ring: Ring, triangles: Ints) -> list[Ring]:
     return sorted(pieces, key=lambda piece: -float(piece.lengths.sum()))
 
 
-def girth(ring: Ring) -> float:
+def girth(ring: LevelSet) -> float:
     """Length of a tape about a ring: perimeter of its convex hull in its plane of least squares [m]."""
     points = np.concatenate([ring.starts, ring.ends])
     if len(points) < 6:

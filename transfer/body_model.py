@@ -175,7 +175,7 @@ def read_body_model(path: str | Path) -> BodyModel:
     Raises
     ------
     TransferError
-        The file is missing, is no .npz file, lacks a key, holds pickled data or arrays of inconsistent shapes.
+        The file is missing, is not an .npz file, lacks a key, holds pickled data or arrays of inconsistent shapes.
 
     Examples
     --------
@@ -186,14 +186,14 @@ def read_body_model(path: str | Path) -> BodyModel:
     """
     name = Path(path).name
     if Path(path).exists() and not Path(path).is_file():
-        raise TransferError(f"{name} is no regular file.")
+        raise TransferError(f"{name} is not a regular file.")
     try:
         file = np.load(path, allow_pickle=False)
     except FileNotFoundError as error:
         raise TransferError(f"There is no file {name}.") from error
     except UNREADABLE as error:
         raise TransferError(
-            f"{name} is no .npz file of plain arrays.", "Convert pickled files (.pkl), which may run code, to .npz."
+            f"{name} is not an .npz file of plain arrays.", "Convert pickled files (.pkl), which may run code, to .npz."
         ) from error
     if not isinstance(file, np.lib.npyio.NpzFile):
         raise TransferError(f"{name} holds one array, not a body model.", "Give an .npz file.")
@@ -254,7 +254,7 @@ def _entry(file: np.lib.npyio.NpzFile, key: str, name: str) -> NDArray:
         return np.asarray(file[key])
     except UNREADABLE as error:
         raise TransferError(
-            f"{key!r} of {name} is no plain array.", "Pickled data is not read: save it as an array of numbers."
+            f"{key!r} of {name} is not a plain array.", "Pickled data is not read: save it as an array of numbers."
         ) from error
 
 
@@ -354,7 +354,7 @@ class PosedBody:
             worst = int(size.argmin())
             raise TransferError(
                 f"Vertex {worst} is between two joints turned against each other: its blended matrix is singular.",
-                "Take another frame, or weights of vertices nearer to one of the joints.",
+                "Use another frame, or weights of vertices nearer to one of the joints.",
             )
         return np.asarray(np.linalg.solve(linear, (given - moves)[..., None])[..., 0] - offsets, np.float64)
 

@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from transfer.body_frame import BodyFrame, Ring, body_frame, girth, level_set
+from transfer.body_frame import BodyFrame, LevelSet, body_frame, girth, level_set
 from transfer.errors import TransferError
 from transfer.triangle_surface import Floats, Ints, edges_of, largest_component, vertex_components
 
@@ -135,7 +135,7 @@ FOOT = 0.05
 
 
 @dataclass(frozen=True)
-class Tube:
+class BodyTube:
     """Sections along a limb or the trunk.
 
     Attributes
@@ -171,8 +171,8 @@ class BodyParts:
     frame : BodyFrame
     landmarks : dict of str to float
         Heights of crotch, armpit, neck and crown above the ground [m].
-    trunk : Tube
-    legs, arms : tuple of Tube
+    trunk : BodyTube
+    legs, arms : tuple of BodyTube
         Left, right.
     hands : ndarray (2, n)
         Distance of each vertex from either hand along the surface as a fraction of that of the armpit.
@@ -182,9 +182,9 @@ class BodyParts:
 
     frame: BodyFrame
     landmarks: dict[str, float]
-    trunk: Tube
-    legs: tuple[Tube, Tube]
-    arms: tuple[Tube, Tube]
+    trunk: BodyTube
+    legs: tuple[BodyTube, BodyTube]
+    arms: tuple[BodyTube, BodyTube]
     hands: Floats
     tips: Floats
 
@@ -234,24 +234,24 @@ def neck_height(local: Floats, body: Ints, armpit: float, crown: float) -> float
     return float(heights[int(np.argmin(girths))])
 
 
-def tube_of(local: Floats, triangles: Ints, field: Floats, levels: Floats) -> Tube:
+def tube_of(local: Floats, triangles: Ints, field: Floats, levels: Floats) -> BodyTube:
     """Sections of the triangles at `levels` (k,) of `field` (n,), smoothed by their neighbours."""
     rings = [(level, level_set(local, triangles, field, level)) for level in levels]
     kept = [(level, ring) for level, ring in rings if len(ring.starts) > 2]
     centres = smoothed(np.stack([ring.centre for _, ring in kept]))
     extents = smoothed(np.stack([half_widths(ring) for _, ring in kept]))
     girths = smoothed(np.array([girth(ring) for _, ring in kept]))
-    return Tube(np.array([level for level, _ in kept]), centres, extents, girths)
+    return BodyTube(np.array([level for level, _ in kept]), centres, extents, girths)
 
 
-def half_widths(ring: Ring) -> Floats:
+def half_widths(ring: LevelSet) -> Floats:
     """Half of the ring's extents to the side and to the front, (2,) [m]."""
     points = np.concatenate([ring.starts, ring.ends])
     return np.asarray(np.ptp(points, axis=0)[[0, 2]] / 2.0)
 
 
 def smoothed(values: Floats) -> Floats:
-    """Means of three neighbours of `values` (k, ...), the ends kept."""
+    """Means of three neighbours of `values` (k, ...), with the ends unchanged."""
     result = values.copy()
     result[1:-1] = (values[:-2] + 2.0 * values[1:-1] + values[2:]) / 4.0
     return result

@@ -46,8 +46,8 @@ class AveragedMotion:
 
 
 @dataclass(frozen=True)
-class FollowedSource:
-    """Source at rest with inverse frames for many poses; made by `followed_source`.
+class SourceFrames:
+    """Source at rest with inverse frames for many poses; made by `source_frames`.
 
     vertices: their number; triangles (k, 3): those that are followed; inverses (k, 3, 3) of their rest frames;
     averages (m, k); start (m, 3): mean rest centroid of the triangles that each row follows [m].
@@ -82,7 +82,7 @@ class FollowedSource:
         return AveragedMotion(mean.reshape(-1, 3, 3), self.start, self.middles @ positions)
 
 
-def followed_source(averages: csr_array, rest: ArrayLike, triangles: ArrayLike) -> FollowedSource:
+def source_frames(averages: csr_array, rest: ArrayLike, triangles: ArrayLike) -> SourceFrames:
     """Prepare a source at rest; averages (m, source triangles): weights of the triangles that each row follows.
 
     TransferError where a followed triangle does not exist or has no area.
@@ -95,7 +95,7 @@ def followed_source(averages: csr_array, rest: ArrayLike, triangles: ArrayLike) 
     named = np.flatnonzero(np.bincount(averages.indices, minlength=averages.shape[1]))
     used, narrow = every[named], averages[:, named]
     inverses = inverse_frames(positions, used, "the source", named)
-    return FollowedSource(len(positions), used, inverses, narrow, narrow @ centroids(positions, used))
+    return SourceFrames(len(positions), used, inverses, narrow, narrow @ centroids(positions, used))
 
 
 WEAK = 1e-3
@@ -178,7 +178,7 @@ class DeformationTransfer:
 
     def follow(self, source_rest: ArrayLike, source_triangles: ArrayLike) -> Callable[[ArrayLike], Floats]:
         """`pose` for many poses of one source: a function from deformed source (k, 3) to target (n, 3) [m]."""
-        source = followed_source(self.averages, source_rest, source_triangles)
+        source = source_frames(self.averages, source_rest, source_triangles)
         return lambda deformed: self.solve(source.averaged(deformed))
 
     def solve(self, averaged: AveragedMotion) -> Floats:

@@ -85,12 +85,12 @@ def garment_transfer(
     """Factorize the transfer of a garment on its body: `.pose(body, body_triangles, other_body)` for each body."""
     garment = as_surface("garment", garment_positions, garment_triangles)
     body = as_surface("body", body_positions, body_triangles)
-    pairs, weights = followed(garment, body)
+    pairs, weights = pairs_with_body(garment, body)
     length = BLEND_LENGTH * float(np.ptp(body[0][np.unique(body[1])], axis=0).max())
     return deformation_transfer(*garment, pairs, weights, anchor=2.0 / length**2)
 
 
-def followed(garment: tuple[Floats, Ints], body: tuple[Floats, Ints]) -> tuple[Ints, Floats]:
+def pairs_with_body(garment: tuple[Floats, Ints], body: tuple[Floats, Ints]) -> tuple[Ints, Floats]:
     """Pairs (p, 2): (body triangle, garment triangle), and weights (p,) of sum 1 for each garment triangle.
 
     Of the nearest body triangles those with a compatible normal are used (each component of the garment may be wound

@@ -82,7 +82,7 @@ class MotionModel:
         """Canonical garments (f, k, 3) [m] of inputs (f, p), the frames of a motion in their order from time 0 on."""
         given = np.asarray(inputs, np.float64)
         if given.ndim != 2 or given.shape[1] != len(self.centre):
-            raise TransferError(f"inputs are {given.shape}, not (f, {len(self.centre)}).", "Take the same skeleton.")
+            raise TransferError(f"inputs are {given.shape}, not (f, {len(self.centre)}).", "Use the same skeleton.")
         points = self.space.drapes(KINDS[self.kind](self.parts, self.standard(given))).reshape(-1, 3)
         return pushed_out(self.grid, points, CLEARANCE).reshape(len(given), -1, 3)
 

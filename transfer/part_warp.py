@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from transfer.body_parts import BodyParts, Tube
+from transfer.body_parts import BodyParts, BodyTube
 from transfer.triangle_surface import Floats, unit
 
 LEVELS = ("crotch", "armpit", "neck", "crown")
@@ -75,7 +75,7 @@ def heights_onto(source: BodyParts, target: BodyParts, heights: Floats) -> Float
     return mapped + np.where(heights > own[-1], heights - own[-1], 0.0) + np.minimum(heights, 0.0)
 
 
-def upright(source: BodyParts, target: BodyParts, tube: Tube, onto: Tube, local: Floats) -> Floats:
+def upright(source: BodyParts, target: BodyParts, tube: BodyTube, onto: BodyTube, local: Floats) -> Floats:
     """Map of the trunk or a leg: heights by landmarks, across by the ratio of the extents."""
     heights = heights_onto(source, target, local[:, 1])
     ratio = onto.at(heights, onto.extents) / tube.at(local[:, 1], tube.extents)
@@ -95,7 +95,7 @@ def along_arm(source: BodyParts, target: BodyParts, side: int, local: Floats) ->
     return onto + np.einsum("kab,ka->kb", turned, ratio[:, None] * offset)
 
 
-def arm_ratio(source: Tube, target: Tube) -> Floats:
+def arm_ratio(source: BodyTube, target: BodyTube) -> Floats:
     """Ratio of the girths at nine stations from the hand to the shoulder."""
     stations = np.linspace(source.levels[0], source.levels[-1], 9)
     return target.at(stations, target.girths) / source.at(stations, source.girths)
@@ -199,7 +199,7 @@ def size_factors(source: BodyParts, target: BodyParts) -> SizeFactors:
     return SizeFactors(named, trunk, np.stack([legs, legs]), np.stack([arms, arms]), lengths, mean)
 
 
-def profile(tube: Tube, onto: Tube, levels: Floats) -> Floats:
+def profile(tube: BodyTube, onto: BodyTube, levels: Floats) -> Floats:
     """Ratio of the girths at the sections of `tube`, whose levels on the other are `levels`, averaged along it."""
     ratio = onto.at(levels, onto.girths) / tube.girths
     for _ in range(BROAD):

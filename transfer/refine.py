@@ -72,7 +72,7 @@ class Refined:
 
 
 @dataclass(frozen=True)
-class Targets:
+class ActiveRows:
     """Active rows of one pass: indices (k,), outward normals (k, 3), and distances to their target (k,) [m]."""
 
     rows: Ints
@@ -102,7 +102,7 @@ def refine(
         Body vertices [m].
     body_triangles : array_like (l, 3)
     eps : float, optional
-        Target distance from the body [m], > 0. None: from edge lengths and curvature (`clearance`).
+        Target distance from the body [m], > 0. None: from edge lengths and curvature (`clearances`).
     passes : int
         Most passes, >= 1.
     samples : bool
@@ -159,7 +159,7 @@ def refined_on(
         raise TransferError(f"passes is {passes!r}.", "Give at least 1.")
     edges = edges_of(triangles)
     weights = sample_weights(triangles, edges, len(x)) if samples else _identity(len(x))
-    aims = clearance(x, edges, body) if eps is None else None
+    aims = clearances(x, edges, body) if eps is None else None
     smoothing = _deviation(edges, len(x))
     inside, depth, used = [], [], np.zeros(len(x))
     for k in range(passes + 1):
@@ -173,7 +173,7 @@ def refined_on(
         if along_normals:
             distance, normals = _seen_along_normals(body, x, triangles, weights, distance, normals)
         rows = np.flatnonzero(distance < wanted)
-        targets = Targets(rows, normals[rows], wanted[rows] - distance[rows])
+        targets = ActiveRows(rows, normals[rows], wanted[rows] - distance[rows])
         x, used = x + displacement(weights, targets, smoothing, k), wanted[: len(x)]
     return Refined(x, tuple(inside), tuple(depth), used)
 
@@ -197,7 +197,7 @@ class Clearance:
         return np.asarray(self.floor + np.minimum(sagitta, CEILING * edges))
 
 
-def clearance(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clearance:
+def clearances(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clearance:
     """Target distance eps = edge^2 curvature / 6 + floor.
 
     A chord of length h between points on a sphere of curvature c is h^2 c / 8 below it, the middle of an equilateral
@@ -208,7 +208,7 @@ def clearance(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clea
     return Clearance(longest, at_vertices[body.triangles].max(axis=1), FLOOR * float(np.median(longest[longest > 0])))
 
 
-def displacement(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -> Floats:
+def displacement(weights: Sparse, targets: ActiveRows, smoothing: Sparse, k: int) -> Floats:
     """Displacement d of pass k, (n, 3) [m]: the solution of its normal equations."""
     matrix, right = normal_equations(weights, targets, smoothing, k)
     # The eigenvalues lie between lam_d and 4 lam_s + lam_d + the rows at a vertex: a factorization does not pay.
@@ -218,7 +218,7 @@ def displacement(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -
     return np.ascontiguousarray(solution.reshape(3, -1).T)
 
 
-def normal_equations(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -> tuple[Sparse, Floats]:
+def normal_equations(weights: Sparse, targets: ActiveRows, smoothing: Sparse, k: int) -> tuple[Sparse, Floats]:
     """Symmetric positive definite matrix (3n, 3n) and right-hand side (3n,) of pass k: all x, then y, then z."""
     lam_s, lam_d = (schedule[min(k, len(schedule) - 1)] for schedule in (SMOOTHNESS, DAMPING))
     chosen = weights[targets.rows]

@@ -34,7 +34,7 @@ def as_points(name: str, positions: ArrayLike) -> Floats:
     try:
         points = np.ascontiguousarray(positions, np.float64)
     except (TypeError, ValueError) as error:
-        raise TransferError(f"{name} is no array of numbers: {error}.") from error
+        raise TransferError(f"{name} is not an array of numbers: {error}.") from error
     if points.ndim != 2 or points.shape[1] != 3:
         raise TransferError(f"{name} must have shape (n, 3), not {points.shape}.")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))

@@ -32,25 +32,25 @@ ROUNDINGS = (0.5, -0.53, 0.5, -0.53)
 """Steps of the vertices of a union towards the means of their neighbours and back, which widen the slivers of marching
 cubes and keep the volume (Taubin 1995)."""
 
-Sheet = tuple[Floats, Ints]
+TriangleMesh = tuple[Floats, Ints]
 """Vertices (n, 3) [m] and triangles (m, 3) of a garment."""
 
 
-def wrap(surface: BodySurface, garments: Sequence[Sheet], layer: float, cell: float) -> Sheet:
+def wrap(surface: BodySurface, garments: Sequence[TriangleMesh], layer: float, cell: float) -> TriangleMesh:
     """The closed surface round a body and garments, outward; it may have several pieces, none of them a cavity.
 
     Parameters
     ----------
     surface : BodySurface
         The body, in any number of pieces that may overlap.
-    garments : sequence of Sheet
+    garments : sequence of TriangleMesh
         Open surfaces on it.
     layer, cell : float
         Distance from both, and side of a lattice cell [m].
 
     Returns
     -------
-    Sheet
+    TriangleMesh
         Vertices (n, 3) [m] and triangles (m, 3).
     """
     every = np.concatenate([surface.positions, *(positions for positions, _ in garments)])
@@ -81,7 +81,7 @@ def wrap(surface: BodySurface, garments: Sequence[Sheet], layer: float, cell: fl
     return _outer(np.asarray(positions, np.float64), np.asarray(triangles, np.int64))
 
 
-def union(surface: BodySurface, cell: float) -> Sheet:
+def union(surface: BodySurface, cell: float) -> TriangleMesh:
     """The outside of a body in pieces as one closed surface, outward.
 
     Parameters
@@ -93,7 +93,7 @@ def union(surface: BodySurface, cell: float) -> Sheet:
 
     Returns
     -------
-    Sheet
+    TriangleMesh
         Vertices (n, 3) [m] and triangles (m, 3).
 
     Raises
@@ -133,7 +133,7 @@ def union(surface: BodySurface, cell: float) -> Sheet:
     )
 
 
-def _rounded(positions: Floats, triangles: Ints) -> Sheet:
+def _rounded(positions: Floats, triangles: Ints) -> TriangleMesh:
     ring = adjacency(edges_of(triangles), len(positions))
     count = ring.sum(axis=1)[:, None]
     for step in ROUNDINGS:
@@ -141,7 +141,7 @@ def _rounded(positions: Floats, triangles: Ints) -> Sheet:
     return positions, triangles
 
 
-def _only(positions: Floats, triangles: Ints) -> Sheet:
+def _only(positions: Floats, triangles: Ints) -> TriangleMesh:
     """The vertices of some triangles, renumbered."""
     used, renumbered = np.unique(triangles, return_inverse=True)
     return positions[used], renumbered.reshape(-1, 3).astype(np.int64)
@@ -162,8 +162,8 @@ class _Shell:
         return np.asarray(np.where(inside, -1.0, 1.0) * np.sqrt(squared), np.float64)
 
 
-def _outer(positions: Floats, triangles: Ints) -> Sheet:
-    """The pieces of a level set that are no cavities, turned outward."""
+def _outer(positions: Floats, triangles: Ints) -> TriangleMesh:
+    """The pieces of a level set that are not cavities, turned outward."""
     if not len(triangles):
         return positions, triangles
     label = vertex_components(triangles, len(positions))[triangles[:, 0]]

@@ -45,14 +45,14 @@ def as_triangles(name: str, values: ArrayLike, n_vertices: int) -> Ints:
     try:
         raw = _plain(values)
         if raw.dtype.kind == "b":
-            raise TypeError("they are truth values")
+            raise TypeError("they are booleans")
         with np.errstate(invalid="ignore"):  # NaN: compared below
             triangles = np.ascontiguousarray(raw, dtype=np.int64)
     except (ValueError, TypeError) as error:
         raise InputError(f"{name} must be whole numbers: {error}.") from error
     if raw.size and not np.array_equal(raw, triangles):
         raise InputError(
-            f"{name} must be whole numbers.", "They are numbers of vertices, from 0; positions come first."
+            f"{name} must be whole numbers.", "They are vertex numbers, counted from 0; positions come first."
         )
     if triangles.ndim != 2 or triangles.shape[1] != 3:
         raise InputError(f"{name} must have shape (m, 3), not {triangles.shape}.")

@@ -67,9 +67,10 @@ def _keyword(option: re.Match[str]) -> str:
 
 def _readable(text: str) -> str:
     """`text` without control characters, its lines of bounded length."""
-    return printable("\n".join(_cut(line) for line in text.split("\n")))
+    return printable("\n".join(shortened(line, LONGEST) for line in text.split("\n")))
 
 
-def _cut(line: str) -> str:
-    half = LONGEST // 2
-    return line if len(line) <= LONGEST else f"{line[:half]} ... {line[-half:]}"
+def shortened(text: str, longest: int) -> str:
+    """`text`, or both its ends where it has more than `longest` letters."""
+    half = longest // 2
+    return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"

@@ -33,7 +33,7 @@ def read_regular_file(path: str | Path, most: int = MOST_BYTES, remedy: str = ""
         size = file.stat().st_size
         if not file.is_file():
             what = "a directory" if file.is_dir() else "a pipe or a device"
-            raise InputError(f"{file} is {what}, no file.", "Name a regular file.")
+            raise InputError(f"{file} is {what}, not a file.", "Name a regular file.")
         if size > most:
             raise InputError(f"{file} has {size / 1e9:,.3g} GB, more than the {most / 1e9:.2g} GB that are read.")
         return file.read_bytes()
@@ -69,7 +69,7 @@ def read_numbers(path: str | Path) -> NDArray[np.number]:
         Exception
     ) as error:  # besides ValueError: TokenError, SyntaxError, MemoryError, RecursionError, OverflowError
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{path} is no NumPy file of numbers ({reason}).", "Write it with numpy.save.") from error
+        raise InputError(f"{path} is not a NumPy file of numbers ({reason}).", "Write it with numpy.save.") from error
 
 
 MOST_UNPACKED = 4 << 30
@@ -81,7 +81,7 @@ def read_arrays(path: Path, names: list[str], most: int = MOST_UNPACKED) -> dict
 
     most: largest size of one of them [bytes].
 
-    InputError: there is no such file, it is no archive, or one of the arrays is pickled, broken or too large.
+    InputError: there is no such file, it is not an archive, or one of the arrays is pickled, broken or too large.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -94,7 +94,7 @@ def read_arrays(path: Path, names: list[str], most: int = MOST_UNPACKED) -> dict
     except Exception as error:  # zipfile and NumPy's header raise a dozen types of errors
         reason = " ".join(str(error).split())[:80] or type(error).__name__
         raise InputError(
-            f"{path.name} is no .npz file of plain arrays ({reason}).", "Save it with numpy.savez."
+            f"{path.name} is not an .npz file of plain arrays ({reason}).", "Save it with numpy.savez."
         ) from error
 
 
@@ -113,14 +113,14 @@ def _array(path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: i
         shape, order, dtype = _header(content)
         if dtype.hasobject or dtype.kind not in "iuf":
             raise InputError(
-                f"{name!r} of {path.name} is no array of numbers: pickled data is not read.", "Save it as numbers."
+                f"{name!r} of {path.name} is not an array of numbers: pickled data is not read.", "Save it as numbers."
             )
         size = int(np.prod(shape, dtype=object)) * dtype.itemsize
         if size > most or size > entry.file_size or min(shape, default=0) < 0:
             raise InputError(f"{name!r} of {path.name} says {shape}, more than it holds or than is read.")
         data = content.read(size)
     if len(data) < size:
-        raise InputError(f"{name!r} of {path.name} is cut off.", "Copy it again.")
+        raise InputError(f"{name!r} of {path.name} is truncated.", "Copy it again.")
     return np.frombuffer(data, dtype).reshape(shape, order="F" if order else "C")
 
 

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeVar
 
-from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.errors import ClothsimError, InputError, shortened
 
 SYNONYMS = {
     **dict.fromkeys(("border", "edge", "edges"), "boundary"),
@@ -22,7 +22,7 @@ LONGEST = 120
 """Letters of a value in a message."""
 
 
-def nearest(name: Any, known: Iterable[str], least: float = 0.5) -> str:
+def did_you_mean(name: Any, known: Iterable[str], least: float = 0.5) -> str:
     """A question for the nearest known name; empty where none is at least that similar, from 0 to 1."""
     if SYNONYMS.get(str(name)) in (known := list(known)):
         return f"Did you mean {SYNONYMS[str(name)]!r}?"
@@ -32,7 +32,7 @@ def nearest(name: Any, known: Iterable[str], least: float = 0.5) -> str:
 
 def nearest_or_known(where: str, key: str, known: list[str]) -> str:
     """The remedy for an unknown key: the nearest known one, else all."""
-    return nearest(key, known) or (f"Known: {', '.join(known)}." if known else f"{where} takes no keys.")
+    return did_you_mean(key, known) or (f"Known: {', '.join(known)}." if known else f"{where} takes no keys.")
 
 
 def refuse_unknown(
@@ -48,7 +48,7 @@ def refuse_unknown(
             raise InputError(f"{where} has no key {key!r}.", remedy(where, str(key), names))
 
 
-def table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:
+def as_table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:
     """`value` as a table of keys; InputError otherwise."""
     if not isinstance(value, Mapping):
         hint = remedy or f"Write its keys under [{where}]."
@@ -56,16 +56,20 @@ def table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:
     return value
 
 
+def is_number(value: Any) -> bool:
+    """True for an int or a float; not for a truth value."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def shown(value: Any) -> str:
     """A value in a message: on one line and short, of an array its shape."""
     if getattr(value, "shape", ()):
         return f"an array of shape {value.shape}"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+    return shortened(" ".join(repr(value).split()), LONGEST)
 
 
 def called(where: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function of the user's returns. InputError with its name and its own error where it raises one."""
+    """What a function of the user returns. InputError with its name and its error where it raises one."""
     try:
         return function(*arguments)
     except ClothsimError:
@@ -75,9 +79,9 @@ def called(where: str, function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def raised(where: str, function: Callable[..., Any], error: Exception) -> InputError:
-    """The error for what a function of the user's raised."""
+    """The error for what a function of the user raised."""
     name = getattr(function, "__qualname__", type(function).__name__)
-    return InputError(f"{where}: the function {name} raised {type(error).__name__}: {error}.", "Mend the function.")
+    return InputError(f"{where}: the function {name} raised {type(error).__name__}: {error}.", "Correct the function.")
 
 
 def refuse_uncallable(**callbacks: Any) -> None:

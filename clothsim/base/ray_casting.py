@@ -20,7 +20,7 @@ def caster_over(corners: Floats) -> Any:
     except ImportError as error:
         raise MissingPackageError(
             "Ray casting, outlines and woven fabric need embreex, which is not installed.",
-            'Run: pip install embreex, or take the renderer "vtk" with the style "fields".',
+            'Run: pip install embreex, or use the renderer "vtk" with the style "fields".',
         ) from error
     scene, vertices = EmbreeScene(), corners.reshape(-1, 3).astype(np.float32)
     TriangleMesh(scene, vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))

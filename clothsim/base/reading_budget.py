@@ -31,7 +31,7 @@ Item = TypeVar("Item")
 
 @dataclass
 class Budget:
-    """Promises of one file, counted up.
+    """Counts that one file declares, summed up.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Budget:
         if self.spent[what] > MOST[what]:
             size = " x ".join(f"{each:,}" for each in shape)
             raise InputError(
-                f"{self.name} promises more than the {MOST[what]:,} {what} that are read ({size} at once).",
+                f"{self.name} declares more than the {MOST[what]:,} {what} that are read ({size} at once).",
                 "Cut it into smaller files, or export it more coarsely.",
             )
 

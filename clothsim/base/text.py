@@ -31,13 +31,23 @@ def _number(cell: str) -> bool:
     return not text or text == "-" or text.replace(".", "", 1).replace("e-", "", 1).replace("-", "", 1).isdigit()
 
 
-def length(metres: float) -> str:
+def length_text(metres: float) -> str:
     """A length in m, mm or um."""
     if metres >= 1:
         return f"{metres:.3g} m"
     if metres >= 1e-3:
         return f"{1e3 * metres:.3g} mm"
     return f"{1e6 * metres:.3g} um"
+
+
+def percent(fraction: float, sign: str = "") -> str:
+    """A fraction in percent with two digits, in whole percent from 100 on; sign: "+" writes it of positive ones too.
+
+    >>> percent(0.00223), percent(1.0), percent(0.031, "+")
+    ('0.22 %', '100 %', '+3.1 %')
+    """
+    value = 100 * fraction
+    return f"{value:{sign}.2g} %" if abs(value) < 99.5 else f"{value:{sign}.0f} %"
 
 
 def many(count: int, what: str) -> str:

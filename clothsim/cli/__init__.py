@@ -15,7 +15,7 @@ from typing import NamedTuple, TextIO
 
 from clothsim import __version__
 from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.base.text import printable
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
 from clothsim.cli.report import BAD_INPUT, DONE, FAILED, INTERRUPTED, Report, events, never_silent, stream
@@ -208,7 +208,7 @@ def without_group(words: Sequence[str]) -> list[str]:
 
 
 def _without_command(words: Sequence[str]) -> int:
-    """Version and help; InputError for a word that is no command."""
+    """Version and help; InputError for a word that is not a command."""
     group = words[0] if words and words[0] in GROUPS else ""
     parser = Parser(
         prog="clothsim",
@@ -221,7 +221,7 @@ def _without_command(words: Sequence[str]) -> int:
     arguments, others = parser.parse_known_args(words[1:] if group else words)
     if arguments.command is not None:
         names = GROUPS[group] if group else (*COMMANDS, *GROUPS)
-        hint = nearest(arguments.command, [name for name in names if name], 0.6)
+        hint = did_you_mean(arguments.command, [name for name in names if name], 0.6)
         hint = hint or f"`clothsim {group}{' ' * bool(group)}--help` lists them."
         if arguments.command.endswith(".toml"):
             hint = f"Write `clothsim run {arguments.command}`."
@@ -244,7 +244,7 @@ def _listing(only: str) -> str:
     parts = []
     for group in [only] if only else GROUPS:
         summaries = {name: COMMANDS[name].summary for name in GROUPS[group]}
-        if only == "garment":  # without the group's name these words are no commands
+        if only == "garment":  # without the group's name these words are not commands
             summaries |= {name: summary for name, (_, summary) in OF_GARMENTS.items()}
         lines = [f"  {name:<11} {summary}" for name, summary in summaries.items()]
         parts.append("\n".join([f"{group or 'commands'}:", *lines]))

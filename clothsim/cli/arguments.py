@@ -11,7 +11,7 @@ import clothsim
 from clothsim import engine, gradients, patterns
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 
 if TYPE_CHECKING:
     from clothsim import Loss, Scene
@@ -52,7 +52,9 @@ class Parser(argparse.ArgumentParser):
             value = next((word for word in words[words.index(given) + 1 :] if word not in of_options), "")
         options = command._options()
         long = [option for option in options if name.startswith("--") and option.startswith(name)]
-        hint = f"Did you mean {long[0]!r}?" if long else nearest(name, options, 0.7) if name.startswith("--") else ""
+        hint = (
+            f"Did you mean {long[0]!r}?" if long else did_you_mean(name, options, 0.7) if name.startswith("--") else ""
+        )
         key = nearest_key(name.lstrip("-").replace("-", "_")) if name and "--set" in options and not hint else ""
         if key:
             hint = f"Write it as --set {key}={value or '...'}."
@@ -133,7 +135,7 @@ def add_overwrite(command: argparse.ArgumentParser, help: str = "replace files t
 def refuse_output(file: Path, arguments: argparse.Namespace, *inputs: object) -> None:
     """InputError for an output file without a folder, that is one of the inputs, or is there without --overwrite."""
     if not file.resolve().parent.is_dir():
-        raise InputError(f"There is no directory {file.parent}.", "Make it first, or choose another with -o.")
+        raise InputError(f"There is no directory {file.parent}.", "Create it first, or choose another with -o.")
     refuse_replacing([file], arguments.overwrite, inputs)
 
 
@@ -173,7 +175,7 @@ def as_printed_size(text: str) -> tuple[tuple[int, int], float]:
 
 
 def as_limits(option: str, text: str) -> tuple[float, float]:
-    """Two numbers of "0.9,1.1"; whether they are a range is said where it is used."""
+    """Two numbers of "0.9,1.1"; whether they are a range is checked where it is used."""
     try:
         low, high = (float(part) for part in text.split(","))
     except ValueError as error:
@@ -228,9 +230,7 @@ def as_range(option: str, text: str) -> tuple[int, int]:
     """Two whole numbers of "0:15656"."""
     match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
     if not match:
-        raise InputError(
-            f"{option} is {text!r}.", "Give the first vertex and the one behind the last, such as 0:15656."
-        )
+        raise InputError(f"{option} is {text!r}.", "Give the first vertex and the one after the last, such as 0:15656.")
     return int(match[1]), int(match[2])
 
 
@@ -247,7 +247,7 @@ def as_length(name: str, text: str, example: str = "1mm") -> float:
     try:
         return float(f"{as_positive_number(name, number) * LENGTHS.get(unit, 1.0):.12g}")
     except InputError as error:
-        raise InputError(f"{name} {text!r} is no positive length.", f"Write it as {name} {example}.") from error
+        raise InputError(f"{name} {text!r} is not a positive length.", f"Write it as {name} {example}.") from error
 
 
 def as_frame(text: str) -> int:
@@ -282,14 +282,14 @@ def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
     """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
     name, _, value = (part.strip() for part in text.partition("="))
     if name not in _VALUES or bool(value) != (_VALUES[name] is not None):
-        raise InputError(f"{option} {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
+        raise InputError(f"{option} {text!r} is not a loss.", f"Give {', '.join(LOSSES)}.")
     kind = _VALUES[name]
     if kind is Path and not Path(value).exists():
         raise InputError(f"{option} {text}: there is no file {value}.", "Name a mesh, points (.xyz) or a run.")
     try:
         return gradients.named_loss(name, world, None if kind is None else kind(value))
     except ValueError as error:
-        raise InputError(f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres.") from error
+        raise InputError(f"{option} {text}: {value!r} is not a height.", "Write it as girth=0.8, in metres.") from error
 
 
 def words(option: str, text: str, example: str = "youngs_modulus,bending_stiffness") -> list[str]:

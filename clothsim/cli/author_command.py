@@ -9,7 +9,7 @@ import numpy as np
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.base.text import many
+from clothsim.base.text import many, percent
 from clothsim.cli import progress
 from clothsim.cli.arguments import add_output_options, add_overwrite, as_positive_number
 from clothsim.cli.report import Report, messages
@@ -38,9 +38,13 @@ def add_to(commands: Any) -> None:
     )
     author.add_argument("--free", default="", metavar="NAMES", help="what may explain them: stretch,bending,hem,...")
     author.add_argument("--no-rest", action="store_true", help="numbers only, no residual rest shape")
-    author.add_argument("--rate", default="300", metavar="R", help="of the quick pull to the edits [1/s] (default 300)")
-    author.add_argument("--space", choices=("canonical", "world"), help="of the quick form (default: by the body)")
-    author.add_argument("--no-floor", action="store_true", help="leave out the twins, two more runs the first time")
+    author.add_argument(
+        "--rate", default="300", metavar="R", help="rate of the quick pull to the edits [1/s] (default 300)"
+    )
+    author.add_argument(
+        "--space", choices=("canonical", "world"), help="space of the quick form (default: by the body)"
+    )
+    author.add_argument("--no-floor", action="store_true", help="skip the twins, two more runs the first time")
     add_overwrite(author, "replace an earlier run in the output directory")
     add_output_options(author, json="print author.json", quiet="print the end only", handler=_author)
 
@@ -50,7 +54,7 @@ def _author(arguments: argparse.Namespace) -> Report:
     run = clothsim.open_run(arguments.directory)
     rate = as_positive_number("--rate", arguments.rate)
     messages(arguments, arguments.directory)
-    with progress.shown(arguments.quiet) as listener:
+    with progress.progress_on_stderr(arguments.quiet) as listener:
         found = clothsim.author(
             run,
             keys,
@@ -80,13 +84,13 @@ def as_keys(text: str) -> dict[int, Path]:
     for part in filter(None, (word.strip() for word in text.split(","))):
         found = re.fullmatch(r"(\d{1,9})\s*=\s*(.+)", part)
         if found is None:
-            raise InputError(f"--keys has {part!r}.", "Write FRAME=FILE, as 10=edited10.obj,40=edited40.obj.")
+            raise InputError(f"--keys has {part!r}.", "Write FRAME=FILE, such as 10=edited10.obj,40=edited40.obj.")
         frame = int(found[1])
         if frame in keys:
             raise InputError(f"--keys gives frame {frame} twice.", "Give each frame one file.")
         keys[frame] = Path(found[2])
     if not keys:
-        raise InputError("--keys names no edited frame.", "Write FRAME=FILE, as 10=edited10.obj,40=edited40.obj.")
+        raise InputError("--keys names no edited frame.", "Write FRAME=FILE, such as 10=edited10.obj,40=edited40.obj.")
     return keys
 
 
@@ -115,10 +119,11 @@ def lines(found: "Authored") -> list[str]:
 def _explained(found: "ClipRecovery") -> list[str]:
     """What explains the edits, in lines: numbers, what the keys do not determine, the price of the rest shape."""
     before, numbers, left = (f"{1e3 * each:.3g}" for each in found.misfits)
-    out = [f"  explained in {many(found.runs, 'run')}, the keys taken to be known to {1e3 * found.noise:.2g} mm:"]
+    known = ", ".join(f"{1e3 * each:.2g}" for each in found.noise)
+    out = [f"  explained in {many(found.runs, 'run')}, the keys taken to be known to {known} mm:"]
     for name, factor in found.values.items():
         error = found.errors[name]
-        known = f"+- {100 * error:.2g} %" if np.isfinite(error) else "not determined by the keys"
+        known = f"+- {percent(error)}" if np.isfinite(error) else "not determined by the keys"
         limit = ", at its limit" if name in found.at_limit else ""
         out.append(f"    {name:<16} x {factor:<7.4g} {known}{limit}")
     for each in found.undetermined:
@@ -131,7 +136,7 @@ def _explained(found: "ClipRecovery") -> list[str]:
         price = found.rest
         out.append(
             f"  rest     residual shape: {1e3 * price.displacement:.3g} mm RMS, {1e3 * price.most:.3g} at most; "
-            f"lengths by {100 * price.length:.2g} %, angles by {np.degrees(price.angle):.2g} degrees at most"
+            f"lengths by {percent(price.length)}, angles by {np.degrees(price.angle):.2g} degrees at most"
         )
     elif found.no_rest:
         out.append(f"  rest     no residual shape: {found.no_rest}")

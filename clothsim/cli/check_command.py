@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
-from clothsim.base.text import length
+from clothsim.base.text import length_text
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     add_output_options,
@@ -55,17 +55,17 @@ def add_to(commands: Any) -> None:
     mesh.add_argument("--scale", metavar="S", help="its numbers times S are metres")
     mesh.add_argument("--group", metavar="NAME", help="only this group of the file")
     mesh.add_argument("--component", metavar="N", help="only this piece, 0 the largest")
-    worn = check.add_argument_group("for a garment on a body (--scale is then of both)")
+    worn = check.add_argument_group("for a garment on a body (--scale then applies to both)")
     worn.add_argument("--on", type=Path, metavar="BODY", help="the body that wears it")
     worn.add_argument(
         "--body-group", action="append", metavar="NAME", help="this group of the body; repeat it for several"
     )
     worn.add_argument("--body-scale", metavar="S", help="its numbers times S are metres")
     worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
-    worn.add_argument("--weld", metavar="M", help="sew borders closer than that [m]")
+    worn.add_argument("--weld", metavar="M", help="sew borders closer than M [m]")
     worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
-    check.add_argument("--seams", type=Path, metavar="TOML", help="of a .dxf: its seams; -o draws the numbers of edges")
-    check.add_argument("--motion", action="store_true", help="of a scene: where parts of a moving body model meet")
+    check.add_argument("--seams", type=Path, metavar="TOML", help="seams of a .dxf; -o draws the edge numbers")
+    check.add_argument("--motion", action="store_true", help="for a scene: where parts of a moving body model meet")
     add_overwrite(check)
     add_output_options(check, json="as JSON: {target, code, findings, ...}", handler=_check)
 
@@ -102,11 +102,11 @@ def _examined(arguments: argparse.Namespace) -> "engine.Examination":
     if target.suffix.lower() in PATTERNS and arguments.on is None:
         return _examined_pattern(arguments, target)
     if arguments.seams is not None:
-        raise InputError(f"{target} is no DXF drawing.", "--seams is for those only.")
+        raise InputError(f"{target} is not a DXF drawing.", "--seams is for those only.")
     is_mesh = not target.is_dir() and target.suffix != ".toml"
     if not is_mesh and (arguments.body or arguments.scale or arguments.group or arguments.component):
         raise InputError(
-            f"{target} is no mesh file.", "--body, --scale, --group and --component are for mesh files only."
+            f"{target} is not a mesh file.", "--body, --scale, --group and --component are for mesh files only."
         )
     of_pair = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
     if arguments.on is None and any(option is not None for option in of_pair):
@@ -117,7 +117,7 @@ def _examined(arguments: argparse.Namespace) -> "engine.Examination":
             raise InputError("--on is for a mesh file, without --body, --group and --component.", remedy)
         return _examined_penetration(arguments)
     if arguments.motion and target.suffix != ".toml":
-        raise InputError(f"{target} is no scene.", "--motion is for scenes with a body model.")
+        raise InputError(f"{target} is not a scene.", "--motion is for scenes with a body model.")
     if not is_mesh:
         return engine.examined(target, motion=arguments.motion)
     part: dict[str, Any] = {"group": arguments.group}
@@ -195,6 +195,7 @@ def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination"
     verdict = f"Not clean: {report.counts}{where}."
     if report.counts.clean:
         nearest = float(report.closest.signed_distance.min())
-        far = f"Nothing intersects, but the garment is {length(nearest)} away from the body: give their units, --scale."
+        away = length_text(nearest)
+        far = f"Nothing intersects, but the garment is {away} away from the body: give their units, --scale."
         verdict = "" if nearest <= WORN * report.body.size else far
     return engine.Examination(f"{arguments.target} on {arguments.on}", tuple(notes), tuple(findings), verdict)

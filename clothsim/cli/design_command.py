@@ -49,11 +49,15 @@ def add_to(commands: Any) -> None:
         "scene", type=Path, metavar="SCENE", help="a scene file (TOML), an example, or the directory of a run"
     )
     design.add_argument("--free", required=True, metavar="NAMES", help="pattern.front.height,pattern.front.vertex[0].y")
-    design.add_argument("--hem", metavar="EDGES=HEIGHT", help="edges of panels at a height [m], as front.0+back.0=0.55")
+    design.add_argument(
+        "--hem", metavar="EDGES=HEIGHT", help="edges of panels at a height [m], such as front.0+back.0=0.55"
+    )
     design.add_argument("--girth", metavar="HEIGHT=LENGTH", help="girth at a height [m]")
     design.add_argument("--silhouette", metavar="AREA", help="area of the shadow on the ground [m2]")
     design.add_argument("--stretch", metavar="BOUND", help="largest stretch, such as 1.03")
-    design.add_argument("--tolerance", default="1e-3", metavar="L", help="of hem and girth [m] (default 1e-3)")
+    design.add_argument(
+        "--tolerance", default="1e-3", metavar="L", help="tolerance of hem and girth [m] (default 1e-3)"
+    )
     design.add_argument("--area", metavar="AREA", help="bound on the area of the fabric [m2]")
     design.add_argument("--symmetric", action="store_true", help="move points as mirror images in each panel")
     design.add_argument("--runs", default="40", metavar="N", help="bound on the runs (default 40)")
@@ -125,13 +129,13 @@ def _number(option: str, text: str) -> float:
     try:
         return float(text)
     except ValueError as error:
-        raise InputError(f"{option}: {text!r} is no height.", "Give it in metres.") from error
+        raise InputError(f"{option}: {text!r} is not a height.", "Give it in metres.") from error
 
 
 def _edge(name: str) -> tuple[str, int]:
     panel, _, number = name.strip().rpartition(".")
     if not panel or not number.isdigit():
-        raise InputError(f"--hem names {name!r}.", "Write PANEL.EDGE, as front.0; edges count from 0.")
+        raise InputError(f"--hem names {name!r}.", "Write PANEL.EDGE, such as front.0; edges count from 0.")
     return panel, int(number)
 
 

@@ -24,9 +24,9 @@ def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     explain = commands.add_parser("explain", description=_DESCRIPTION)
     explain.add_argument("target", type=Path, metavar="SCENE|DIR", help="a scene file (TOML), or a run")
-    explain.add_argument("--steps", metavar="N", help="of a scene: number of steps (default 5)")
-    explain.add_argument("--absent", action="store_true", help="of a scene: measure the effects that it does not name")
-    explain.add_argument("--budget", metavar="TIME", help="of --absent: time to spend, 90s, 10min (default 60s)")
+    explain.add_argument("--steps", metavar="N", help="number of steps of a scene (default 5)")
+    explain.add_argument("--absent", action="store_true", help="also measure the effects that a scene does not name")
+    explain.add_argument("--budget", metavar="TIME", help="time for --absent: 90s, 10min (default 60s)")
     add_output_options(explain, json="the effects as JSON: {effect: {on, reason, seconds, ...}}", handler=_explain)
 
 
@@ -34,7 +34,7 @@ def _explain(arguments: argparse.Namespace) -> Report:
     if arguments.target.is_dir():
         for option in ("steps", "absent", "budget"):
             if getattr(arguments, option):
-                raise InputError(f"--{option} is for scenes.", "Leave it out: a run has taken its steps.")
+                raise InputError(f"--{option} is for scenes.", "Leave it out for a run.")
         receipt = engine.explain(arguments.target)
     else:
         steps = 5 if arguments.steps is None else as_count("--steps", arguments.steps)

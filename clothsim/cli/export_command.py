@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from clothsim import Run
 
 _EXPORT = """\
-Write the frames of a run for other programs: .obj, .ply (a file a frame), .pc2, .mdd (point caches with the mesh as
+Write the frames of a run for other programs: .obj, .ply (a file per frame), .pc2, .mdd (point caches with the mesh as
 OBJ), .glb (morph targets), .usd, .usda, .usdc (pip install 'clothsim[usd]'), .vtkhdf.
 
   clothsim export drape -o drape.glb
@@ -36,7 +36,7 @@ OBJ), .glb (morph targets), .usd, .usda, .usdc (pip install 'clothsim[usd]'), .v
   clothsim export drape -o last.obj --frame last
 """
 _RENDER = """\
-Draw a frame of a run (.png) or all of them (.mp4, .webp, .gif).
+Draw one frame of a run (.png) or all of them (.mp4, .webp, .gif).
 
   clothsim render drape -o side.png --frame 10 --view 1,-2,0.5 --field stress
   clothsim render drape -o figure.png --style print --range 0.95,1.05 --size 85x64mm
@@ -55,9 +55,11 @@ def add_to(commands: Any) -> None:
     export.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="its ending is the format")
     export.add_argument("--frame", metavar="N", help="one frame: 0, 1, ... or last (default: all)")
     export.add_argument("--fps", metavar="N", help="frames a second, linear between the run's (default: its own)")
-    export.add_argument("--scale", default="1", metavar="N", help="units of the file in a metre: 100 for cm")
+    export.add_argument("--scale", default="1", metavar="N", help="units of the file per metre: 100 for cm")
     export.add_argument("--up", choices=("y", "z"), help="axis against gravity (default: the format's or the scene's)")
-    export.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth's vertices")
+    export.add_argument(
+        "--colour", choices=("stretch", "plain"), default="stretch", help="colour of the cloth's vertices"
+    )
     add_overwrite(export)
     add_output_options(
         export, json="print files, frames, rate, unit and axis as JSON", quiet="print nothing", handler=_export
@@ -67,7 +69,7 @@ def add_to(commands: Any) -> None:
     render.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help=".png, .mp4, .webp or .gif (default DIR/picture.png)"
     )
-    render.add_argument("--frame", metavar="N", help="of a picture: 0, 1, ... or last (default)")
+    render.add_argument("--frame", metavar="N", help="frame of a picture: 0, 1, ... or last (default)")
     render.add_argument("--size", metavar="WxH", help="pixels, or 85x64mm at 300 dots per inch")
     render.add_argument("--view", default="auto", metavar="X,Y,Z", help="or front, back, left, right, top")
     render.add_argument("--up", metavar="X,Y,Z", help="default: against gravity")
@@ -78,9 +80,9 @@ def add_to(commands: Any) -> None:
         "--style", choices=("fields", "print", "fabric", "studio"), default="fields", metavar="S",
         help="fields (default), print (outlines on white), fabric (woven) or studio (traced light, minutes)",
     )  # fmt: skip
-    render.add_argument("--range", metavar="LOW,HIGH", help="of the colours (default: percentiles)")
-    render.add_argument("--follow", action="store_true", help="a movie's camera moves along")
-    render.add_argument("--true-mesh", action="store_true", help="its triangles, not a smooth surface")
+    render.add_argument("--range", metavar="LOW,HIGH", help="range of the colours (default: percentiles)")
+    render.add_argument("--follow", action="store_true", help="the camera of a movie follows the cloth")
+    render.add_argument("--true-mesh", action="store_true", help="draw the triangles, not a smooth surface")
     render.add_argument("--frames-per-second", metavar="N", help="of a movie")
     add_overwrite(render)
     add_output_options(render, json="print the file as JSON", quiet="print nothing", handler=_render)

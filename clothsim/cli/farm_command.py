@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     Parser,
@@ -48,18 +48,20 @@ def add_to(commands: Any) -> None:
     status.set_defaults(handler=_status)
     verify = actions.add_parser("verify", help="check all files, make some drapes again")
     verify.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
-    verify.add_argument("--fraction", default="0.01", metavar="X", help="drapes to make again (default 0.01; 0: none)")
+    verify.add_argument(
+        "--fraction", default="0.01", metavar="X", help="fraction of drapes to make again (default 0.01)"
+    )
     verify.add_argument("--share", dest="fraction", action=Renamed, now="--fraction")
     verify.set_defaults(handler=_verify)
     mend = actions.add_parser("repair", help="take torn and killed drapes back into the plan")
     mend.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
-    mend.add_argument("--cause", action="append", metavar="NAME", help="also drapes of this cause, as refused")
+    mend.add_argument("--cause", action="append", metavar="NAME", help="also drapes of this cause, such as refused")
     mend.set_defaults(handler=_repair)
     pack = actions.add_parser("pack", help="write a data set: one HDF5 file, or a folder of WebDataset shards")
     pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     pack.add_argument("-o", "--output", type=Path, metavar="FILE|DIR", required=True, help="data.h5, or a folder")
-    pack.add_argument("--shard", default="1000", metavar="N", help="drapes of a shard (default 1000)")
-    pack.add_argument("--sheet", action="store_true", help="leave contact sheets (PNG, HTML) beside it")
+    pack.add_argument("--shard", default="1000", metavar="N", help="drapes per shard (default 1000)")
+    pack.add_argument("--sheet", action="store_true", help="also write contact sheets (PNG, HTML)")
     add_overwrite(pack)
     pack.set_defaults(handler=_pack)
     for action in (plan, sample, work, status, verify, mend, pack):
@@ -71,7 +73,7 @@ def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
     plan = actions.add_parser("plan", help="write the scene and values of every drape")
     plan.add_argument("recipe", type=Path, metavar="RECIPE", help=_RECIPE)
     plan.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the farm")
-    plan.add_argument("--no-pilot", action="store_true", help="make no drape first to test the recipe")
+    plan.add_argument("--no-pilot", action="store_true", help="skip the pilot drape that tests the recipe")
     plan.set_defaults(handler=_plan)
     sample = actions.add_parser("sample", help="plan, make, verify and pack the drapes of a recipe, in one process")
     sample.add_argument("recipe", type=Path, metavar="RECIPE", help=_RECIPE)
@@ -83,9 +85,11 @@ def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
     work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     how = work.add_mutually_exclusive_group()
     how.add_argument("--workers", metavar="N", help="processes of Dask on this machine (default: this process)")
-    how.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler: tcp://host:8786")
+    how.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler: tcp://host:8786")
     work.add_argument("--attempts", default="3", metavar="N", help="tries before a drape counts as killed (default 3)")
-    work.add_argument("--stale", default="60s", metavar="TIME", help="a claim without heartbeat ends (default 60s)")
+    work.add_argument(
+        "--stale", default="60s", metavar="TIME", help="when a claim without heartbeat expires (default 60s)"
+    )
     work.set_defaults(handler=_work)
     return plan, sample, work
 
@@ -137,7 +141,7 @@ def make_drapes(recipe: "Recipe", directory: Path, arguments: argparse.Namespace
         return worked, None
     verified = on_demand.verify(on_demand.open_farm(directory), SAMPLE_FRACTION)
     if not verified.good:
-        raise InputError(f"{directory} is not signed off.", f"See `clothsim farm verify {directory}`.")
+        raise InputError(f"{directory} is not verified.", f"See `clothsim farm verify {directory}`.")
     return worked, verified
 
 
@@ -145,7 +149,7 @@ def read_recipe(path: Path) -> "Recipe":
     """The recipe in a file, or the shipped one of that name. InputError that lists these for another name."""
     file = engine.example_file(path, RECIPE)
     if not file.exists():
-        hint = nearest(path.name.removesuffix(RECIPE), SHIPPED)
+        hint = did_you_mean(path.name.removesuffix(RECIPE), SHIPPED)
         known = f"{', '.join(SHIPPED)} come with the package; else name a TOML file with [farm] and [vary]."
         raise InputError(f"There is no recipe {path}.", hint or known)
     return on_demand.load_recipe(file)
@@ -185,7 +189,7 @@ def _work(arguments: argparse.Namespace) -> Report | int:
                 _work_with_dask(arguments, farm, attempts, stale)
         except KeyboardInterrupt:
             left = len(farm.unpublished())
-            print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
+            print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` continues.", file=sys.stderr)
             return INTERRUPTED
         except on_demand.LostWorkersError as error:
             print(f"{error.sentence} {error.remedy}", file=sys.stderr)

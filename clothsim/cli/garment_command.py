@@ -9,7 +9,7 @@ import clothsim
 from clothsim import render
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.file_writing import refuse_replacing
-from clothsim.base.text import length
+from clothsim.base.text import length_text
 from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import (
     Renamed,
@@ -56,7 +56,7 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
-    fit.add_argument("--scale-to", metavar="S", help="the same of the body of --to")
+    fit.add_argument("--scale-to", metavar="S", help="the same for the body of --to")
     fit.add_argument(
         "--body-group",
         action="append",
@@ -64,7 +64,7 @@ def add_to(commands: Any) -> None:
         help="a group, or several, of the bodies (default: the largest)",
     )
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
-    fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
+    fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than M [m]")
     fit.add_argument("--markers", type=Path, metavar="FILE", help="a point on each body: x y z x y z a line")
     fit.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
     size = fit.add_mutually_exclusive_group()
@@ -96,7 +96,7 @@ def add_to(commands: Any) -> None:
         action="append",
         default=[],
         metavar="PANEL=NAME",
-        help="fabric of a panel, as collar=denim, or of several: '*sleeve*=wool'; may be given again",
+        help="fabric of a panel, such as collar=denim, or of several: '*sleeve*=wool'; can be repeated",
     )
     dress.add_argument(
         "--made-for", type=Path, metavar="BODY", help="the body that the pattern was cut for: grade it to --on"
@@ -107,7 +107,7 @@ def add_to(commands: Any) -> None:
         action="append",
         default=[],
         metavar="NAME=F",
-        help="grade by this factor of girth or length, as waist=1.05; may be given again",
+        help="grade by this factor of girth or length, such as waist=1.05; can be repeated",
     )
     dress.add_argument(
         "--waistband", action="store_true", help="take in upper edges that would slide to the girth of the body"
@@ -125,7 +125,9 @@ def add_to(commands: Any) -> None:
     )
     add_overwrite(dress, "replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
-    dress.add_argument("--movie", action="store_true", help="leave movie.mp4 of the sewing, movie.gif without ffmpeg")
+    dress.add_argument(
+        "--movie", action="store_true", help="write movie.mp4 of the sewing, or movie.gif without ffmpeg"
+    )
     add_output_options(
         dress, json="print the summary as JSON, the rest on stderr", quiet="print the end only", handler=_dress
     )
@@ -147,7 +149,7 @@ def _fit(arguments: argparse.Namespace) -> Report:
         refuse_replacing([directory / PICTURE_NAME], arguments.overwrite)
 
     message = messages(arguments, arguments.garment)
-    with progress.shown(arguments.quiet) as listener:
+    with progress.progress_on_stderr(arguments.quiet) as listener:
         done = clothsim.fit(
             arguments.garment,
             arguments.to,
@@ -184,24 +186,24 @@ def _fit_verdict(done: "Fit") -> list[str]:
         f"{done.status}: {done.reason}",
         *(f"  note      {note}" for note in done.notes),
         f"  fitted    {_answer(done)}{done.counts}",
-        *_carried(done),
+        *_flypapered(done),
         f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as given)",
         *([f"  size      {done.size}"] if str(done.size) and done.source is not done.target else []),
         f"  look      edges {look.edge_low:.2f} to {look.edge_high:.2f} with the scale {look.scale:.2f} taken out, "
         f"{100 * look.distorted:.1f} % of the triangles doubled or halved, hem {100 * look.hem:+.1f} %",
-        f"  moved     at most {length(cost.displacement)} from where it was worn",
+        f"  moved     at most {length_text(cost.displacement)} from where it was worn",
         f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
     ]
 
 
-def _carried(done: "Fit") -> list[str]:
+def _flypapered(done: "Fit") -> list[str]:
     """A line on the vertices that the body carries, where it overlaps itself."""
-    if not len(done.carried):
+    if not len(done.flypapered):
         return []
-    at = ", ".join(f"{value:.3f}" for value in done.positions[done.carried].mean(axis=0))
+    at = ", ".join(f"{value:.3f}" for value in done.positions[done.flypapered].mean(axis=0))
     return [
-        f"  carried   {len(done.carried)} vertices about ({at}) m, where {done.target.name} overlaps itself: one part "
-        "carries them, and what they intersect is not counted"
+        f"  carried   {len(done.flypapered)} vertices about ({at}) m, where {done.target.name} overlaps itself: "
+        "one part carries them, and what they intersect is not counted"
     ]
 
 
@@ -222,12 +224,12 @@ def _picture(done: "Fit") -> list[str]:
 
 
 def as_fabrics(given: list[str]) -> dict[str, str]:
-    """Named fabric by panel from "collar=denim" and the like. InputError for what is none, or a panel given twice."""
+    """Named fabric by panel from "collar=denim" and the like. InputError for other text, or a panel given twice."""
     found: dict[str, str] = {}
     for text in given:
         panel, equals, fabric = text.rpartition("=")
         if not (panel and equals and fabric):
-            raise InputError(f"--fabric-of is {text!r}.", "Write PANEL=FABRIC, as collar=denim.")
+            raise InputError(f"--fabric-of is {text!r}.", "Write PANEL=FABRIC, such as collar=denim.")
         if panel in found:
             raise InputError(f"--fabric-of names the panel {panel} twice.", "Give it one fabric.")
         found[panel] = fabric
@@ -235,15 +237,15 @@ def as_fabrics(given: list[str]) -> dict[str, str]:
 
 
 def as_factors(given: list[str]) -> dict[str, float]:
-    """Factor by name from "waist=1.05" and the like. InputError for what is none, or a name given twice."""
+    """Factor by name from "waist=1.05" and the like. InputError for other text, or a name given twice."""
     found: dict[str, float] = {}
     for text in given:
         name, equals, factor = text.partition("=")
         if not (name and equals):
-            raise InputError(f"--grade is {text!r}.", "Write NAME=FACTOR, as waist=1.05.")
+            raise InputError(f"--grade is {text!r}.", "Write NAME=FACTOR, such as waist=1.05.")
         if name in found:
             raise InputError(f"--grade names {name} twice.", "Give one factor.")
-        found[name] = as_positive_number("--grade", factor, "Write NAME=FACTOR, as waist=1.05 for 5 % more.")
+        found[name] = as_positive_number("--grade", factor, "Write NAME=FACTOR, such as waist=1.05 for 5 % more.")
     return found
 
 
@@ -272,7 +274,7 @@ def _dress(arguments: argparse.Namespace) -> Report:
         "overwrite": arguments.overwrite,
         "on_stage": lambda stage: message(_stage(stage)),
     }
-    with progress.shown(arguments.quiet) as listener:
+    with progress.progress_on_stderr(arguments.quiet) as listener:
         if several:
             settings |= {"over": arguments.over}
             worn = clothsim.outfit(arguments.patterns, arguments.on, directory, progress=listener, **settings)

@@ -54,7 +54,7 @@ def add_to(commands: Any) -> None:
 def _gradient(arguments: argparse.Namespace) -> Report:
     names = words("--wrt", ",".join(arguments.wrt))
     if arguments.output is not None and arguments.output.suffix != ".npz":
-        raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
+        raise InputError(f"{arguments.output} is not an .npz file.", "Name one with -o.")
     scene = scene_of(arguments)
     if arguments.output is not None:
         read = (arguments.scene, arguments.loss.partition("=")[2], *scene.files)

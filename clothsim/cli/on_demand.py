@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from clothsim.study.learned_drapes import learn
     from clothsim.study.learned_motion import SETS, division, learn_motion
     from clothsim.study.presets import with_preset
-    from clothsim.study.report import answer, settings_text
+    from clothsim.study.report import answer_lines, settings_text
     from clothsim.study.result import UNFINISHED
     from clothsim.viewer.motion_preview import preview_motion
     from clothsim.viewer.preview import preview

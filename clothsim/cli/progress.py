@@ -13,7 +13,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from clothsim import engine
-from clothsim.base.text import length
+from clothsim.base.text import length_text
 from clothsim.cli import on_demand
 from clothsim.cli.report import stream
 
@@ -44,7 +44,7 @@ def listener_for(
 
 
 @contextmanager
-def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
+def progress_on_stderr(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
     """A callback for `simulate` that shows each step on stderr; before the first, that kernels are compiled."""
     if quiet:
         yield lambda progress: None
@@ -166,7 +166,7 @@ def where(progress: "Progress") -> str:
 
 def state(progress: "Progress") -> str:
     """Iterations of the step, gap and verdict."""
-    gap = length(progress.minimum_gap) if progress.minimum_gap < float("inf") else "-"
+    gap = length_text(progress.minimum_gap) if progress.minimum_gap < float("inf") else "-"
     return f"{progress.newton_iterations} Newton, gap {gap}, {progress.verdict}"
 
 

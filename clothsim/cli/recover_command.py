@@ -12,6 +12,7 @@ import clothsim
 from clothsim import engine, gradients, patterns
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, refuse_replacing, write_atomically
+from clothsim.base.text import percent
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     add_output_options,
@@ -54,7 +55,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", metavar="N", help="starts of the search (default 2, of pictures 1)")
     recover.add_argument("--folds", metavar="N", help="with --views: drapes to choose a start from (6)")
-    recover.add_argument("--no-twins", action="store_true", help="with --views: no other models at the end")
+    recover.add_argument("--no-twins", action="store_true", help="with --views: skip the other models at the end")
     recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
     add_set(recover)
     add_overwrite(recover, "replace an earlier run in the output directory")
@@ -74,7 +75,7 @@ Find the numbers with which a scene, fabric or pattern hangs as in a target or i
 """
 
 
-NUMBERS = "Name the numbers to find, as --free youngs_modulus,pattern.front.width."
+NUMBERS = "Name the numbers to find, such as --free youngs_modulus,pattern.front.width."
 """Remedy of a recovery without --free."""
 
 
@@ -219,7 +220,7 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
         on_stage=lambda stage: tell(f"  {stage.name}"),
     )
     if not worn.draped or worn.run is None:
-        raise InputError(f"The pattern as it is read cannot be worn: {worn.reason}", "Mend it with `clothsim dress`.")
+        raise InputError(f"The pattern as given cannot be worn: {worn.reason}", "Correct it with `clothsim dress`.")
     return engine.override(worn.run.scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size)
 
 
@@ -237,8 +238,8 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
     """How each picture fits, and what they do not tell."""
     out = []
     for each in found.pictures:
-        left = f", {100 * each.left_out:.2g} % without a residual" if each.left_out > 0 else ""
-        switched = "" if math.isnan(each.switched) else f", {100 * each.switched:.2g} % of the pairs switched last"
+        left = f", {percent(each.left_out)} without a residual" if each.left_out > 0 else ""
+        switched = "" if math.isnan(each.switched) else f", {percent(each.switched)} of the pairs switched last"
         out.append(f"  view {each.view}, {each.what}: {each.misfit:.2g} of its noise{left}{switched}")
     worst = max(found.pictures, key=lambda each: each.misfit)
     if worst.misfit > UNEXPLAINED:
@@ -247,10 +248,10 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
             "too coarse (--size), the folds are others (--folds, --starts), or the scene lacks something."
         )
     for twin in found.twins:
-        text = twin.failure or ", ".join(f"{path} {100 * shift:+.2g} %" for path, shift in twin.shifts.items())
+        text = twin.failure or ", ".join(f"{path} {percent(shift, '+')}" for path, shift in twin.shifts.items())
         out.append(f"  the model, {_TWINS[twin.name]}: {text}")
     if found.model_errors:
-        with_model = ", ".join(f"{path} +- {100 * error:.2g} %" for path, error in found.total_errors.items())
+        with_model = ", ".join(f"{path} +- {percent(error)}" for path, error in found.total_errors.items())
         out.append(f"  errors with the model's own: {with_model}")
     for name, errors in found.fewer_pictures.items():
         out.append(f"  {name} would tell: {', '.join(f'{path} {_error(error)}' for path, error in errors.items())}")
@@ -264,7 +265,7 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
         f"  {path} is known to no half of what it is without pictures: more views or normals." for path in found.wide
     ]
     out.append(f"  the step that is left, by the adjoint: {found.from_minimum:.2g} standard errors at most")
-    out.append(f"  {found.cpu_seconds:.3g} CPU s, {100 * found.adjoint_share:.2g} % of it in the adjoint")
+    out.append(f"  {found.cpu_seconds:.3g} CPU s, {percent(found.adjoint_share)} of it in the adjoint")
     return out
 
 
@@ -331,5 +332,5 @@ def lines(found: "clothsim.Recovery", directory: Path | None) -> list[str]:
 
 def _error(error: float) -> str:
     if math.isnan(error):
-        return "(no standard error: the loss is no sum of squares, or a run beside the minimum failed)"
-    return f"+- {100 * error:.2g} %" if math.isfinite(error) else "(not determined by the target)"
+        return "(no standard error: the loss is not a sum of squares, or a run beside the minimum failed)"
+    return f"+- {percent(error)}" if math.isfinite(error) else "(not determined by the target)"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, files
 from clothsim.base.errors import InputError
-from clothsim.base.text import length, many
+from clothsim.base.text import length_text, many
 from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import add_output_options, add_overwrite, add_set, as_count, as_length, as_positive_number
 from clothsim.cli.progress import clock, frame_counter
@@ -31,7 +31,7 @@ ITERATES = "iterates_{}.npz"
 """The file of --dump-iterates."""
 
 _RUN = """\
-Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture; failure.png where it fails.
+Simulate a scene. Writes trajectory, record, summary, checkpoint and a picture; failure.png if it fails.
 
   clothsim run scenes/sphere.toml -o drape --movie
 """
@@ -44,7 +44,7 @@ an archive of `clothsim bundle`.
 
 _WRINKLE = """\
 Give the cloth of a coarse run wrinkles: waves where it is compressed, as targets of a finer cloth under contact.
-Leaves the files of a run, whose frames are checked exactly, targets.npy and wrinkles.json.
+Writes the files of a run, whose frames are checked exactly, targets.npy and wrinkles.json.
 
   clothsim run twist -o coarse --set effects.membrane.compression=0.05
   clothsim wrinkle coarse --cells 4x -o fine
@@ -56,19 +56,19 @@ def add_to(commands: Any) -> None:
     run = commands.add_parser("run", description=_RUN)
     run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name)")
-    run.add_argument("--frames-per-second", metavar="N", help="frames to keep per second, instead of the scene's")
+    run.add_argument("--frames-per-second", metavar="N", help="frames to store per second, instead of the scene's")
     add_set(run, "change a key: body.mesh=PATH")
     run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with an estimate of the error")
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by two coarser runs")
     add_overwrite(run, "replace an earlier run in the output directory")
-    run.add_argument("--force", action="store_true", help="run whatever it costs, also from inside a body")
+    run.add_argument("--force", action="store_true", help="run at any cost, also from inside a body")
     run.add_argument("--view", action="store_true", help="show it in a browser while it runs (clothsim[view])")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", description=_RESUME)
     resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="the output of `clothsim run` or `bundle`")
     resume.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="of an archive: output directory (default: its name)"
+        "-o", "--output", type=Path, metavar="DIR", help="output directory for an archive (default: its name)"
     )
     resume.set_defaults(handler=_resume)
     wrinkle = commands.add_parser("wrinkle", description=_WRINKLE)
@@ -79,8 +79,8 @@ def add_to(commands: Any) -> None:
     add_overwrite(wrinkle, "replace an earlier run in the output directory")
     wrinkle.set_defaults(handler=_wrinkle, dump_iterates=None)
     for command in (run, resume, wrinkle):
-        command.add_argument("--no-picture", action="store_true", help="leave no picture.png and no failure.png")
-        command.add_argument("--movie", action="store_true", help="leave movie.mp4 too, movie.gif without ffmpeg")
+        command.add_argument("--no-picture", action="store_true", help="do not write picture.png or failure.png")
+        command.add_argument("--movie", action="store_true", help="also write movie.mp4, or movie.gif without ffmpeg")
         if command is not wrinkle:
             command.add_argument(
                 "--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1"
@@ -124,7 +124,7 @@ def page_of(directory: Path) -> Iterator[None]:
 
 def _run(arguments: argparse.Namespace) -> int:
     if arguments.scene.suffix == ".zip":
-        raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
+        raise InputError(f"{arguments.scene} is not a scene file.", "`clothsim resume` replays an archive.")
     scene = clothsim.load_scene(arguments.scene)
     if arguments.preset is not None:
         scene = _apply_preset(scene, arguments)
@@ -172,7 +172,7 @@ def _resume(arguments: argparse.Namespace) -> int:
         archive, directory = directory, arguments.output or Path(directory.stem)
         engine.unpack_bundle(archive, directory)
     elif arguments.output is not None:
-        raise InputError(f"{directory} is no archive.", "Leave -o out: a run continues in its own directory.")
+        raise InputError(f"{directory} is not an archive.", "Leave -o out: a run continues in its own directory.")
     return _execute(arguments, directory, lambda **listeners: clothsim.resume(directory, **listeners))
 
 
@@ -224,7 +224,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         message(settings(session, directory, before))
 
     try:
-        with progress.shown(arguments.quiet) as listener:
+        with progress.progress_on_stderr(arguments.quiet) as listener:
             run = job(progress=listener, announce=announce, dump_iterates=step)
         trouble = engine.draw_pictures(
             run,
@@ -280,7 +280,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
         kind = "quasi-static, loads grow over the duration"
     steps = f"steps of {integrator.dt:g} s"
     if solver.error:
-        steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
+        steps = f"steps chosen for an error of {length_text(solver.error)}, of {integrator.dt:g} s at most"
     end = f"{'until rest, at most ' if run.until == 'rest' else ''}{run.duration:g} s"
     newton = f"to {integrator.settings.tolerance:g} m/s"
     if integrator.settings.error_fraction and "inertia" in built.energies:
@@ -353,6 +353,6 @@ _ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".webp", ".gif
 
 def _row(name: str, text: str) -> str:
     """A name and its text, broken at WIDTH."""
-    return textwrap.fill(
-        text, WIDTH, initial_indent=f"  {name:<8} ", subsequent_indent=" " * 11, break_long_words=False
-    )
+    wrapper = textwrap.TextWrapper(WIDTH, break_long_words=False, break_on_hyphens=False)
+    wrapper.initial_indent, wrapper.subsequent_indent = f"  {name:<8} ", " " * 11
+    return wrapper.fill(text)

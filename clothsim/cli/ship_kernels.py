@@ -60,7 +60,7 @@ def build_wheel(scenes: Sequence[str], duration: float, folder: Path) -> tuple[i
     """
     clone = Path(__file__).parents[2]
     if not (clone / "pyproject.toml").is_file():
-        raise ClothsimError(f"{clone} is no clone of clothsim.", "Call the command in one.")
+        raise ClothsimError(f"{clone} is not a clone of clothsim.", "Call the command in one.")
     with TemporaryDirectory() as work:
         copy, built = Path(work, "clone"), Path(work, "wheel")
         copy.mkdir()
@@ -119,7 +119,7 @@ def _shipped(scenes: Sequence[str], duration: float, folder: Path | None) -> str
     if not 0.0 < duration < math.inf:
         raise InputError(f"--duration is {duration}.", "Give a time above 0 [s], such as 0.3.")
     for name in scenes:
-        clothsim.load_scene(name)  # refuses what is no scene before anything is compiled
+        clothsim.load_scene(name)  # refuses what is not a scene before anything is compiled
     if folder is None:
         return f"{ship(scenes, duration)} kernels"
     count, wheel = build_wheel(scenes, duration, folder)

@@ -36,7 +36,7 @@ FILES = ("study.md", "study.json", "study.png", "goal.png")
 
 _DESCRIPTION = """\
 Measure the error of a scene's last frame, the sources of that error, and what a smaller one would cost. Runs the scene
-with finer and coarser settings, one process for each core, and leaves study.md, study.json and study.png. A repeated
+with finer and coarser settings, one process for each core, and writes study.md, study.json and study.png. A repeated
 call continues from the stored runs. Where the budget is too small to refine dt and cells, no error is given: the answer
 is the budget that is needed (exit code 1).
 
@@ -55,7 +55,7 @@ def add_to(commands: Any) -> None:
     study.add_argument("--knobs", dest="parameters", action=Renamed, now="--parameters")
     study.add_argument("--goal", metavar="GOAL", help="show which triangles cause its error: hem, girth=0.8, ...")
     study.add_argument("--budget", default="120s", metavar="TIME", help="CPU time of all its processes: 90s, 10min")
-    study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
+    study.add_argument("--workers", metavar="N", help="processes at a time (default: one per core)")
     add_set(study)
     add_overwrite(study)
     add_output_options(study, json="print study.json, the rest on stderr", quiet="print the end only", handler=_study)
@@ -71,11 +71,11 @@ def _study(arguments: argparse.Namespace) -> Report:
     if not (directory / on_demand.FOLDER).is_dir():  # else a study that goes on
         refuse_replacing([directory / name for name in FILES], arguments.overwrite, (arguments.scene,))
     messages(arguments, arguments.scene)
-    with shown(arguments.quiet) as progress, terminated() as stopped:
+    with study_progress(arguments.quiet) as progress, terminated() as stopped:
         named: dict[str, Any] = {"name": arguments.scene.stem, **({} if goal is None else {"goal": goal})}
         named["stopped"] = stopped
         done = clothsim.study_accuracy(scene, directory, parameters, budget, workers, progress, **named)
-    lines = on_demand.answer(done.result)
+    lines = on_demand.answer_lines(done.result)
     lines += [
         f"  for <= {each['error']:g} mm: {on_demand.settings_text(each['settings'])}, about {each['seconds']:.2g} s"
         for each in done.result["recommended"]
@@ -111,7 +111,7 @@ def terminated() -> "Iterator[Callable[[], bool]]":
         signal.signal(signal.SIGTERM, before)
 
 
-def shown(quiet: bool) -> "AbstractContextManager[Callable[[StudyProgress], None]]":
+def study_progress(quiet: bool) -> "AbstractContextManager[Callable[[StudyProgress], None]]":
     """A callback that shows the progress of a study on stderr: a bar on a terminal, else a line every few seconds."""
     return listener_for(quiet, _bar, _lines())
 

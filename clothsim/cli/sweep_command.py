@@ -19,7 +19,7 @@ Run a scene with every combination of the values of some keys, and list the resu
 
   clothsim sweep sphere --vary cloth.fabric=cotton,denim --vary solver.dt=0.02,0.01 -o sweep
 
-The same command continues a stopped sweep; `clothsim farm work DIR` helps it from another process.
+The same command continues a stopped sweep; `clothsim farm work DIR` in another process shares the work.
 """
 
 
@@ -28,7 +28,7 @@ def add_to(commands: Any) -> None:
     sweep = commands.add_parser("sweep", description=_SWEEP)
     sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     sweep.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,C", help="a key and its values")
-    add_set(sweep, "change a key of all")
+    add_set(sweep, "change a key in all runs")
     sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: the scene's name_sweep)")
     add_output_options(sweep, json="print the rows as JSON", quiet="print nothing but errors", handler=_sweep)
 

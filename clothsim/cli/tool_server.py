@@ -1,7 +1,7 @@
 """Model Context Protocol server of commands: check, run, certificate and keys as tools of a language model.
 
 `python -m clothsim.cli.tool_server` serves on stdin and stdout (extra `mcp`). Each tool is a command with `--json` in a
-process of its own, so that what a command prints is no part of the protocol; a call that is cancelled ends it.
+process of its own, so that what a command prints is not part of the protocol; a call that is cancelled ends it.
 """
 
 import json
@@ -67,7 +67,7 @@ def main() -> int:
 def _name(word: str) -> str:
     """The word of a caller; refused where a command would take it for an option, or no command can be given it."""
     if not word or word.startswith("-") or "\0" in word:
-        raise _refusal(f"{word!r} is no name: give one that has letters and begins with no hyphen, such as ./-a.")
+        raise _refusal(f"{word!r} is not a name: give one that has letters and begins with no hyphen, such as ./-a.")
     return word
 
 

@@ -18,7 +18,7 @@ Bring the garments of every frame of a run to the rest pose of its body model.
   clothsim unpose walk -o canonical.npz
 """
 _REPOSE = """\
-Carry a canonical garment to the body model of a scene, at any time and in any shape: a start for a drape.
+Pose a canonical garment on the body model of a scene, at any time and in any shape: a start for a drape.
 
   clothsim repose canonical.npz other.toml -o shirt.obj --cloth shirt
 """
@@ -29,16 +29,16 @@ def add_to(commands: Any) -> None:
     unpose = commands.add_parser("unpose", description=_UNPOSE)
     unpose.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`, with a body model")
     unpose.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="an .npz")
-    unpose.add_argument("--field", action="store_true", help="weights of each canonical position itself")
+    unpose.add_argument("--field", action="store_true", help="weights that depend on the canonical position")
     add_overwrite(unpose)
     add_output_options(unpose, json="print frames, vertices and residuals as JSON", handler=_unpose)
     repose = commands.add_parser("repose", description=_REPOSE)
-    repose.add_argument("file", type=Path, metavar="FILE", help="what `clothsim unpose` left")
+    repose.add_argument("file", type=Path, metavar="FILE", help="the output of `clothsim unpose`")
     repose.add_argument("scene", type=Path, metavar="SCENE", help="a scene with the same body model")
     repose.add_argument("-o", "--output", type=Path, metavar="OBJ", required=True, help="the garment")
     repose.add_argument("--cloth", metavar="NAME", help="which of several")
     repose.add_argument("--frame", default="last", metavar="N", help="0, 1, ... or last (default: last)")
-    repose.add_argument("--time", default="0", metavar="S", help="of the scene's motion [s] (default: 0)")
+    repose.add_argument("--time", default="0", metavar="S", help="time in the scene's motion [s] (default: 0)")
     add_overwrite(repose)
     add_output_options(repose, json="print vertices, those inside and depth as JSON", handler=_repose)
 
@@ -48,7 +48,7 @@ def _unpose(arguments: argparse.Namespace) -> Report:
     directory = arguments.directory
     refuse_output(arguments.output, arguments, directory / files.CHECKPOINT_NAME)
     if not (directory / files.CHECKPOINT_NAME).is_file():
-        raise InputError(f"{directory} is no directory of a run (no {files.CHECKPOINT_NAME}).")
+        raise InputError(f"{directory} is not a directory of a run (no {files.CHECKPOINT_NAME}).")
     run = clothsim.open_run(directory)
     made = on_demand.unposed(run, run.scene, arguments.field)
     on_demand.write_canonical(arguments.output, made)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from clothsim.viewer.served import Served
 
 _VIEW = """\
-Show a run in a browser, also one that is still going: turn and scrub it, colour it by a field, pick a vertex. Needs
+Show a run in a browser, also one in progress: turn and scrub it, colour it by a field, pick a vertex. Needs
 pip install 'clothsim[view]'. Ctrl-C ends it.
 
   clothsim view drape

@@ -18,7 +18,7 @@ from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import shown
 from clothsim.base.record import to_json
 from clothsim.garments.authoring.arrays import scene_of_arrays
-from clothsim.garments.authoring.floor import floor_of
+from clothsim.garments.authoring.floor import Floor, floor_of
 from clothsim.garments.unpose import unposed
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class Authored:
     intersecting_frames : tuple of int or None
         Frames in which the exact test found an intersection; None where not all of them were tested.
     floor : tuple of float
-        Root mean square distances of the run that was edited from its twins over frames that are no keys [m]: from a
+        Root mean square distances of the run that was edited from its twins over frames that are not keys [m]: from a
         start 1e-6 m aside, and with a tenth of Newton's stop. nan where it is not known, or was not asked for.
     recovery : ClipRecovery or None
         What explains the edits; None of offsets that were interpolated.
@@ -125,7 +125,7 @@ def author(
     overwrite: bool = False,
     floor: bool = True,
 ) -> Authored:
-    """A clip that passes by edited frames, free of intersections.
+    """A clip through edited frames, free of intersections.
 
     Parameters
     ----------
@@ -182,11 +182,15 @@ def author(
     edited = edited_frames(run, keys)
 
     @cache
+    def twins() -> Floor | None:
+        return floor_of(run) if floor else None
+
     def noise() -> tuple[float, float]:
-        return floor_of(run).rms(set(keys)) if floor else UNKNOWN
+        found = twins()
+        return UNKNOWN if found is None else found.rms(set(keys))
 
     if not quick:
-        found = _recovered(run, edited, free, noise, rest)
+        found = _recovered(run, edited, free, twins, rest)
         new = clothsim.simulate(found.scene, directory, progress=progress, overwrite=overwrite)
         (directory / TARGETS_NAME).unlink(missing_ok=True)  # of an earlier clip there
         return _written(new, run, edited, "", noise(), found)
@@ -227,20 +231,21 @@ def _recovered(
     run: "Run",
     edited: tuple[EditedFrame, ...],
     free: Sequence[str],
-    noise: "Callable[[], tuple[float, float]]",
+    twins: Callable[[], Floor | None],
     rest: bool,
 ) -> "ClipRecovery":
     """What explains edited frames; without lengths where the scene cannot be of arrays, as with labels of a pattern."""
     scene = run.scene
-    if not scene.rods:  # whose rest shape is no key
+    if not scene.rods:  # whose rest shape is not a key
         with suppress(InputError):
             of_arrays = scene_of_arrays(scene)
             engine.build(of_arrays)
             scene = of_arrays
     keys = {key.frame: key.positions for key in edited}
 
-    def floor() -> float:  # found after the names of what is free were looked at
-        return max((each for each in noise() if np.isfinite(each)), default=0.0)
+    def floor() -> Floats:  # found after the names of what is free were looked at
+        found = twins()
+        return np.zeros(len(keys)) if found is None else found.at(sorted(keys))
 
     return clothsim.recover_clip(scene, keys, free, floor=floor, rest=rest)
 
@@ -253,7 +258,7 @@ def explained(recovery: "ClipRecovery") -> dict[str, Any]:
         "errors": {name: _finite(error) for name, error in recovery.errors.items()},
         "undetermined": [dict(each) for each in recovery.undetermined],
         "at_limit": list(recovery.at_limit),
-        "noise": recovery.noise,
+        "noise": list(recovery.noise),
         "misfit": {"before": before, "numbers": numbers, "rest": rest},
         "rest": None if recovery.rest is None else asdict(recovery.rest),
         "no_rest": recovery.no_rest,
@@ -269,7 +274,7 @@ def _finite(value: float) -> float | None:
 
 
 def edited_frames(run: "Run", keys: Mapping[int, Any]) -> tuple[EditedFrame, ...]:
-    """The keys in the order of time. InputError for what is none; those of `author`."""
+    """The keys in the order of time. InputError for anything else; parameters as of `author`."""
     if run.status != "completed":
         raise InputError(f"{run.directory} is a run that {run.status}.", "Edit frames of one that completed.")
     if not keys:
@@ -280,7 +285,7 @@ def edited_frames(run: "Run", keys: Mapping[int, Any]) -> tuple[EditedFrame, ...
     found = []
     other = next((frame for frame in keys if not isinstance(frame, int | np.integer)), None)
     if other is not None:
-        raise InputError(f"The frame {other!r} is no whole number.", "Give positions by the number of a frame.")
+        raise InputError(f"The frame {other!r} is not a whole number.", "Give positions by the number of a frame.")
     for frame in sorted(keys):
         if frame == 0:
             raise InputError("Frame 0 is the start, which the scene gives.", f"Edit a frame from 1 to {last}.")
@@ -299,7 +304,7 @@ def _positions(run: "Run", what: str, given: Any) -> Floats:
         try:
             points = np.asarray(given, np.float64)
         except (TypeError, ValueError) as error:
-            raise InputError(f"{what} is {shown(given)}, no numbers.", "Give (n, 3) numbers, or a file.") from error
+            raise InputError(f"{what} is {shown(given)}, not numbers.", "Give (n, 3) numbers, or a file.") from error
     else:
         try:
             mesh = files.read_mesh(given)

@@ -127,7 +127,7 @@ def short_name(pattern: str | Path) -> str:
     return Path(pattern).stem.removesuffix("_specification")
 
 
-REMEDY = "Look at the pattern (pattern.svg) and at the panels as placed: `clothsim check` names what intersects."
+REMEDY = "Check the pattern (pattern.svg) and the panels as placed: `clothsim check` names what intersects."
 
 
 def write_results(done: "Dress", name: str, size: float, watch: Stopwatch) -> None:
@@ -239,7 +239,7 @@ def dress(
     grade : mapping of str to float, optional
         Factors by name (`grading.NAMES`) in place of those between both bodies; without `made_for` the others are 1.
     waistband : bool
-        True: upper edges that would slide are taken in to the girth of the body before the drape (`held_edges`).
+        True: upper edges that would slide are taken in to the girth of the body before the drape (`edges_held`).
     origin : str
         Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
     rotation_order : str
@@ -300,7 +300,11 @@ def dress(
         *placing_notes,
         *arm_notes,
         *body.notes,
-        *(() if stands(body) else (f"{body.name} is no standing person in metres: give another body, or its --scale",)),
+        *(
+            ()
+            if stands(body)
+            else (f"{body.name} is not a standing person in metres: give another body, or its --scale",)
+        ),
     )
     begun, done = _sewn_in_poses(task, mesh, notes)
     worn = Dress(

@@ -1,6 +1,7 @@
 """Fit of a garment to another body: transfer, repair and drape."""
 
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -41,7 +42,7 @@ from transfer.errors import TransferError
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED_NAME, REST, START, BODY, *CLOSING)
 """Files of a fit in its directory."""
-REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
+REMEDY = "Check fit.png, and the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class Fit:
         Measures of a garment that looks worn, and the fault of one that does not.
     notes : tuple of str
         Defaults used in reading and fitting.
-    carried : (k,) int array
+    flypapered : (k,) int array
         Rows of `positions` that the body carries where it overlaps itself, as thighs do: their intersections are left
         out of `counts`. Empty on all other bodies.
     tight : mapping of str to Tightness
@@ -103,8 +104,14 @@ class Fit:
     size: Size
     look: WearCheck
     notes: tuple[str, ...]
-    carried: Ints = field(default_factory=lambda: NO_ROWS)
+    flypapered: Ints = field(default_factory=lambda: NO_ROWS)
     tight: Mapping[str, Tightness] = field(default_factory=dict)
+
+    @property
+    def carried(self) -> Ints:
+        """Earlier name of `flypapered`."""
+        warnings.warn("carried is now flypapered.", DeprecationWarning, stacklevel=2)
+        return self.flypapered
 
     @property
     def answer_number(self) -> int:
@@ -261,7 +268,7 @@ def _target(body: Any, scale: float | None, group: str | Sequence[str] | None) -
 def _finish_fit(task: Task, state: FitState, watch: Stopwatch) -> Fit:
     """Check the fitted garment and write the results."""
     assert state.outcome is not None
-    status, reason, run, stages, carried = state.outcome
+    status, reason, run, stages, flypapered = state.outcome
     if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
         status = "failed"
     answer = stages[-1] if status != "failed" else stages[best_stage(stages, state.on_target)]
@@ -289,7 +296,7 @@ def _finish_fit(task: Task, state: FitState, watch: Stopwatch) -> Fit:
             *state.notes,
             *tight_notes(tight),
         ),
-        carried if answer is stages[-1] else NO_ROWS,
+        flypapered if answer is stages[-1] else NO_ROWS,
         tight,
     )
     _write(done, watch)
@@ -321,9 +328,9 @@ def _write(done: Fit, watch: Stopwatch) -> None:
         "fit_seconds": watch.wall_seconds(),
         "cpu_seconds": watch.cpu_seconds(),
     }
-    if len(done.carried):
-        middle = done.positions[done.carried].mean(axis=0).tolist()
-        fitted["carried"] = {"vertices": done.carried.tolist(), "position": middle}
+    if len(done.flypapered):
+        middle = done.positions[done.flypapered].mean(axis=0).tolist()
+        fitted["carried"] = {"vertices": done.flypapered.tolist(), "position": middle}
     if done.status in ("failed", "distorted"):
         position, counts = done.counts.position, str(done.counts)
         if done.status == "distorted":

@@ -178,7 +178,7 @@ class BodyMesh:
 
     @cached_property
     def parts(self) -> BodyParts:
-        """Frame, trunk, arms and legs. TransferError where it is no standing body."""
+        """Frame, trunk, arms and legs. TransferError where it is not a standing body."""
         like = self.closed if self.like is None else self.like
         if like is not self:
             nearest = cKDTree(like.positions).query(self.positions)[1]
@@ -187,7 +187,7 @@ class BodyMesh:
 
     @cached_property
     def frame(self) -> BodyFrame:
-        """Upright, front-facing frame. TransferError where it is no standing body."""
+        """Upright, front-facing frame. TransferError where it is not a standing body."""
         like = self.closed if self.like is None else self.like
         if like is not self:
             return like.frame
@@ -245,7 +245,7 @@ def read_body_mesh(
 ) -> BodyMesh:
     """The body in a file: its `group` or several, else its largest closed piece, else its largest; or that of a scene.
 
-    Where that piece is no standing body, but all pieces together are, as of a jointed figure, all of them.
+    Where that piece is not a standing body, but all pieces together are, as of a jointed figure, all of them.
 
     scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does, with the
     option that gives it.
@@ -266,7 +266,7 @@ def read_body_mesh(
         if pieces == 1 or stands(body):
             return body
     fault = ""
-    with suppress(InputError):  # pieces of a room, say, which is no person in any unit
+    with suppress(InputError):  # pieces of a room, say, which is not a person in any unit
         together = _in_metres(file, whole, scale, option)
         fault = together.fault
         if together.closed is not together:
@@ -305,7 +305,7 @@ def as_body_mesh(body: Any) -> BodyMesh:
 def garment_of(cloth: Any, weld: float) -> Garment:
     """The garment of a `clothsim.Cloth` or a mesh object, in metres, as it lies on its body.
 
-    weld: borders closer than that are sewn [m], in place of that of the cloth. InputError for a mesh that is no cloth.
+    weld: borders closer than that are sewn [m], in place of that of the cloth. InputError for a mesh that is not cloth.
     """
     given = cloth if isinstance(cloth, Cloth) else Cloth(cloth)
     made, notes = cloth_mesh(given, weld)
@@ -326,7 +326,7 @@ def read_garment(
 
     scale: metres per unit; part: (lo, hi) vertices of the file; weld: borders closer than that are sewn [m];
     body: positions (k, 3) [m] of what it is worn by, from which a garment of inconsistent winding is turned away.
-    InputError for a mesh that is no cloth.
+    InputError for a mesh that is not a cloth.
     """
     file = source = Path(path)
     if file.suffix.lower() == ".mhclo":

@@ -26,7 +26,7 @@ from clothsim.garments.penetration import Counts, count_penetrations
 from clothsim.garments.stages import Announcement, Listener, StageCallback, dress_drape, named_stage, simulate_stage
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
-from transfer.wrap import Sheet, wrap
+from transfer.wrap import TriangleMesh, wrap
 
 CELL, LAYER = 0.01, 0.007
 """Lattice cell of a wrap, and its distance from body and garments [m]: above half a cell, so that it sees every fold.
@@ -328,13 +328,13 @@ def _written(done: Outfit) -> Outfit:
     }
     if done.status == "failed":
         failed = {"cause": "dress", "sentence": done.reason, "element": str(done.counts or ""), "position": None}
-        remedy = "Look at the last garment's own folder: its pictures and its summary."
+        remedy = "Check the last garment's own folder: its pictures and its summary."
         entries["failure"] = {**failed, "remedy": remedy, **dict.fromkeys(("step", "time", "dt"))}
     write_summary(file, {**previous, **entries})
     return done
 
 
-def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[Sheet]) -> BodyMesh:
+def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[TriangleMesh]) -> BodyMesh:
     """The wrap of a body and the garments on it, outward, with the landmarks of the body.
 
     Raises
@@ -352,7 +352,7 @@ def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[Sheet]) -> 
     )
 
 
-def _holds(made: Sheet, surface: BodySurface, garments: Sequence[Sheet]) -> bool:
+def _holds(made: TriangleMesh, surface: BodySurface, garments: Sequence[TriangleMesh]) -> bool:
     """True where body and garments lie inside a wrap: no vertex outside, no triangle through it."""
     positions, triangles = made
     try:

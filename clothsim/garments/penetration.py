@@ -9,7 +9,7 @@ import numpy as np
 from clothsim import Finding
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.text import length
+from clothsim.base.text import length_text
 from clothsim.engine import intersecting_pairs, intersection_points
 from clothsim.garments.inputs import BodyMesh, Garment, read_body_mesh, read_garment
 from clothsim.render import Surface, draw_marks
@@ -31,7 +31,7 @@ class Counts:
         Intersecting triangle pairs of garment and body, and of the garment with itself.
     position : ndarray (3,) or None
         Position of the worst [m]; None where `clean`.
-    carried : int
+    flypapered : int
         Vertices that the body carries where it overlaps itself; what they penetrate is not counted.
     """
 
@@ -40,7 +40,7 @@ class Counts:
     body_pairs: int
     self_pairs: int
     position: Floats | None
-    carried: int = 0
+    flypapered: int = 0
 
     @property
     def on_body(self) -> bool:
@@ -67,28 +67,28 @@ class Counts:
     def __str__(self) -> str:
         inside = f"{self.penetrating_vertices:,} vertices inside"
         deep = f" (to {1e3 * self.depth:.3g} mm)" if self.penetrating_vertices else ""
-        held = f"; {self.carried:,} vertices carried" if self.carried else ""
+        held = f"; {self.flypapered:,} vertices carried" if self.flypapered else ""
         return f"{inside}{deep}, {self.body_pairs:,} pairs with the body, {self.self_pairs:,} with itself{held}"
 
 
 NO_ROWS: Ints = np.zeros(0, np.int64)
 
 
-def count_penetrations(garment: Floats, triangles: Ints, body: BodySurface, carried: Ints = NO_ROWS) -> Counts:
+def count_penetrations(garment: Floats, triangles: Ints, body: BodySurface, flypapered: Ints = NO_ROWS) -> Counts:
     """Penetration counts of `garment (n, 3)` [m] with `triangles (m, 3)` on `body`; arguments of `penetrations`."""
-    return penetrations(garment, triangles, body, carried)[0]
+    return penetrations(garment, triangles, body, flypapered)[0]
 
 
 def penetrations(
-    garment: Floats, triangles: Ints, body: BodySurface, carried: Ints = NO_ROWS
+    garment: Floats, triangles: Ints, body: BodySurface, flypapered: Ints = NO_ROWS
 ) -> tuple[Counts, Ints, Ints]:
     """The counts, and the pairs (p, 2) of intersecting triangles: of garment and body, of the garment with itself.
 
-    carried (k,): vertices that the body carries where it overlaps itself. Left out are they, the pairs of their
+    flypapered (k,): vertices that the body carries where it overlaps itself. Left out are they, the pairs of their
     triangles with the body, and those of two of their triangles.
     """
     free = np.ones(len(garment), bool)
-    free[carried] = False
+    free[flypapered] = False
     within = body.penetration(garment[free])
     x = np.concatenate([garment, body.positions])
     faces = body.triangles + len(garment)
@@ -102,7 +102,7 @@ def penetrations(
         position = intersection_points(x, triangles, faces, with_body[:1])[0]
     elif len(own):
         position = intersection_points(x, triangles, triangles, own[:1])[0]
-    return Counts(within.count, within.depth, len(with_body), len(own), position, len(carried)), with_body, own
+    return Counts(within.count, within.depth, len(with_body), len(own), position, len(flypapered)), with_body, own
 
 
 SIZE = (720, 1080)
@@ -193,7 +193,7 @@ def entries(report: PenetrationReport) -> Iterator[Finding | str]:
             yield f"vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_place(position)}"
     else:
         nearest = float(report.closest.signed_distance.min())
-        yield f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away"
+        yield f"none of {n:,} vertices is inside the body; the nearest is {length_text(nearest)} away"
     x, own = report.garment.positions, report.garment.triangles
     for who, pairs, other in (
         ("the garment and the body", report.body_pairs, report.body.triangles + n),

@@ -84,7 +84,7 @@ def _panels(done: "Fit") -> list[tuple[str, Floats, BodyMesh, Floats]]:
 def _strain(done: "Fit") -> Floats:
     """Principal stretches (m, 2) of the cloth as it was cut for the body; against the garment as given if not draped.
 
-    Grading makes a larger garment of the same cloth, which is no strain.
+    Grading makes a larger garment of the same cloth, which is not a strain.
     """
     if done.run is None or done.status not in ("completed", "distorted"):
         return done.cost.stretches

@@ -40,7 +40,7 @@ class Stage:
             "intersecting_pairs": self.counts.body_pairs,
             "self_pairs": self.counts.self_pairs,
             "said": self.description,
-            **({"carried": self.counts.carried} if self.counts.carried else {}),
+            **({"carried": self.counts.flypapered} if self.counts.flypapered else {}),
         }
 
 
@@ -63,17 +63,17 @@ def staged(
     make: Callable[[], tuple[Floats, str]],
     on_stage: StageCallback,
     started: float | None = None,
-    carried: Callable[[], Ints] = lambda: NO_ROWS,
+    flypapered: Callable[[], Ints] = lambda: NO_ROWS,
 ) -> Stage:
     """Run a stage: `make` returns its positions and a description; checked on `body`, then `on_stage` is called.
 
-    started: where the stage began before this call, its `process_time`; carried: called after `make`, the vertices that
-    the body carries (`penetrations`).
+    started: where the stage began before this call, its `process_time`; flypapered: called after `make`, the vertices
+    that the body carries (`penetrations`).
     """
     started = process_time() if started is None else started
     positions, description = make()
     seconds = process_time() - started
-    stage = Stage(name, seconds, positions, count_penetrations(positions, triangles, body, carried()), description)
+    stage = Stage(name, seconds, positions, count_penetrations(positions, triangles, body, flypapered()), description)
     on_stage(stage)
     return stage
 
@@ -192,7 +192,7 @@ DRESS_CLOSING = StageScene(
     },
     solver={"dt": 0.04, "tolerance": 0.1, "max_iterations": 200, "integrator": "backward_euler"},
 )
-KEPT = {"fields": ["contact_pressure"]}
+STORED_FIELDS = {"fields": ["contact_pressure"]}
 """Fields that drapes keep, to say how tight a garment is."""
 DRESS_DRAPE = StageScene(
     effects={
@@ -225,7 +225,7 @@ def fit_drape(
     """Drape of a fitted garment; duration [s]: None: as in FIT_DRAPE; closes: the body closes and carries vertices."""
     effects = _add_fitted_contact(FIT_DRAPE.effects, stiffness, seams, self_contact)
     effects["gravity"] = {"acceleration": (-GRAVITY * up).tolist()}
-    run = {**FIT_DRAPE.run, **KEPT, **({} if duration is None else {"duration": duration})}
+    run = {**FIT_DRAPE.run, **STORED_FIELDS, **({} if duration is None else {"duration": duration})}
     return replace(FIT_DRAPE, effects=effects, run=run, contact={"pinch": "carry"} if closes else {})
 
 
@@ -247,11 +247,11 @@ def dress_drape(up: Floats, seams: Sequence[Mapping[str, Any]], friction: float)
     """Drape of a sewn garment; seams: those that are not welded."""
     own = {"friction": {"coefficient": friction}, "gravity": {"acceleration": (-GRAVITY * up).tolist()}}
     effects = {**DRESS_DRAPE.effects, **own, **({"seams": {"seam": seams}} if seams else {})}
-    return replace(DRESS_DRAPE, effects=effects, run={**DRESS_DRAPE.run, **KEPT})
+    return replace(DRESS_DRAPE, effects=effects, run={**DRESS_DRAPE.run, **STORED_FIELDS})
 
 
 def named_stage(name: str, listener: Listener | None) -> Listener | None:
-    """The listener, with the name of the stage in what it gets; None where there is none."""
+    """The listener, with the name of the stage in its messages; None where there is none."""
     return None if listener is None else lambda progress: listener(replace(progress, stage=name))
 
 

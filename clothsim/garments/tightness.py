@@ -83,7 +83,7 @@ def tight_parts(
 
 
 def tight_parts_of_run(run: Run, parts: Mapping[str, Ints]) -> dict[str, Tightness]:
-    """The tight parts at the end of a drape of one cloth that kept its contact pressure; parts: rows of triangles."""
+    """The tight parts at the end of a drape of one cloth with recorded contact pressure; parts: rows of triangles."""
     stretches, corners = np.asarray(run.stretches(-1), np.float64), run.positions(-1)[run.triangles]
     areas = triangle_areas(corners) / np.maximum(stretches.prod(axis=1), 1e-6)  # large where flattened at rest
     return tight_parts(

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +9,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from clothsim import Scene
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints, write_arrays
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_arrays
-from clothsim.base.file_writing import write_atomically
 from clothsim.engine import character_of_scene
 from transfer.body_model import PosedBody
 from transfer.canonical import kernel_average, unposed_in_field
@@ -22,10 +20,8 @@ from transfer.errors import TransferError
 if TYPE_CHECKING:
     from clothsim import Run
 
-_ARRAYS = (
-    "positions", "residuals", "times", "triangles", "starts", "names",
-    "body", "body_triangles", "field", "row_values", "row_columns", "row_starts",
-)  # fmt: skip
+_AS_THEY_ARE = ("positions", "residuals", "times", "triangles", "starts", "body", "body_triangles")
+_ARRAYS = (*_AS_THEY_ARE, "names", "field", "row_values", "row_columns", "row_starts")
 _REMEDY = "Write it with `clothsim unpose RUN -o canonical.npz`."
 
 
@@ -142,23 +138,15 @@ def unposed(run: "Run", scene: Scene, field: bool = False) -> CanonicalGarments:
 
 def write_canonical(path: Path, garments: CanonicalGarments) -> None:
     """Write canonical garments as .npz. InputError where it cannot be written."""
-    content = BytesIO()
-    np.savez_compressed(
-        content,
-        positions=garments.positions,
-        residuals=garments.residuals,
-        times=garments.times,
-        triangles=garments.triangles,
-        starts=garments.starts,
-        names=np.frombuffer(json.dumps(garments.names).encode(), np.uint8),
-        body=garments.body,
-        body_triangles=garments.body_triangles,
-        field=np.array([garments.field], np.uint8),
-        row_values=garments.rows.data,
-        row_columns=garments.rows.indices,
-        row_starts=garments.rows.indptr,
-    )
-    write_atomically(path, content.getvalue())
+    arrays = {
+        **{name: getattr(garments, name) for name in _AS_THEY_ARE},
+        "names": np.frombuffer(json.dumps(garments.names).encode(), np.uint8),
+        "field": np.array([garments.field], np.uint8),
+        "row_values": garments.rows.data,
+        "row_columns": garments.rows.indices,
+        "row_starts": garments.rows.indptr,
+    }
+    write_arrays(path, arrays, overwrite=True)
 
 
 def read_canonical(path: Path) -> CanonicalGarments:
@@ -172,10 +160,9 @@ def read_canonical(path: Path) -> CanonicalGarments:
         shape = (len(arrays["positions"][0]), len(arrays["body"]))
         rows = csr_array((arrays["row_values"], arrays["row_columns"], arrays["row_starts"]), shape=shape)
         rows.check_format(full_check=True)
-        kept = {name: arrays[name] for name in _ARRAYS[:5]}
-        if len(names) + 1 != len(kept["starts"]) or len(kept["times"]) != len(kept["positions"]):
+        if len(names) + 1 != len(arrays["starts"]) or len(arrays["times"]) != len(arrays["positions"]):
             raise ValueError("its arrays do not fit")
     except (ValueError, IndexError, TypeError, RecursionError, OverflowError) as error:
         raise InputError(f"{path.name} is broken: {error}.", _REMEDY) from error
-    body = {name: arrays[name] for name in ("body", "body_triangles")}
-    return CanonicalGarments(**kept, **body, names=names, rows=rows, field=bool(arrays["field"][0]))
+    as_they_are = {name: arrays[name] for name in _AS_THEY_ARE}
+    return CanonicalGarments(**as_they_are, names=names, rows=rows, field=bool(arrays["field"][0]))

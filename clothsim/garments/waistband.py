@@ -39,7 +39,7 @@ class Banded(NamedTuple):
     factors: tuple[float, ...]
 
 
-class Band(NamedTuple):
+class WaistBorder(NamedTuple):
     """Directed border edges (b, 2), vertices (k,) of its piece, centre (3,) and girth [m] of the body at its height.
 
     The centre is in the frame of the body.
@@ -67,7 +67,7 @@ def with_waistbands(positions: Floats, triangles: Ints, body: BodyMesh, parts: B
     return Banded(parts.frame.world(rest) if factors else positions, tuple(factors))
 
 
-def bands(local: Floats, triangles: Ints, body: BodyMesh, parts: BodyParts) -> list[Band]:
+def bands(local: Floats, triangles: Ints, body: BodyMesh, parts: BodyParts) -> list[WaistBorder]:
     """Topmost borders about the trunk, between crotch and armpits, of a garment at `local` (n, 3) [m]."""
     found = []
     on_body = parts.frame.local(body.positions)
@@ -81,11 +81,11 @@ def bands(local: Floats, triangles: Ints, body: BodyMesh, parts: BodyParts) -> l
         centre = parts.trunk.at(np.array([height]), parts.trunk.centres)[0]
         centre[1] = height
         if topmost and low < height < high and abs(turns_about(local[edges] - centre)) > 0.5:
-            found.append(Band(edges, piece, centre, girth_at(on_body, body.triangles, centre)))
+            found.append(WaistBorder(edges, piece, centre, girth_at(on_body, body.triangles, centre)))
     return found
 
 
-def nearness(local: Floats, band: Band, parts: BodyParts) -> Floats:
+def nearness(local: Floats, band: WaistBorder, parts: BodyParts) -> Floats:
     """Smooth weight of each vertex of the piece of a band, 1 at the band and 0 from DEPTH on, (k,)."""
     nearest = cKDTree(local[np.unique(band.edges)]).query(local[band.piece])[0]
     distance = np.minimum(nearest / (DEPTH * parts.frame.height), 1.0)
@@ -153,7 +153,7 @@ def edges_held(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[s
     return replace(state, mesh=replace(state.mesh, material_coordinates=material)), tuple(notes)
 
 
-def taken_in(state: SewingState, material: Floats, band: Band, factor: float, near: Floats) -> Floats:
+def taken_in(state: SewingState, material: Floats, band: WaistBorder, factor: float, near: Floats) -> Floats:
     """Material coordinates (m, 3, 2) [m] of triangles shortened by `factor` along a band, the less the farther from it.
 
     near: weight of each vertex of the piece of the band, (k,). A triangle is shortened along the direction of its own
@@ -175,7 +175,7 @@ def taken_in(state: SewingState, material: Floats, band: Band, factor: float, ne
     return taken
 
 
-def _along(state: SewingState, band: Band, faces: Ints) -> Floats:
+def _along(state: SewingState, band: WaistBorder, faces: Ints) -> Floats:
     """Unit direction (t, 3) of the edge of a band that is nearest to each triangle."""
     ends = state.positions[band.edges]
     nearest = cKDTree(ends.mean(axis=1)).query(state.positions[faces].mean(axis=1))[1]

@@ -24,9 +24,9 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import World, build, refuse_earlier_run
 from clothsim.garments.authoring.arrays import table_of_arrays
-from clothsim.garments.wrinkle.compression import Rings, compression_of, followed, ring_tensors
-from clothsim.garments.wrinkle.curves import Curve, Field, Sheet, followed_curves, heights
-from clothsim.garments.wrinkle.finer import Subdivision, subdivision, vertex_normals
+from clothsim.garments.wrinkle.compression import Rings, blended_in_time, compression_of, ring_tensors
+from clothsim.garments.wrinkle.curves import CompressionField, Crest, FineSheet, followed_curves, heights
+from clothsim.garments.wrinkle.finer import Subdivision, normals_or_zero, subdivision
 from clothsim.garments.wrinkle.waves import Waves
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ OWN_FILES = TARGETS_NAME, WRINKLES_NAME = "targets.npy", "wrinkles.json"
 """What it leaves beside the files of a run: the targets, and figures of the wrinkles of each frame."""
 RATE = 100.0
 """Rate at which the finer cloth is drawn to its targets [1/s]."""
-KEPT = (
+COPIED_EFFECTS = (
     "pins", "inertia", "membrane", "fibres", "strain_limit", "bending", "rest_angle", "body_contact", "self_contact",
     "seams",
 )  # fmt: skip
@@ -146,9 +146,9 @@ def refuse_unfit(run: "Run", parts: int) -> None:
     if not len(run.triangles):
         raise InputError(f"The run {where} has no cloth.", "Wrinkles need cloth.")
     if run.scene.rods:
-        raise InputError(f"The run {where} has rods, which get no wrinkles.", "Take a scene without [[rod]].")
+        raise InputError(f"The run {where} has rods, which get no wrinkles.", "Use a scene without [[rod]].")
     if run.scene.rigid_bodies:
-        raise InputError(f"The run {where} has rigid bodies, whose motion comes from forces.", "Take [[body]].")
+        raise InputError(f"The run {where} has rigid bodies, whose motion comes from forces.", "Use [[body]].")
     if run.intersection_free is not True:
         raise InputError(
             f"The cloth of {where} intersects, or was not checked whole.",
@@ -172,7 +172,7 @@ def finer_scene(run: "Run", world: World, finer: list[Subdivision]) -> Scene:
         rest = one.of_triangles(cloth.material_coordinates) if cloth.flat else one.curved(cloth.rest_positions)
         panels = {name: _pieces(faces, one.parts) for name, faces in cloth.groups.items()}
         cloths.append(table_of_arrays(keys, cloth.name, one.linear(start[rows]), one.triangles, rest, panels))
-    effects: dict[str, Any] = {name: keys for name, keys in scene.effects.items() if name in KEPT}
+    effects: dict[str, Any] = {name: keys for name, keys in scene.effects.items() if name in COPIED_EFFECTS}
     effects = {name: _on_finer(f"effects.{name}", keys, world, finer) for name, keys in effects.items()}
     effects |= {name: {} for name in ("inertia", "self_contact") if name not in effects}
     if scene.bodies and "body_contact" not in effects:
@@ -247,7 +247,7 @@ class Relief:
     world : World
         Of the coarse scene.
     finer : list of Subdivision
-    sheets : list of Sheet
+    sheets : list of FineSheet
         The finer cloths at rest.
     rings : list of Rings
         Of the coarse cloths.
@@ -256,7 +256,7 @@ class Relief:
     run: "Run"
     world: World
     finer: list[Subdivision]
-    sheets: list[Sheet]
+    sheets: list[FineSheet]
     rings: Rings
 
     @classmethod
@@ -270,26 +270,26 @@ class Relief:
             fabric = cloth.fabric
             bending = float(np.sqrt(fabric.bending_along_warp * fabric.bending_along_weft))
             stretching = float(np.sqrt(fabric.stiffness_along_warp * fabric.stiffness_along_weft))
-            normals = vertex_normals(rest, one.triangles)
-            sheets.append(Sheet(rest, normals, edge, Waves(bending, stretching, edge, radius)))
+            normals = normals_or_zero(rest, one.triangles)
+            sheets.append(FineSheet(rest, normals, edge, Waves(bending, stretching, edge, radius)))
         return cls(run, world, finer, sheets, Rings.of(world.triangles, world.rest_areas, world.n_cloth))
 
     def frames(self) -> Iterator[tuple[Floats, dict[str, Any]]]:
         """Targets of all finer vertices (k, 3) [m] in each frame, and figures of its wrinkles."""
-        curves: list[list[Curve]] = [[] for _ in self.finer]
+        curves: list[list[Crest]] = [[] for _ in self.finer]
         tensors, before = None, float(self.run.times[0])
         for frame, time in enumerate(self.run.times):
             own = ring_tensors(self.run, frame, self.rings)
-            tensors = followed(tensors, own, float(time) - before)
+            tensors = blended_in_time(tensors, own, float(time) - before)
             positions, shapes, crests = self.run.positions(frame), [], []
             most, worst = 0.0, 0.0
             for k, (one, rows) in enumerate(_rows(self.world, self.finer)):
                 surface = one.curved(positions[rows])
                 found = compression_of(one.linear(tensors[rows]), self.sheets[k].normals)
-                field = Field(self.sheets[k], found, surface)
+                field = CompressionField(self.sheets[k], found, surface)
                 curves[k] = followed_curves(curves[k], field, float(time) - before)
                 lifts = heights(curves[k], field)
-                shapes.append(surface + lifts[:, None] * vertex_normals(surface, one.triangles))
+                shapes.append(surface + lifts[:, None] * normals_or_zero(surface, one.triangles))
                 crests += curves[k]
                 most = max(most, float(np.abs(lifts).max(initial=0.0)))
                 worst = max(worst, float(np.quantile(found.amount, 0.99)))

@@ -19,7 +19,7 @@ ALONG = 2.0
 """Thicknesses along a rod up to which its edges count as neighbours."""
 
 
-class Line(Protocol):
+class CentreLine(Protocol):
     """A rod: its `edges (k, 2)` as rows of x, in order along it, and its radius [m]."""
 
     @property
@@ -31,7 +31,7 @@ class Line(Protocol):
         """Of its section [m]."""
 
 
-def overlapping_edges(x: Floats, one: Line, other: Line) -> Ints:
+def overlapping_edges(x: Floats, one: CentreLine, other: CentreLine) -> Ints:
     """Edges of two rods, or of one with itself, whose centre lines are nearer than both radii, (p, 2).
 
     Neighbours along a rod do not count.
@@ -61,7 +61,7 @@ def overlapping_edges(x: Floats, one: Line, other: Line) -> Ints:
     return pairs[gaps < thickness]
 
 
-def edges_through(x: Floats, rod: Line, triangles: Ints) -> Ints:
+def edges_through(x: Floats, rod: CentreLine, triangles: Ints) -> Ints:
     """Edges of a rod and triangles (m, 3) that they pass through, (p, 2)."""
     if not len(triangles):
         return np.zeros((0, 2), np.int64)
@@ -99,7 +99,7 @@ def found_by_rods(x: Floats, parts: Sequence[Any]) -> list[tuple[int, int, Ints]
     return [each for each in found if len(each[2])]
 
 
-def _reach(x: Floats, rod: Line) -> float:
+def _reach(x: Floats, rod: CentreLine) -> float:
     """Half of the longest edge [m]."""
     return 0.5 * float(np.linalg.norm(np.diff(x[rod.edges], axis=1)[:, 0], axis=1).max())
 

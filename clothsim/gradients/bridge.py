@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from clothsim.gradients.layer import Layer, LayerState, Rollout
 
 STARTS = ("start", "velocity")
-"""Values of a bridge that are no numbers of the scene: positions and velocities of the cloth at the start, (n, 3)."""
+"""Values of a bridge that are not numbers of the scene: positions and velocities of the cloth at the start, (n, 3)."""
 
 
 class Differentiable(Protocol):
@@ -63,7 +63,7 @@ class Bridge:
     _last: list[tuple[bytes, Trace]] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """InputError for a name that is no number: packages that call a bridge hide what is raised within it."""
+        """InputError for a name that is not a number: packages that call a bridge hide what is raised within it."""
         for name in self.names:
             if name not in STARTS:
                 value_at(self.scene, self._world, name)
@@ -90,10 +90,10 @@ class Bridge:
         """The stiffness of each contact [Pa] in all runs."""
         if self.stiffness is not None:
             return self.stiffness
-        return pilot(self.scene)
+        return held_stiffness(self.scene)
 
     def trace(self, values: Sequence[Floats]) -> Trace:
-        """Run the scene with other numbers; the last run is kept, as its derivative is asked for next."""
+        """Run the scene with other numbers; the last run is stored, because its derivative is requested next."""
         arrays = [np.asarray(value, np.float64) for value in values]
         key = b"".join(array.tobytes() for array in arrays)
         if not self._last or self._last[0][0] != key:
@@ -146,7 +146,7 @@ class RolloutBridge:
         return shape, shape
 
     def rollout(self, values: Sequence[Floats]) -> "Rollout":
-        """Take the steps; the last rollout is kept, as its derivative is asked for next."""
+        """Take the steps; the last rollout is stored, because its derivative is requested next."""
         arrays = [np.asarray(value, np.float64) for value in values]
         key = b"".join(array.tobytes() for array in arrays)
         if not self._last or self._last[0][0] != key:
@@ -177,7 +177,7 @@ class RolloutBridge:
         return found
 
 
-def pilot(scene: Scene) -> dict[str, float]:
+def held_stiffness(scene: Scene) -> dict[str, float]:
     """Return the stiffness of each contact [Pa] that a run of the scene holds for its gradient, by effect."""
     session = differentiable_session(prepare(scene, build(scene, affordable=True)), polish=0)
     return stiffness_of(session.built.energies)

@@ -67,7 +67,9 @@ class Camera:
         rotation = as_finite("rotation", self.rotation)
         square = rotation.shape == (3, 3)
         if not square or np.abs(rotation @ rotation.T - np.eye(3)).max() > ORTHONORMAL or np.linalg.det(rotation) < 0:
-            raise InputError("Camera.rotation is no rotation matrix.", "Its rows are the axes right, down and forward.")
+            raise InputError(
+                "Camera.rotation is not a rotation matrix.", "Its rows are the axes right, down and forward."
+            )
         object.__setattr__(self, "rotation", rotation)
         least = min(as_positive("Camera.width", self.width), as_positive("Camera.height", self.height))
         if least < 1 or not self.focal.min() > 0.0:
@@ -93,7 +95,7 @@ class Camera:
         fx, fy, cx, cy = numbers if len(numbers) == 4 else (numbers[0], *numbers)
         q = as_finite("quaternion", quaternion)
         if q.shape != (4,) or not q.any():
-            raise InputError("The quaternion is no (w, x, y, z).", "Give QW, QX, QY, QZ of images.txt.")
+            raise InputError("The quaternion is not (w, x, y, z).", "Give QW, QX, QY, QZ of images.txt.")
         w, (x, y, z) = q[0] / np.linalg.norm(q), q[1:] / np.linalg.norm(q)
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         rotation = np.eye(3) + 2 * w * cross + 2 * cross @ cross
@@ -120,7 +122,7 @@ class Camera:
         """Return the pixels (n, 2) of points (n, 3) [m]. InputError for one that is not in front of the camera."""
         local = self.in_camera(points)
         if len(local) and not local[:, 2].min() > 0.0:
-            raise InputError(f"Point {int(local[:, 2].argmin())} is not in front of the camera.", "Look at its pose.")
+            raise InputError(f"Point {int(local[:, 2].argmin())} is not in front of the camera.", "Check its pose.")
         return np.asarray(self.focal * local[:, :2] / local[:, 2:] + self.principal, np.float64)
 
     def rays(self, pixels: ArrayLike) -> Floats:
@@ -155,7 +157,7 @@ class KeyPoints(PictureLoss):
     huber : float
         Residual over the noise beyond which rho(r) = r^2/2 goes on as a straight line: an outlier counts less.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     camera: Camera

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.design_aims import SeesMaterial, largest_stretch
-from clothsim.gradients.loss_of_numbers import derivatives, intersecting_pairs
+from clothsim.gradients.loss_of_numbers import count_intersecting_pairs, derivatives
 from clothsim.gradients.losses import Loss
 from clothsim.gradients.pattern_numbers import SECTION, PatternNumber, PatternNumbers
 from clothsim.gradients.run import Trace, traced
@@ -114,7 +114,7 @@ def design(
     most_runs: int = MOST_RUNS,
     progress: Callable[[DesignRun], None] | None = None,
 ) -> Design:
-    """Find numbers of a pattern for which a garment hangs as wished.
+    """Find numbers of a pattern with which a garment meets given aims.
 
     Parameters
     ----------
@@ -144,19 +144,21 @@ def design(
     """
     paths = tuple(dict.fromkeys(free))
     if not paths or not aims or not all(path.startswith(SECTION) for path in paths):
-        raise InputError("A design needs aims, and free numbers of the pattern.", "Name some, as pattern.front.height.")
+        raise InputError(
+            "A design needs aims, and free numbers of the pattern.", "Name some, such as pattern.front.height."
+        )
     shaped = shaped_scene(scene, pattern)
     if len(shaped.scene.cloths) != 1:
         raise InputError(f"The scene has {len(shaped.scene.cloths)} cloths.", "A design needs exactly one.")
     numbers = shaped.numbers
     origin, sizes = np.array([numbers.value(path) for path in paths]), [numbers.size(path) for path in paths]
-    tied = mirrored(numbers, paths) if symmetric else np.eye(len(paths))
+    tied = mirror_matrix(numbers, paths) if symmetric else np.eye(len(paths))
     search = _Search(shaped, tuple(aims), paths, origin, UNIT * np.array(sizes)[:, None] * tied)
     runs = search.runs_of(largest_area, most_runs, progress)
     within = [run for run in runs if largest_area is None or run.area <= largest_area * (1 + 1e-6)]
     best = min(within or runs, key=lambda run: run.loss)
     if not np.isfinite(best.loss):
-        raise ClothsimError(f"No run of the design could be taken: {best.failure}")
+        raise ClothsimError(f"No run of the design succeeded: {best.failure}")
     return Design(shaped.with_numbers(best.values), best, tuple(runs))
 
 
@@ -239,7 +241,7 @@ class _Search:
         triangles = trace.session.built.world.triangles
         each = tuple(aim.evaluate(trace.cloth_positions(aim.frame), triangles)[0] for aim in aims)
         stretch = largest_stretch(trace.cloth_positions(), triangles, material)
-        return DesignRun(values, each, slope, area, gradient.newton_error, intersecting_pairs(trace), stretch)
+        return DesignRun(values, each, slope, area, gradient.newton_error, count_intersecting_pairs(trace), stretch)
 
     def _at_held_positions(self, trace: Trace, values: dict[str, float], material: Floats) -> Floats:
         """Derivatives of the aims by the numbers by way of the rest shape alone, (k,)."""
@@ -266,7 +268,7 @@ ALIKE = 1e-3
 """Distance of a point from the mirror image of another, as a fraction of the width, below which they are a pair."""
 
 
-def mirrored(numbers: PatternNumbers, paths: Sequence[str]) -> Floats:
+def mirror_matrix(numbers: PatternNumbers, paths: Sequence[str]) -> Floats:
     """Return the matrix (k, r) from r independent changes to those of k numbers, panels mirrored about their middle.
 
     x of a pair changes by opposite, y by equal amounts; x of a point on the axis stays; widths, heights and flares are
@@ -275,7 +277,7 @@ def mirrored(numbers: PatternNumbers, paths: Sequence[str]) -> Floats:
     Raises
     ------
     InputError
-        For a point whose mirror image is no vertex or control point among the numbers.
+        For a point whose mirror image is not a vertex or control point among the numbers.
     """
     found = [numbers.number(path) for path in paths]
     columns, done = list[Floats](), set[int]()

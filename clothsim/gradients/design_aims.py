@@ -92,7 +92,7 @@ class HemAt(Loss):
         """Return mean ((z - h)/tolerance)^2 and its derivative."""
         rows = np.asarray(self.vertices, np.int64)
         if not len(rows) or rows.min() < 0 or rows.max() >= len(positions):
-            raise InputError(f"The hem has {len(rows)} vertices, and not all of them are of the cloth.")
+            raise InputError(f"The hem has {len(rows)} vertices, and not all of them belong to the cloth.")
         away = (positions[rows, 2] - self.height) / self.tolerance
         out = np.zeros_like(positions)
         np.add.at(out[:, 2], rows, 2 * away / (len(rows) * self.tolerance))

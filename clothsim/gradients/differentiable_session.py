@@ -71,7 +71,7 @@ def recorded(start: State, report: StepReport) -> RecordedStep:
 
 
 def untimed(potential: Potential) -> Potential:
-    """Return a potential with timers of its own: what the backward pass does is no part of the run's account."""
+    """Return a potential with timers of its own: what the backward pass does is not part of the run's account."""
     return replace(potential, timers=Timers())
 
 
@@ -81,7 +81,7 @@ def bound_to(integrator: Integrator, record: RecordedStep) -> tuple[Step, Potent
     Raises
     ------
     AssertionError
-        Where the solution is no minimum of it: the record is of another scene.
+        Where the solution is not a minimum of it: the record is of another scene.
     """
     step = record.step(integrator)
     return step, untimed(integrator.potential).begin(step)
@@ -118,7 +118,7 @@ def differentiable_session(session: Session, polish: int = MOST_STEPS) -> Sessio
     ClothsimError
         Where the pilot run fails.
     """
-    refuse(session)
+    refuse_undifferentiable(session)
     adaptive = [name for name, energy in session.built.energies.items() if getattr(energy, "adaptive", False)]
     stiffness = pilot_stiffness(session, adaptive) if adaptive else {}
     held = with_stiffness(session, stiffness)
@@ -131,7 +131,7 @@ def differentiable_session(session: Session, polish: int = MOST_STEPS) -> Sessio
     return replace(held, integrator=replace(held.integrator, refine=refine), notes=(*held.notes, *notes))
 
 
-def refuse(session: Session) -> None:
+def refuse_undifferentiable(session: Session) -> None:
     """InputError for what cannot be differentiated, by its name in the scene."""
     energies, scene = session.built.energies, session.scene
     if isinstance(energies.get("bending"), History):

@@ -12,7 +12,7 @@ from clothsim.physics.energies.base import Prescribed
 from clothsim.physics.energies.hessians import ByElement, explicit, split
 from clothsim.solve.linear.direct_solver import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.linear.sparsity import Explicit, couplings, times
+from clothsim.solve.linear.sparsity import Explicit, couplings, hessian_product
 from clothsim.solve.newton.lanczos import lowest_eigenvector
 from clothsim.solve.newton.newton import Newton, NewtonResult, NewtonSettings
 from clothsim.solve.newton.potential import Potential
@@ -66,7 +66,7 @@ class ExactSystem:
         prescribed = np.ones(len(vectors), bool)
         prescribed[: len(self.free)] = ~self.free
         parts = [part for part in self.hessians if not isinstance(part, ByElement) or prescribed[part.elements].any()]
-        return times(parts, vectors)
+        return hessian_product(parts, vectors)
 
 
 def exact_system(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> ExactSystem:
@@ -167,7 +167,7 @@ def solved(system: ExactSystem, forces: Floats, where: str) -> Floats:
         return system.solve(forces)
     except NotPositiveDefiniteError as error:
         raise NoMinimumError(
-            f"The state {where} is no minimum of the energy: it has no derivative.",
+            f"The state {where} is not a minimum of the energy: it has no derivative.",
             "Its equilibrium is unstable, or it is free to move: add effects.inertia or pins, or change dt.",
         ) from error
 
@@ -182,7 +182,7 @@ LEAST_GAIN = 0.5
 
 
 MOST_DESCENTS = 3
-"""Bound on the descents of one step from states that are no minima."""
+"""Bound on the descents of one step from states that are not minima."""
 AMPLITUDES = tuple(1e-3 * 0.1**k for k in range(6))
 """Largest displacements of a vertex that are tried along the direction of least curvature [m]."""
 DESCENT = NewtonSettings(tolerance=1e-8)

@@ -23,7 +23,7 @@ from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.protocols import ContactGap, Lagged
 from clothsim.run.session import Session
 from clothsim.scene.assembly.scene_world import build_effects
-from clothsim.scene.paths import entry_of, parts_of
+from clothsim.scene.paths import parts_of, select_entry
 
 if TYPE_CHECKING:
     from clothsim.gradients.run import Trace
@@ -72,7 +72,7 @@ def rest_along(run: "Trace", adjoints: Adjoints, cloth: int, field: Floats) -> f
     return variation.derivative(session.integrator, run.steps, adjoints)
 
 
-def with_rest(session: Session, rest: Floats) -> Session:
+def with_rest_positions(session: Session, rest: Floats) -> Session:
     """Return the session with other rest positions (n, 3) [m] of its one cloth, the start held."""
     world = session.built.world
     refuse_other_rest(world)
@@ -89,11 +89,11 @@ def with_rest(session: Session, rest: Floats) -> Session:
 def refuse_other_rest(world: World) -> None:
     """InputError where the rest shape is not that of one cloth with rest positions."""
     if len(world.cloths) != 1 or world.cloths[0].flat:
-        raise InputError("cloth.rest is for one cloth with rest positions.", "Take Gradient.rest_along for a field.")
+        raise InputError("cloth.rest is for one cloth with rest positions.", "Use Gradient.rest_along for a field.")
 
 
 def rest_derivative(run: "Trace", adjoints: Adjoints) -> Floats:
-    """Return dL by the rest positions of a single cloth that is no flat pattern, (n, 3): 12 n sets of energies."""
+    """Return dL by the rest positions of a single cloth that is not a flat pattern, (n, 3): 12 n sets of energies."""
     cloths = run.session.built.world.cloths
     refuse_other_rest(run.session.built.world)
     out = np.zeros(cloths[0].rest_positions.shape)
@@ -240,7 +240,7 @@ class Gradient(Mapping[str, Floats]):
     def _differentiate_body(self, name: str, keys: list[str | int]) -> Floats:
         world = self.run.session.built.world
         names = [body.name for body in world.bodies]
-        number, (what, *others) = entry_of(name, names, keys) if names else (0, keys)
+        number, (what, *others) = select_entry(name, names, keys) if names else (0, keys)
         if not names or others:
             raise InputError(f"The gradient has no {name}.", f"Bodies: {', '.join(names) or 'none'}.")
         rows = world.body_slices[number]

@@ -24,9 +24,9 @@ from clothsim.gradients.backward_pass import (
     step_back,
     with_remembered_pairs,
 )
-from clothsim.gradients.bridge import pilot
+from clothsim.gradients.bridge import held_stiffness
 from clothsim.gradients.differentiable_session import RecordedStep, differentiable_session, recorded, with_stiffness
-from clothsim.gradients.gradient import rest_derivative, with_rest
+from clothsim.gradients.gradient import rest_derivative, with_rest_positions
 from clothsim.gradients.parameters import full_path, scene_derivative, value_at, with_value
 from clothsim.gradients.run import Trace, begun
 from clothsim.mesh.world import World
@@ -41,7 +41,7 @@ from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.stepping import Integrator, advance
 
 ARRAYS = ("pins", "force", "cloth.rest")
-"""Parameters that are no numbers of the scene."""
+"""Parameters that are not numbers of the scene."""
 
 MOST_STEPS = 1_000_000
 """Bound on the steps of a rollout."""
@@ -250,7 +250,7 @@ def _numbers(name: object, value: Any) -> Floats:
     """A parameter as finite numbers. InputError names it."""
     if not isinstance(name, str):
         raise InputError(
-            f"{shown(name)} is no name of a parameter.", f"Give a path of the scene, or {', '.join(ARRAYS)}."
+            f"{shown(name)} is not a name of a parameter.", f"Give a path of the scene, or {', '.join(ARRAYS)}."
         )
     return as_finite(name, value)
 
@@ -267,7 +267,7 @@ def _rows(name: str, given: Floats | None, shape: tuple[int, ...], rows: int) ->
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A step of a scene as a function: of a state, or of positions and velocities without a past.
+    """A step of a scene as a function: of a state, or of positions and velocities without history.
 
     Parameters
     ----------
@@ -377,12 +377,12 @@ class Layer:
             Where a step cannot be taken.
         """
         if not isinstance(state, LayerState):
-            raise InputError(f"state is {shown(state)}, no state of a layer.", "Take layer.start or layer.state(x, v).")
+            raise InputError(f"state is {shown(state)}, not one of a layer.", "Use layer.start or layer.state(x, v).")
         k = as_count("k", k, least=0, most=MOST_STEPS)
         by_step = parameters is not None and not isinstance(parameters, Mapping)
         if by_step and (not isinstance(parameters, Sequence) or not all(isinstance(p, Mapping) for p in parameters)):
             raise InputError(
-                f"parameters is {shown(parameters)}, no numbers by name.", 'Give {"cloth.youngs_modulus": 1e4}.'
+                f"parameters is {shown(parameters)}, not numbers by name.", 'Give {"cloth.youngs_modulus": 1e4}.'
             )
         held = [parameters or {}] * k if isinstance(parameters, Mapping | None) else list(parameters)
         each = [{name: _numbers(name, value) for name, value in given.items()} for given in held]
@@ -414,7 +414,7 @@ class Layer:
         if scene is not self.scene:
             session = differentiable_session(prepare(scene, build(scene, affordable=True)))
         if "cloth.rest" in values:
-            session = with_rest(session, values["cloth.rest"])
+            session = with_rest_positions(session, values["cloth.rest"])
         integrator = session.integrator
         if "pins" in values:
             if values["pins"].shape != (len(self.pinned), 3) or not len(self.pinned):
@@ -457,7 +457,7 @@ def layer(scene: Scene) -> Layer:
             'Load one: clothsim.load_scene("scene.toml").',
         )
     scene.refuse_without_cloth("a layer")
-    held = pilot(scene)
+    held = held_stiffness(scene)
     session = prepare(scene, build(scene, affordable=True))
     made = differentiable_session(with_stiffness(session, held))
     return Layer(Trace(made, ()).held_scene, made)

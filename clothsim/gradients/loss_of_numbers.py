@@ -56,7 +56,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class Problem:
+class LossOfNumbers:
     """A loss over the logarithms of numbers at paths.
 
     Parameters
@@ -142,17 +142,17 @@ def evaluation(
 ) -> Evaluation:
     """Return what a run tells of its numbers."""
     slope = derivatives(values, gradient, shaped) * list(values.values())
-    return Evaluation(values, gradient.value, slope, gradient.newton_error, intersecting_pairs(trace))
+    return Evaluation(values, gradient.value, slope, gradient.newton_error, count_intersecting_pairs(trace))
 
 
-def intersecting_pairs(trace: Trace) -> int:
+def count_intersecting_pairs(trace: Trace) -> int:
     """Return the number of intersecting triangles in the last state, by the exact test."""
     world = trace.session.built.world
     found = crossings(trace.steps[-1].end.positions, world_surfaces(world))
     return sum(len(each.pairs) for each in found)
 
 
-def problem_of(scene: Scene, loss: Loss, free: Sequence[str], pattern: PatternMesh | None = None) -> Problem:
+def problem_of(scene: Scene, loss: Loss, free: Sequence[str], pattern: PatternMesh | None = None) -> LossOfNumbers:
     """Run a scene once, and return the loss of its numbers; pattern: as of `shaped_scene`.
 
     Raises
@@ -164,7 +164,7 @@ def problem_of(scene: Scene, loss: Loss, free: Sequence[str], pattern: PatternMe
     """
     paths = tuple(dict.fromkeys(full_path(name) for name in free))
     if not paths:
-        raise InputError("There is no number to vary.", "Name some, as youngs_modulus,bending_stiffness.")
+        raise InputError("There is no number to vary.", "Name some, such as youngs_modulus,bending_stiffness.")
     shaped = shaped_scene(scene, pattern) if any(path.startswith(SECTION) for path in paths) else None
     scene = scene if shaped is None else shaped.scene
     of_pattern = {path: shaped.numbers.value(path) for path in paths if path.startswith(SECTION) and shaped is not None}
@@ -177,4 +177,4 @@ def problem_of(scene: Scene, loss: Loss, free: Sequence[str], pattern: PatternMe
             raise InputError(f"{path} is {value}; positive numbers can be recovered.", "Name another, or a component.")
         values[path] = float(value)
     first = evaluation(values, trace, trace.gradient(loss), shaped)
-    return Problem(scene, loss, paths, np.log(list(values.values())), trace.stiffness, first, shaped)
+    return LossOfNumbers(scene, loss, paths, np.log(list(values.values())), trace.stiffness, first, shaped)

@@ -32,13 +32,13 @@ class Loss(abc.ABC):
 
 @dataclass(frozen=True)
 class Custom(Loss):
-    """A loss of the user's own: a function of the positions."""
+    """A custom loss: a function of the positions."""
 
     function: Function
     frame: int = -1
 
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
-        """Return what the function returns. InputError where that is no number with an array (n, 3)."""
+        """Return what the function returns. InputError where that is not a number with an array (n, 3)."""
         try:
             value, derivative = called("The loss", self.function, positions)
         except (TypeError, ValueError) as error:
@@ -51,14 +51,14 @@ class Custom(Loss):
 
 @dataclass(frozen=True)
 class OfMotion(Loss):
-    """A loss of the user's own of positions and velocities.
+    """A custom loss of positions and velocities.
 
     Parameters
     ----------
     function : callable
         Positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives by both, (n, 3) each.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     function: Callable[[Floats, Floats], tuple[float, Floats, Floats]]
@@ -70,7 +70,7 @@ class OfMotion(Loss):
         return value, by_x
 
     def of_motion(self, positions: Floats, velocities: Floats) -> tuple[float, Floats, Floats]:
-        """Return what the function returns. InputError where that is no number with two arrays (n, 3)."""
+        """Return what the function returns. InputError where that is not a number with two arrays (n, 3)."""
         try:
             value, *given = called("The loss", self.function, positions, velocities)
             by_x, by_v = (as_points("The derivative of the loss", each) for each in given)
@@ -90,7 +90,7 @@ class Distance(Loss):
     target : (n, 3) array
         Positions [m].
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     target: Floats
@@ -114,7 +114,7 @@ class Scan(Loss):
     points : (k, 3) array
         Measured points [m].
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     normals : (k, 3) array
         Normals of the points, on the side of the cloth's own (its triangles counter-clockwise). A point whose closest
         triangle faces more than 60 degrees off is left out: it lies on another layer, or on none. Empty: all count.
@@ -148,7 +148,7 @@ def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
     alike = (own * normals).sum(axis=1) > 0.5 * lengths
     if not alike.any():
         raise InputError(
-            "No normal of the points is like that of the cloth there.", "Turn them round, or leave them out."
+            "No normal of the points agrees with that of the cloth there.", "Turn them round, or leave them out."
         )
     return np.asarray(alike)
 
@@ -164,7 +164,7 @@ class Height(Loss):
     direction : (3,) array
         Unit vector.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     vertices: Ints | tuple[int, ...] = ()
@@ -191,7 +191,7 @@ class Girth(Loss):
     height : float
         Of the plane [m].
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     height: float
@@ -242,7 +242,7 @@ class Silhouette(Loss):
     direction : (3,) array
         Unit vector along which it is seen.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -260,7 +260,7 @@ class Silhouette(Loss):
 
 
 def as_loss(loss: Loss | Function) -> Loss:
-    """Return a loss, made of a function of the last frame's positions where it is none."""
+    """Return a loss; a function of the positions of the last frame is made one."""
     if isinstance(loss, Loss):
         return loss
     if isinstance(loss, type):
@@ -269,7 +269,7 @@ def as_loss(loss: Loss | Function) -> Loss:
         return Custom(loss)
     raise InputError(
         f"A loss is needed, not a value of the type {type(loss).__name__}.",
-        "Give one of clothsim.gradients, as Height(), or a function of the positions.",
+        "Give one of clothsim.gradients, such as Height(), or a function of the positions.",
     )
 
 
@@ -289,7 +289,7 @@ class Hem(Loss):
     sides : tuple of (k,) int arrays
         Vertices of the sides, as of `border_sides`.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     """
 
     sides: tuple[Ints, ...]
@@ -298,12 +298,12 @@ class Hem(Loss):
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
         """Return the least mean z of a side and 1/k in its rows. InputError without a border."""
         if not self.sides:
-            raise InputError("The cloth has no border, and so no hem.", "Take another loss, such as height.")
+            raise InputError("The cloth has no border, and so no hem.", "Use another loss, such as height.")
         lowest = min(self.sides, key=lambda side: float(positions[side, 2].mean()))
         return Height(lowest).evaluate(positions, triangles)
 
 
-def hem_of(world: World) -> Hem:
+def hem_loss(world: World) -> Hem:
     """Return the loss of a scene's cloths: the lowest side of all their borders."""
     rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
     return Hem(border_sides(rest, world.triangles))

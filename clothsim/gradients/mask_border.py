@@ -87,8 +87,8 @@ class Matches:
     def residuals(self, positions: Floats) -> Residuals:
         """Return n.(pi(x) - m)/noise at positions (n, 3) of the cloth."""
         k, fine = len(self.ends), self.refinement.shape[0]
-        shares = np.column_stack([1.0 - self.along, self.along])
-        entries = (shares.ravel(), (np.repeat(np.arange(k), 2), self.ends.ravel()))
+        weights = np.column_stack([1.0 - self.along, self.along])
+        entries = (weights.ravel(), (np.repeat(np.arange(k), 2), self.ends.ravel()))
         at = csr_array(coo_array(entries, shape=(k, fine)) @ self.refinement)
         points = at @ positions
         away = (self.normals * (self.camera.project(points) - self.targets)).sum(axis=1)
@@ -97,7 +97,7 @@ class Matches:
         return Residuals(away / self.noise, jacobian, self.weights, self.targets, self.huber, self.left_out)
 
     def switched(self, other: "Matches") -> float:
-        """Return the share of correspondences that another one does not have, by edge and place in the picture."""
+        """Return the fraction of correspondences that another one does not have, by edge and place in the picture."""
         own, others = (set(zip(*each.ends.T.tolist(), *each.targets.T.tolist(), strict=True)) for each in (self, other))
         return len(own ^ others) / max(len(own) + len(others), 1)
 
@@ -120,7 +120,7 @@ class MaskBorder(PictureLoss):
     huber : float
         Residual over the noise from which it counts less than its square.
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
     obstacle : Obstacle
         Bodies in front of and behind the cloth [m].
     label : (k,) int array
@@ -180,21 +180,21 @@ class MaskBorder(PictureLoss):
         best = np.arange(len(near)), np.argmin(squares + TURN**2 * turns, axis=1)
         nearest, along = near[best], places[best]
         ends = contour.ends[nearest]
-        kept = self._of_the_cloth(contour.points[nearest])
-        own = cKDTree(np.column_stack([targets, TURN * normals]))
-        back = own.query(np.column_stack([contour.pixels, TURN * contour.normals]))[1]
-        returned = kept[back]
+        own = self._of_the_cloth(contour.points[nearest])
+        tree = cKDTree(np.column_stack([targets, TURN * normals]))
+        back = tree.query(np.column_stack([contour.pixels, TURN * contour.normals]))[1]
+        returned = own[back]
         return Matches(
-            np.concatenate([ends[kept], contour.ends[returned]]),
-            np.concatenate([along[kept], contour.along[returned]]),
-            np.concatenate([targets[kept], targets[back[returned]]]),
-            np.concatenate([normals[kept], normals[back[returned]]]),
-            np.concatenate([lengths[kept], contour.lengths[returned]]),
+            np.concatenate([ends[own], contour.ends[returned]]),
+            np.concatenate([along[own], contour.along[returned]]),
+            np.concatenate([targets[own], targets[back[returned]]]),
+            np.concatenate([normals[own], normals[back[returned]]]),
+            np.concatenate([lengths[own], contour.lengths[returned]]),
             refinement,
             self.camera,
             noise,
             huber,
-            1.0 - float(kept.mean()),
+            1.0 - float(own.mean()),
         )
 
     @cached_property
@@ -205,10 +205,10 @@ class MaskBorder(PictureLoss):
         down, right = np.gradient(smooth)
         points, normals = list[Floats](), list[Floats]()
         for step in ((0, 1), (1, 0)):
-            ahead = smooth[step[0] :, step[1] :]
-            here = smooth[: ahead.shape[0], : ahead.shape[1]]
-            v, u = np.nonzero((here > 0) != (ahead > 0))
-            t = here[v, u] / (here[v, u] - ahead[v, u])
+            beside = smooth[step[0] :, step[1] :]
+            here = smooth[: beside.shape[0], : beside.shape[1]]
+            v, u = np.nonzero((here > 0) != (beside > 0))
+            t = here[v, u] / (here[v, u] - beside[v, u])
             points.append(np.column_stack([u + step[1] * t, v + step[0] * t]))
             slopes = [(1 - t) * each[v, u] + t * each[v + step[0], u + step[1]] for each in (right, down)]
             normals.append(-np.column_stack(slopes))
@@ -216,10 +216,10 @@ class MaskBorder(PictureLoss):
         sizes = np.linalg.norm(outward, axis=1)
         if not len(sizes) or not sizes.max() > 0.0:
             raise InputError("The mask has no border: its specks are smaller than a pixel.", "Segment the cloth.")
-        kept = sizes > 1e-6
-        outward = outward[kept] / sizes[kept, None]
+        sloped = sizes > 1e-6
+        outward = outward[sloped] / sizes[sloped, None]
         # a line crosses |n_x| + |n_y| edges of the grid of pixels on each pixel of its length
-        return np.concatenate(points)[kept], outward, 1.0 / np.abs(outward).sum(axis=1)
+        return np.concatenate(points)[sloped], outward, 1.0 / np.abs(outward).sum(axis=1)
 
     def contour(self, positions: Floats, triangles: Ints) -> tuple[Contour, csr_array]:
         """Return the contour at positions (n, 3), and the refined vertices as combinations of the cloth's.
@@ -246,19 +246,19 @@ class MaskBorder(PictureLoss):
         covered = (hits.triangle[2 * n :] >= 0) & is_own[hits.triangle[2 * n :]]
         u, v = found.pixels.T
         inside = (u > -0.5) & (u < self.camera.width - 0.5) & (v > -0.5) & (v < self.camera.height - 0.5)
-        kept = np.flatnonzero(seen & ~covered & ~nearer & inside)
-        if not len(kept):
-            raise InputError("The camera sees no contour of the cloth.", "Look at its pose, and at what is in front.")
-        return found.taken(kept), refinement
+        visible = np.flatnonzero(seen & ~covered & ~nearer & inside)
+        if not len(visible):
+            raise InputError("The camera sees no contour of the cloth.", "Check its pose, and what is in front.")
+        return found.taken(visible), refinement
 
     def _own_triangles(self, count: int) -> Ints:
-        label = np.asarray(self.label, np.int64)
+        """The refined triangles of those of the label, of all `count` without one."""
+        label, pieces = np.asarray(self.label, np.int64), 4**self.refinements
         if not len(label):
-            return np.arange(count * 4**self.refinements)
+            return np.arange(count * pieces)
         if label.min() < 0 or label.max() >= count:
             raise InputError(f"The label names triangle {label.max()}, and the cloth has {count}.")
-        fours = 4**self.refinements
-        return (fours * np.unique(label)[:, None] + np.arange(fours)).ravel()
+        return (pieces * np.unique(label)[:, None] + np.arange(pieces)).ravel()
 
     def _sampled(self, x: Floats, ends: Ints, tips: Ints) -> tuple[Contour, Ints]:
         """Points on edges, none of them seen yet, and the tips (k, 2) of the triangles at each."""
@@ -285,17 +285,17 @@ class MaskBorder(PictureLoss):
     def _of_the_cloth(self, nearest: Floats) -> np.ndarray:
         """Points of the mask's border that no body in front makes, given the contour's points (k, 3) next to them."""
         targets, normals, _ = self.border
-        kept = np.ones(len(targets), bool)
+        own = np.ones(len(targets), bool)
         if not len(self.obstacle.triangles):
-            return kept
+            return own
         rays = self.camera.rays(targets + OUTSIDE * normals)
         beyond = first_hits(self.obstacle.corners, self.camera.position, rays).distance
         made = beyond < self._in_front_of(nearest)
         if made.any():
-            kept = cKDTree(targets[made]).query(targets)[0] > JUNCTION
-        if not kept.any():
-            raise InputError("A body in front makes all of the mask's border.", "Look at the pose of the camera.")
-        return kept
+            own = cKDTree(targets[made]).query(targets)[0] > JUNCTION
+        if not own.any():
+            raise InputError("A body in front makes all of the mask's border.", "Check the pose of the camera.")
+        return own
 
 
 def _edges(x: Floats, triangles: Ints, eye: Floats) -> tuple[Ints, Ints]:

@@ -1,4 +1,4 @@
-"""Outline loss: the border of a cloth seen along z against the outline of its shadow, as of a Cusick drape."""
+"""Outline loss: the border of a cloth seen along z against the outline of its shadow, as in a Cusick drape."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ class Outline(Loss):
     centre : (float, float)
         x and y [m].
     frame : int
-        The frame.
+        Number of the frame, below 0 from the last.
 
     Notes
     -----

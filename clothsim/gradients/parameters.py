@@ -53,9 +53,11 @@ def value_at(scene: Scene, world: World, path: str) -> Floats:
         _, number, keys = paths.located(scene, path)
         value = _read_fabric(world.cloths[int(number or 0)].fabric, path, str(keys[0]))
     if value is None:
-        raise InputError(f"{path} is no number of the scene.", "`clothsim keys SECTION` lists the keys of a section.")
+        raise InputError(
+            f"{path} is not a number of the scene.", "`clothsim keys SECTION` lists the keys of a section."
+        )
     if isinstance(value, str | bool | Mapping) or callable(value):
-        raise InputError(f"{path} is {value!r}, no number that a gradient can vary.", "Give it as a number.")
+        raise InputError(f"{path} is {value!r}, not a number that a gradient can vary.", "Give it as a number.")
     return as_finite(path, value)
 
 
@@ -88,7 +90,7 @@ def _read_fabric(fabric: Fabric, path: str, key: str) -> float | None:
     if own:
         raise InputError(
             f"{path} does not act: the fabric {fabric.name!r} has {', '.join(own)} instead.",
-            f"Take cloth.{own[0]}, or give {key} in the scene.",
+            f"Use cloth.{own[0]}, or give {key} in the scene.",
         )
     value = getattr(fabric, key, None)
     return None if value is None else float(value)

@@ -45,7 +45,7 @@ def pattern_field(
     Raises
     ------
     InputError
-        For a panel that there is not, an edge that is no Bezier curve, or an array of another shape.
+        For a panel that there is not, an edge that is not a Bezier curve, or an array of another shape.
     """
     field, given = np.zeros_like(mesh.material_coordinates), dict(controls or {})
     for side, moves in given.items():
@@ -102,7 +102,7 @@ def control_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, edge: in
     Raises
     ------
     InputError
-        For an edge that is no Bezier curve.
+        For an edge that is not a Bezier curve.
     """
     side = Side(panel, edge)
     out = np.zeros((len(bezier_edge(mesh, side).controls), 2))
@@ -114,13 +114,13 @@ def control_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, edge: in
 
 
 def bezier_edge(mesh: PatternMesh, side: Side, shape: tuple[int, ...] | None = None) -> Bezier:
-    """Return the curve of an edge. InputError for one that is no Bezier curve, or has no `shape` of control points."""
+    """Return the curve of an edge. InputError where it is not a Bezier curve, or has no `shape` of control points."""
     edges = _panel(mesh, side.panel).edges
     curve = edges[side.edge].curve if 0 <= side.edge < len(edges) else None
     if not isinstance(curve, Bezier):
         known = [str(k) for k, edge in enumerate(edges) if isinstance(edge.curve, Bezier)]
         raise InputError(
-            f"The {side} is no Bezier curve, and has no control points.",
+            f"The {side} is not a Bezier curve, and has no control points.",
             f"Bezier edges of {side.panel}: {', '.join(known) or 'none'}.",
         )
     if shape is not None and shape != (len(curve.controls), 2):

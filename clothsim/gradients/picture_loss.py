@@ -117,7 +117,7 @@ def as_mask(name: str, mask: np.ndarray, size: tuple[int, int]) -> Floats:
             "Give an array (height, width), or the camera of this picture.",
         )
     if given.dtype.kind not in "bfiu" or not np.isfinite(given.astype(np.float64)).all():
-        raise InputError(f"{name} has entries that are no numbers.", "Give True and False, or coverage from 0 to 1.")
+        raise InputError(f"{name} has entries that are not numbers.", "Give True and False, or coverage from 0 to 1.")
     covered = given.astype(np.float64)
     if covered.min() < 0.0 or covered.max() > 1.0:
         raise InputError(f"{name} has entries from {covered.min():g} to {covered.max():g}.", "Divide by the largest.")

@@ -33,7 +33,7 @@ EDGE_ON = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class PixelHits:
     """Where the rays of some pixels meet the cloth.
 
     Parameters
@@ -166,7 +166,7 @@ class _OfPixels(PictureLoss):
         """The picture, and where it has values, (height, width)."""
 
     @abc.abstractmethod
-    def _compared(self, met: Surface, values: Floats, depths: Floats) -> tuple[Floats, csr_array, np.ndarray]:
+    def _compared(self, met: PixelHits, values: Floats, depths: Floats) -> tuple[Floats, csr_array, np.ndarray]:
         """Residuals (k, r) over the noise, their derivatives (k r, 3 n), and which of the k pixels count."""
 
     def checked(self) -> Self:
@@ -184,7 +184,7 @@ class _OfPixels(PictureLoss):
         chosen = (v % step == step // 2) & (u % step == step // 2)
         u, v = u[chosen], v[chosen]
         if not len(u):
-            raise InputError("No pixel of the picture is compared.", "Make its step shorter, or look at the mask.")
+            raise InputError("No pixel of the picture is compared.", "Make its step shorter, or check the mask.")
         refinement, fine = refined(triangles, len(positions), self.refinements)
         x = np.asarray(refinement @ positions)
         rays = self.camera.rays(np.column_stack([u, v]))
@@ -196,13 +196,13 @@ class _OfPixels(PictureLoss):
         facing = np.abs((planes * rays[met]).sum(axis=1)) > EDGE_ON * sizes
         met, corners, planes = met[facing], corners[facing], planes[facing]
         if not len(met):
-            raise InputError("No ray of the picture meets the cloth.", "Look at the camera's pose and the start.")
+            raise InputError("No ray of the picture meets the cloth.", "Check the camera's pose and the start.")
         # double precision: the point of the plane of the triangle that embree found
         depths = (planes * (x[corners[:, 0]] - self.camera.position)).sum(axis=1) / (planes * rays[met]).sum(axis=1)
         points = self.camera.position + depths[:, None] * rays[met]
         weights = barycentric(x[corners], points)
         full = csr_array(kron(refinement, eye_array(3)))
-        surface = Surface(corners, weights, rays[met], x, fine, full)
+        surface = PixelHits(corners, weights, rays[met], x, fine, full)
         values, slopes, counted = self._compared(surface, picture[v[met], u[met]], depths)
         rows = np.flatnonzero(counted)
         if not len(rows):
@@ -255,7 +255,7 @@ class Normals(_OfPixels):
             raise InputError("The picture has no normals.", "Give unit vectors where the cloth is seen.")
         return given / np.where(valid, sizes, 1.0)[:, :, None], valid
 
-    def _compared(self, met: Surface, values: Floats, depths: Floats) -> tuple[Floats, csr_array, np.ndarray]:
+    def _compared(self, met: PixelHits, values: Floats, depths: Floats) -> tuple[Floats, csr_array, np.ndarray]:
         found, slopes = met.normals()
         wanted = values @ self.camera.rotation
         noise = np.radians(self.noise)
@@ -293,6 +293,6 @@ class Depth(_OfPixels):
             raise InputError("The picture has no depths.", "Give metres in front of the camera.")
         return given, valid
 
-    def _compared(self, met: Surface, values: Floats, depths: Floats) -> tuple[Floats, csr_array, np.ndarray]:
+    def _compared(self, met: PixelHits, values: Floats, depths: Floats) -> tuple[Floats, csr_array, np.ndarray]:
         slopes = met.by_corners(met.depth_slopes[:, None] / self.noise)
         return ((depths - values) / self.noise)[:, None], slopes, np.ones(len(values), bool)

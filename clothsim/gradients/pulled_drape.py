@@ -52,7 +52,7 @@ def pulled_positions(fit: ViewFit, seen: Seen, scene: Scene) -> Floats:
     best, x, parts = seen.total, seen.positions, seen.parts
     least = x
     for _ in range(STEPS):
-        velocity = displacement(parts, x, fit.triangles) / STEP
+        velocity = pull_displacement(parts, x, fit.triangles) / STEP
         trace = traced(scene, held, 0, {"start": x, "velocity": velocity})
         x = trace.cloth_positions()
         parts = fit.residuals(x)
@@ -62,7 +62,7 @@ def pulled_positions(fit: ViewFit, seen: Seen, scene: Scene) -> Floats:
     return least
 
 
-def displacement(parts: Sequence[Residuals], positions: Floats, triangles: Ints) -> Floats:
+def pull_displacement(parts: Sequence[Residuals], positions: Floats, triangles: Ints) -> Floats:
     """Return the displacement (n, 3) [m] of the vertices that reduces the sum of `Residuals` most, weakly bound.
 
     With their Jacobian J, weights W and residuals r it solves (J'WJ + B) u = -J'W r, and is scaled down to PULL.

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.fabric_prior import SOURCE, LogNormal, bending_keys, bending_prior
-from clothsim.gradients.loss_of_numbers import SPREAD, Evaluation, Problem, problem_of
+from clothsim.gradients.loss_of_numbers import SPREAD, Evaluation, LossOfNumbers, problem_of
 from clothsim.gradients.losses import Distance, Loss, Scan
 from clothsim.gradients.parameters import full_path
 from clothsim.patterns.pattern_mesh import PatternMesh
@@ -50,8 +50,8 @@ class Identifiability:
     Parameters
     ----------
     errors : mapping
-        Relative standard error of each number by path; inf where it is not determined, nan where the loss is no sum of
-        squares or a run beside the minimum cannot be taken.
+        Relative standard error of each number by path; inf where it is not determined, nan where the loss is not a sum
+        of squares or a run beside the minimum cannot be taken.
     undetermined : tuple of mapping
         Combinations of logarithms that the target does not determine: weights by path.
     ratios : tuple of Ratio
@@ -69,7 +69,7 @@ class Identifiability:
     precision: Floats
 
 
-def identifiability(problem: Problem, logarithms: Floats, loss: float) -> Identifiability:
+def identifiability(problem: LossOfNumbers, logarithms: Floats, loss: float) -> Identifiability:
     """Examine the loss about its minimum: two runs for each number."""
     hessian = _hessian(problem, logarithms)
     if np.isnan(hessian).any():  # a run beside the minimum cannot be taken: its errors are not known
@@ -101,7 +101,7 @@ def identifiability(problem: Problem, logarithms: Floats, loss: float) -> Identi
     return Identifiability(errors, combined, tuple(ratios), 2 * len(units), precision)
 
 
-def _hessian(problem: Problem, logarithms: Floats) -> Floats:
+def _hessian(problem: LossOfNumbers, logarithms: Floats) -> Floats:
     rows = []
     for unit in np.eye(len(logarithms)):
         runs = [problem.evaluated(logarithms + sign * DIFFERENCE * unit) for sign in (1, -1)]
@@ -112,7 +112,7 @@ def _hessian(problem: Problem, logarithms: Floats) -> Floats:
     return 0.5 * (hessian + hessian.T)
 
 
-def _variance(problem: Problem, loss: float) -> float:
+def _variance(problem: LossOfNumbers, loss: float) -> float:
     """Factor from the inverse Hessian of the loss, a sum of squares over a number, to a covariance."""
     residuals = residuals_of(problem.loss)
     if residuals is None:
@@ -192,7 +192,7 @@ def recover(
     pattern: PatternMesh | None = None,
     prior: bool = False,
 ) -> Recovery:
-    """Find the numbers of a scene for which a loss is least.
+    """Find the numbers of a scene that minimise a loss.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def recover(
     ------
     InputError
         For a number that cannot be varied, a scene without a gradient, or a prior of no stiffness of bending or of a
-        loss that is no sum of squares.
+        loss that is not a sum of squares.
     ClothsimError
         Where the scene itself cannot be run.
 
@@ -253,7 +253,7 @@ def recover(
         runs += len(taken)
     best = min(ends, key=lambda each: each.loss)
     if not np.isfinite(best.loss):
-        raise ClothsimError(f"No run of the recovery could be taken: {best.failure}")
+        raise ClothsimError(f"No run of the recovery succeeded: {best.failure}")
     logarithms = np.log(list(best.values.values()))
     known = identifiability(problem, logarithms, best.loss)
     far = np.abs(np.abs(logarithms - problem.origin) - problem.ranges) < AT_LIMIT
@@ -275,10 +275,10 @@ def _refuse_no_prior(paths: Sequence[str], loss: Loss) -> None:
     """InputError where the prior says nothing, or the loss does not tell how well it knows."""
     bending_keys(paths)
     if residuals_of(loss) is None:
-        raise InputError("The prior needs a loss that is a sum of squares.", "Take a target of points.")
+        raise InputError("The prior needs a loss that is a sum of squares.", "Use a target of points.")
 
 
-def _combine_with_prior(found: Recovery, problem: Problem, logarithms: Floats, precision: Floats) -> Recovery:
+def _combine_with_prior(found: Recovery, problem: LossOfNumbers, logarithms: Floats, precision: Floats) -> Recovery:
     """The numbers and errors given the prior of those that are stiffnesses of bending; the others have none."""
     if np.isnan(precision).any():
         raise ClothsimError("A run beside the minimum failed, so that the prior has no weight.", "Leave it out.")
@@ -326,7 +326,7 @@ def _refuse_far(scene: Scene, loss: Loss) -> None:
 
 
 def _minimised(
-    problem: Problem, first: Floats, start: int, progress: Callable[[int, Evaluation], None] | None
+    problem: LossOfNumbers, first: Floats, start: int, progress: Callable[[int, Evaluation], None] | None
 ) -> list[Evaluation]:
     """All runs of a minimisation from a first point."""
     taken, scale = list[Evaluation](), abs(problem.first.loss) or 1.0

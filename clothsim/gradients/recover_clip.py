@@ -1,10 +1,14 @@
 """Recovery of what explains edited frames of a clip: numbers of its scene, then a residual rest shape.
 
-The sum over the edited frames of the squared distances, over what noise leaves of them, is minimised over logarithms of
+The sum over the edited frames of the squared distances, over what noise leaves of each, is minimised over logarithms of
 factors (`clips.numbers`) with a normal prior about the scene as it was (`clips.gauss_newton`):
 a run with the scene's own contact and stop for each evaluation, for an adjoint holds the stiffness of contact and
 polishes each solve, and so is another clip by more than the noise. At the end the adjoint gives the gradient of the
 same sum, where the scene has one: how far the end is from a minimum does not rest on the differences.
+
+A garment on a moving body parts from its twins with time, so that an early key is known far better than a late one, and
+small differences of late frames are chance: each key counts by its own noise, differences are as large as the noise
+asks for, and what they move by no more than twins are apart counts as not moved.
 
 What the keys determine: the singular values of the Jacobian over the noise, its columns in standard deviations of the
 prior (Seber & Wild 1989, Nonlinear Regression, section 3.2). A combination of numbers whose singular value is below 1
@@ -19,12 +23,12 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.clips.gauss_newton import Search
+from clothsim.gradients.clips.gauss_newton import GaussNewton
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
-from clothsim.gradients.clips.rest_shape import RestPrice, Sheet, fitted_rest
+from clothsim.gradients.clips.rest_shape import RestMesh, RestPrice, fitted_rest
 from clothsim.gradients.differentiable_session import forward
 from clothsim.gradients.loss_of_numbers import Evaluation
-from clothsim.gradients.losses import Distance
+from clothsim.gradients.losses import Custom
 from clothsim.gradients.recover import Recovery
 from clothsim.gradients.run import Trace, begun, traced
 from clothsim.run.session import prepare
@@ -48,6 +52,14 @@ TIGHTENINGS = 3
 """Searches from the last one, each with the noise that it left."""
 LARGEST_MODEL = 1.5
 """Multiple of the noise up to which numbers alone explain the keys, and no rest shape is sought."""
+ABOVE_FLOOR = 3.0
+"""Multiple of the floor, over the distance at a key, that a difference is of what is likely of its number."""
+SEEN = 2.0
+"""Multiple of the floor up to which a difference of runs at a key is chance."""
+
+
+Floor = float | Sequence[float] | Floats
+"""Noise of a run in all frames, or at each key [m]."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +73,11 @@ class ClipRecovery(Recovery):
     ----------
     scene_of_numbers : Scene
         The scene with the numbers alone; `scene` has the rest shape too.
-    noise : float
-        Root mean square distance that the keys are known to [m]: the floor, or FINEST.
+    noise : tuple of float
+        Root mean square distance that each key is known to [m]: its floor, or FINEST.
     misfits : tuple of float
-        Root mean square distance at the keys of the scene as it was, with the numbers, and with the rest shape [m].
+        Root mean square distance at the keys, each by the inverse square of its noise, of the scene as it was, with the
+        numbers, and with the rest shape [m].
     from_minimum : float
         Largest change of a logarithm in the step that is left, by the gradient of the adjoint, over its standard error;
         nan where the scene has no gradient.
@@ -77,7 +90,7 @@ class ClipRecovery(Recovery):
     """
 
     scene_of_numbers: Scene | None = None
-    noise: float = float("nan")
+    noise: tuple[float, ...] = ()
     misfits: tuple[float, float, float] = (float("nan"),) * 3
     from_minimum: float = float("nan")
     no_gradient: str = ""
@@ -99,20 +112,35 @@ class _Seen:
 class _Fit:
     """Edited frames (f, n, 3) by number, and the numbers that may explain them.
 
-    frames: numbers of the frames; noise: what they are known to [m]; sigma: noise in the sum, which counts what is left
-    unexplained [m].
+    frames: numbers of the frames; floor: distance of twins at each (f,) [m]; noise: what each is known to (f,) [m];
+    sigma: noise in the sum, which counts what is left unexplained (f,) [m]; steps: differences of the numbers (k,).
     """
 
     numbers: ClipNumbers
     frames: tuple[int, ...]
     keys: Floats
-    noise: float
-    sigma: float
+    floor: Floats
+    noise: Floats
+    sigma: Floats
+    steps: Floats
+
+    @classmethod
+    def of(cls, numbers: ClipNumbers, keys: Mapping[int, Floats], floor: Floats) -> "_Fit":
+        """The fit of keys (n, 3) [m] by frame, known to their floor (f,) [m]."""
+        frames, noise = tuple(sorted(keys)), np.maximum(floor, FINEST)
+        points = np.array([keys[frame] for frame in frames])
+        return cls(numbers, frames, points, floor, noise, noise, numbers.of_kind("step"))
 
     @property
-    def weight(self) -> float:
-        """Of a squared distance, summed over all vertices and keys, in half the sum."""
-        return INDEPENDENT / (self.keys.shape[1] * self.sigma**2)
+    def known(self) -> float:
+        """Noise of the keys in the mean of `misfit` [m]."""
+        return float((self.noise**-2.0).mean() ** -0.5)
+
+    @property
+    def weight(self) -> Floats:
+        """Of a squared distance in half the sum, (f n, 1), in the order of positions."""
+        n = self.keys.shape[1]
+        return np.repeat(INDEPENDENT / (n * self.sigma**2), n)[:, None]
 
     def run(self, at: Floats) -> _Seen:
         """A run; one that fails is an outcome too."""
@@ -122,36 +150,64 @@ class _Fit:
             return _Seen(at, float("inf"), np.zeros((0, 3)), error.sentence)
         return self.at(_Seen(at, 0.0, x))
 
+    def beside(self, at: Floats, seen: _Seen) -> _Seen:
+        """A run for a difference; at keys where twins are as far from each other it is the one that is there."""
+        found = self.run(at)
+        if not np.isfinite(found.total):
+            return found
+        chance = self._apart(found.positions - seen.positions) < SEEN * self.floor
+        rows = np.repeat(chance, self.keys.shape[1])[:, None]
+        return replace(found, positions=np.where(rows, seen.positions, found.positions))
+
     def tightened(self, positions: Floats) -> "_Fit":
         """The fit that counts half of what a run leaves as noise: numbers that explain less stay where they were."""
-        return replace(self, sigma=max(self.noise, UNEXPLAINED * self.misfit(positions)))
+        return replace(self, sigma=np.maximum(self.noise, UNEXPLAINED * self.misfit(positions)))
+
+    def stepped(self, positions: Floats) -> "_Fit":
+        """The fit with differences that stand out of the floor, of an edit of the size that a run leaves."""
+        off = np.maximum(self.left(positions), 1e-12)
+        share = min(1.0, ABOVE_FLOOR * float((self.floor / off).max()))
+        return replace(self, steps=np.maximum(self.steps, share * self.numbers.of_kind("prior")))
 
     def at(self, seen: _Seen) -> _Seen:
         """A run with the sum of this fit."""
         away = seen.at / self.numbers.of_kind("prior")
-        square = float(((seen.positions - self.keys.reshape(-1, 3)) ** 2).sum())
-        return replace(seen, total=0.5 * (self.weight * square + float(away @ away)))
+        square = float((self.weight * (seen.positions - self.keys.reshape(-1, 3)) ** 2).sum())
+        return replace(seen, total=0.5 * (square + float(away @ away)))
+
+    def left(self, positions: Floats) -> Floats:
+        """Root mean square distance of positions (p, 3) from each key (f,) [m]."""
+        return self._apart(positions - self.keys.reshape(-1, 3))
 
     def misfit(self, positions: Floats) -> float:
-        """Root mean square distance of positions (p, 3) from the keys [m]."""
-        return float(np.sqrt(((positions - self.keys.reshape(-1, 3)) ** 2).sum(axis=1).mean()))
+        """That of all keys, each by the inverse square of its noise [m]."""
+        return float(np.sqrt(np.average(self.left(positions) ** 2, weights=self.noise**-2.0)))
+
+    def _apart(self, offsets: Floats) -> Floats:
+        """Root mean squares of offsets (f n, 3) of each key (f,) [m]."""
+        return np.asarray(np.sqrt((offsets.reshape(self.keys.shape) ** 2).sum(axis=2).mean(axis=1)))
+
+    def normal(self, seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
+        """Gradient (k,) and Gauss-Newton Hessian (k, k) of the sum without the prior."""
+        off = (self.weight * (seen.positions - self.keys.reshape(-1, 3))).ravel()
+        return moves.T @ off, moves.T @ (np.repeat(self.weight, 3)[:, None] * moves)
 
     def linearised(self, seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
         """Gradient (k,) and Gauss-Newton Hessian (k, k) of the sum."""
         inverse = self.numbers.of_kind("prior") ** -2.0
-        off = (seen.positions - self.keys.reshape(-1, 3)).ravel()
-        return self.weight * moves.T @ off + inverse * seen.at, self.weight * moves.T @ moves + np.diag(inverse)
+        gradient, hessian = self.normal(seen, moves)
+        return gradient + inverse * seen.at, hessian + np.diag(inverse)
 
-    def search(self, tell: Callable[[_Seen], None]) -> Search[_Seen]:
+    def search(self, tell: Callable[[_Seen], None]) -> GaussNewton[_Seen]:
         """The search from run to run, each from the start of the scene."""
         of, limit = self.numbers.of_kind, self.numbers.of_kind("limit")
 
         def run(at: Floats, _: _Seen) -> _Seen:
             return self.run(at)
 
-        return Search(run, run, self.linearised, of("step"), of("reach"), -limit, limit, tell, LEAST)
+        return GaussNewton(run, self.beside, self.linearised, self.steps, of("largest"), -limit, limit, tell, LEAST)
 
-    def along(self, direction: Floats, tell: Callable[[_Seen], None]) -> Search[_Seen]:
+    def along(self, direction: Floats, tell: Callable[[_Seen], None]) -> GaussNewton[_Seen]:
         """The search along one direction (k,), whose outcomes have one number."""
         of = self.numbers.of_kind
         moved = direction > 0
@@ -159,28 +215,31 @@ class _Fit:
         def run(at: Floats, _: _Seen) -> _Seen:
             return replace(self.run(at[0] * direction), at=at)
 
-        def linearised(seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
-            off = (seen.positions - self.keys.reshape(-1, 3)).ravel()
-            inverse = float(((direction / of("prior")) ** 2).sum())
-            return self.weight * moves.T @ off + inverse * seen.at, self.weight * moves.T @ moves + inverse
+        def beside(at: Floats, seen: _Seen) -> _Seen:
+            return replace(self.beside(at[0] * direction, seen), at=at)
 
-        ends = [np.array([float(of(what)[moved].min())]) for what in ("step", "reach", "limit")]
+        def linearised(seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
+            inverse = float(((direction / of("prior")) ** 2).sum())
+            gradient, hessian = self.normal(seen, moves)
+            return gradient + inverse * seen.at, hessian + inverse
+
+        ends = [np.array([float(each[moved].min())]) for each in (self.steps, of("largest"), of("limit"))]
 
         def report(seen: _Seen) -> None:
             tell(replace(seen, at=seen.at[0] * direction))
 
-        return Search(run, run, linearised, ends[0], ends[1], -ends[2], ends[2], report, LEAST)
+        return GaussNewton(run, beside, linearised, ends[0], ends[1], -ends[2], ends[2], report, LEAST)
 
 
 def recover_clip(
     scene: Scene,
     keys: Mapping[int, Floats],
     free: Sequence[str] = (),
-    floor: float | Callable[[], float] = 0.0,
+    floor: Floor | Callable[[], Floor] = 0.0,
     rest: bool = True,
     progress: Callable[[int, Evaluation], None] | None = None,
 ) -> ClipRecovery:
-    """Find the numbers of a scene, and a rest shape, for which its run passes by edited frames.
+    """Find the numbers of a scene, and a rest shape, with which its run passes through edited frames.
 
     Parameters
     ----------
@@ -191,8 +250,9 @@ def recover_clip(
     free : sequence of str
         Numbers: "stretch", "bending", "friction", "pressure", "damping", "width", "height", "hem". Empty: all that the
         scene has.
-    floor : float or callable
-        Noise of a run [m], root mean square; or a function that finds it, called when all else is checked.
+    floor : float, (f,) array_like or callable
+        Noise of a run [m], root mean square, of all frames or of each key in the order of time; or a function that
+        finds it, called when all else is checked.
     rest : bool
         Find a residual rest shape where the numbers leave more than the noise.
     progress : callable, optional
@@ -212,14 +272,13 @@ def recover_clip(
         raise InputError("There is no edited frame from 1 on.", "Give positions by the number of a frame.")
     frames = tuple(sorted(keys))
     n = world_of(numbers.scene).n_cloth
-    points = [as_points(f"The key of frame {frame}", keys[frame]) for frame in frames]
-    for frame, each in zip(frames, points, strict=True):
+    points = {frame: as_points(f"The key of frame {frame}", keys[frame]) for frame in frames}
+    for frame, each in points.items():
         if len(each) != n:
             raise InputError(f"The key of frame {frame} has {len(each)} vertices, the cloths have {n}.")
     settings = scene.run_settings
     _refuse_beyond(frames, frame_count(settings.duration, settings.frames_per_second))
-    noise = as_positive("floor", floor() if callable(floor) else floor, zero=True)
-    fit = _Fit(numbers, frames, np.array(points), *[max(noise, FINEST)] * 2)
+    fit = _Fit.of(numbers, points, _floors(floor() if callable(floor) else floor, len(frames)))
     count = [0]
 
     def tell(seen: _Seen, stage: int = 1) -> None:
@@ -230,19 +289,28 @@ def recover_clip(
 
     first = _first(fit)
     tell(first)
+    fit = fit.stepped(first.positions)
     last, moves = _explained(fit, first, tell)
-    found = _identified(fit, first, last, moves)
-    known = replace(fit, sigma=float(np.hypot(fit.noise, found.misfits[1])))
+    known = replace(fit, sigma=np.hypot(fit.noise, fit.left(last.positions)))
+    found = _identified(known, first, last, moves)
     found = replace(found, **_checked(known, last, moves))
-    if found.misfits[1] > LARGEST_MODEL * fit.noise and rest:
+    if found.misfits[1] > LARGEST_MODEL * fit.known and rest:
         found = _with_rest(fit, last, found, tell)
     return replace(found, runs=count[0])
+
+
+def _floors(given: Floor, count: int) -> Floats:
+    """Floors of the keys (count,) [m]."""
+    each = np.array([as_positive("floor", one, zero=True) for one in np.ravel(np.asarray(given))])
+    if np.ndim(given) and len(each) != count:
+        raise InputError(f"The floor has {len(each)} numbers, and there are {count} edited frames.")
+    return np.broadcast_to(each, (count,)).copy()
 
 
 def _refuse_beyond(frames: Sequence[int], last: int) -> None:
     """InputError for a frame that the run of the scene has not."""
     if frames[-1] > last:
-        raise InputError(f"There is no frame {frames[-1]} to pass by.", f"The run of the scene has frames 1 to {last}.")
+        raise InputError(f"There is no frame {frames[-1]} to match.", f"The run of the scene has frames 1 to {last}.")
 
 
 def _first(fit: _Fit) -> _Seen:
@@ -274,7 +342,7 @@ def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[
             begin = replace(own.at(last), at=np.array([float(last.at @ direction) / float(direction @ direction)]))
             end, _, rows, _ = own.along(direction, tell).descended(begin, rows)
             last = replace(end, at=end.at[0] * direction)
-            if not fit.noise < fit.misfit(last.positions) < UNEXPLAINED * left:
+            if not fit.known < fit.misfit(last.positions) < UNEXPLAINED * left:
                 break
         best = min(best, last, key=lambda each: fit.misfit(each.positions))
         if fit.misfit(best.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
@@ -284,13 +352,20 @@ def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[
     for _ in range(TIGHTENINGS):
         own, left = fit.tightened(best.positions), fit.misfit(best.positions)
         best, _, moves, _ = own.search(tell).descended(own.at(best), moves)
-        if not fit.noise < fit.misfit(best.positions) < UNEXPLAINED * left:
+        if not fit.known < fit.misfit(best.positions) < UNEXPLAINED * left:
             break
     return best, moves
 
 
+def _to_last(scene: Scene, frames: Sequence[int]) -> Scene:
+    """The scene until the last of some frames."""
+    settings = scene.run_settings
+    return replace(scene, run=settings.with_keys(duration=frames[-1] / settings.frames_per_second))
+
+
 def _positions(scene: Scene, frames: Sequence[int]) -> Floats:
     """Positions of the cloth in frames of a run, one after the other, (f n, 3) [m]."""
+    scene = _to_last(scene, frames)
     session = prepare(scene, build(scene, affordable=True))
     trace = Trace(session, tuple(forward(session, begun(session, {}))))
     _refuse_beyond(frames, len(trace.frame_states) - 1)  # it may come to rest before
@@ -300,8 +375,7 @@ def _positions(scene: Scene, frames: Sequence[int]) -> Floats:
 def _identified(fit: _Fit, first: _Seen, last: _Seen, moves: Floats) -> ClipRecovery:
     """The recovery with what the keys determine; what the numbers leave counts as noise too."""
     prior, names = fit.numbers.of_kind("prior"), fit.numbers.names
-    left = fit.misfit(last.positions)
-    weight = replace(fit, sigma=float(np.hypot(fit.noise, left))).weight
+    left, weight = fit.misfit(last.positions), np.repeat(fit.weight, 3)[:, None]
     _, sizes, modes = np.linalg.svd(np.sqrt(weight) * moves * prior, full_matrices=False)
     covariance = np.outer(prior, prior) * ((modes.T / (1 + sizes**2)) @ modes)
     errors = np.sqrt(np.diag(covariance))
@@ -321,7 +395,7 @@ def _identified(fit: _Fit, first: _Seen, last: _Seen, moves: Floats) -> ClipReco
         (last.total,),
         0,
         scene_of_numbers=fit.numbers.scene_at(last.at),
-        noise=fit.noise,
+        noise=tuple(fit.noise.tolist()),
         misfits=(fit.misfit(first.positions), left, left),
     )
 
@@ -329,16 +403,27 @@ def _identified(fit: _Fit, first: _Seen, last: _Seen, moves: Floats) -> ClipReco
 def _checked(fit: _Fit, last: _Seen, moves: Floats) -> dict[str, Any]:
     """How far the last run is from a minimum by the adjoint, or why it has no gradient."""
     try:
-        trace = traced(fit.numbers.scene_at(last.at))
-        scale = 0.5 * fit.weight * fit.keys.shape[1]
-        losses = [Distance(key, frame) for frame, key in zip(fit.frames, fit.keys, strict=True)]
-        slope = scale * fit.numbers.derivatives(trace.gradient(losses), last.at)
+        trace = traced(_to_last(fit.numbers.scene_at(last.at), fit.frames))
+        weights = fit.weight.reshape(len(fit.frames), -1)
+        each = zip(fit.frames, fit.keys, weights, strict=True)
+        losses = [Custom(_half_square(key, weight[:, None]), frame) for frame, key, weight in each]
+        slope = fit.numbers.derivatives(trace.gradient(losses), last.at)
     except ClothsimError as error:
         return {"no_gradient": error.sentence}
     _, hessian = fit.linearised(last, moves)
     slope = slope + last.at / fit.numbers.of_kind("prior") ** 2
     errors = np.sqrt(np.diag(np.linalg.inv(hessian)))
     return {"from_minimum": float(np.max(np.abs(np.linalg.solve(hessian, slope)) / errors))}
+
+
+def _half_square(key: Floats, weight: Floats) -> Callable[[Floats], tuple[float, Floats]]:
+    """Half the sum of squared distances from a key (n, 3), by weights (n, 1), with its derivative."""
+
+    def of(positions: Floats) -> tuple[float, Floats]:
+        off = positions - key
+        return 0.5 * float((weight * off**2).sum()), weight * off
+
+    return of
 
 
 def _with_rest(fit: _Fit, last: _Seen, found: ClipRecovery, tell: Callable[[_Seen, int], None]) -> ClipRecovery:
@@ -349,7 +434,7 @@ def _with_rest(fit: _Fit, last: _Seen, found: ClipRecovery, tell: Callable[[_See
     rests = fit.numbers.rests(last.at)
     ends = np.cumsum([len(rest) for rest in rests])[:-1]
     world = build(fit.numbers.scene, affordable=True).world
-    sheet = Sheet(np.concatenate(rests), world.triangles)
+    sheet = RestMesh(np.concatenate(rests), world.triangles)
 
     def with_added(displacements: Floats) -> _Fit:
         added = tuple(np.split(displacements, ends))

@@ -31,7 +31,7 @@ from clothsim.gradients.picture_loss import Obstacle
 from clothsim.gradients.pulled_drape import pulled
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.gradients.view_fit import Seen, ViewFit, by_kind
-from clothsim.gradients.view_recovery import Search, ViewRecovery, recovery_of
+from clothsim.gradients.view_recovery import SearchRecord, ViewRecovery, recovery_of
 from clothsim.gradients.views import View, read_views
 from clothsim.patterns.pattern_mesh import PatternMesh
 from clothsim.scene.assembly.scene_world import world_of
@@ -39,7 +39,7 @@ from clothsim.scene.scene import Scene
 
 PATTERN_STEP, FABRIC_STEP = 0.005, 0.04
 """Differences of logarithms by which the cloth's derivatives are taken."""
-PATTERN_REACH, FABRIC_REACH = 0.08, 0.7
+LARGEST_PATTERN_STEP, LARGEST_FABRIC_STEP = 0.08, 0.7
 """Largest changes of logarithms in a step."""
 KICK, WAVES = 1.0, 6
 """Root mean square of velocities that move cloth to other folds [m/s], and the waves that they are made of."""
@@ -61,7 +61,7 @@ def recover_views(
     twins: bool = True,
     folds: int = 6,
 ) -> ViewRecovery:
-    """Find the numbers of a scene for which its cloth looks in the end as in calibrated pictures.
+    """Find the numbers of a scene whose cloth ends as calibrated pictures show it.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def recover_views(
             ends.append((last, before, moves))
             runs, adjoint = runs + taken, adjoint + seconds
     best = min(ends, key=lambda each: each[0].total)
-    search = Search(runs, tuple(each[0].total for each in ends), note, began, adjoint, misfits, twins)
+    search = SearchRecord(runs, tuple(each[0].total for each in ends), note, began, adjoint, misfits, twins)
     return recovery_of(fit, first, best, search)
 
 
@@ -223,7 +223,7 @@ def _descended(
 ) -> tuple[Seen, Seen, Floats, int, float]:
     """The last of `most` steps, the one before it, the derivatives at the last, runs, and seconds of the adjoint."""
     k = len(seen.at)
-    reach = by_kind(fit.problem.paths, PATTERN_REACH, FABRIC_REACH)
+    largest = by_kind(fit.problem.paths, LARGEST_PATTERN_STEP, LARGEST_FABRIC_STEP)
     low, high = fit.problem.origin - fit.problem.ranges, fit.problem.origin + fit.problem.ranges
 
     def follow(at: Floats, begun: Seen) -> Seen:
@@ -234,14 +234,14 @@ def _descended(
     moves, fresh, runs, before, adjoint = _moves(fit, seen, tell), True, k + 1, seen, 0.0
     for _ in range(most):
         if moves is None:
-            raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
+            raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")
         gradient, hessian, _ = fit.linearised(seen, moves)
         if seen.trace is not None:
             before_adjoint = process_time()
             with suppress(NoMinimumError):  # a step beside a saddle: the differences do
                 gradient = fit.adjoint(seen, seen.trace).slope
             adjoint += process_time() - before_adjoint
-        within = np.maximum(low - seen.at, -reach), np.minimum(high - seen.at, reach)
+        within = np.maximum(low - seen.at, -largest), np.minimum(high - seen.at, largest)
         step = _step(fit, gradient, hessian, within)
         done = float(step @ hessian @ step) < ENOUGH**2
         better, tried = (None, 0) if done else halved_until_lower(follow, seen, step, tell)
@@ -257,5 +257,5 @@ def _descended(
     if not fresh or moves is None:
         moves, runs = _moves(fit, seen, tell), runs + k
     if moves is None:
-        raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Begin from other numbers.")
+        raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")
     return seen, before, moves, runs, adjoint

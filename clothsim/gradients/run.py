@@ -176,7 +176,6 @@ def traced(
     Parameters
     ----------
     scene : Scene
-        The scene.
     stiffness : mapping, optional
         Contact stiffnesses to hold [Pa], by effect; None: those of a pilot run.
     polish : int

@@ -47,7 +47,7 @@ class ShapedScene:
         return self.scene.cloths[self.cloth].name or "cloth"
 
     def edge_rows(self, panel: str, edge: int) -> Ints:
-        """Return the vertices of the sewn cloth on an edge of a panel, (k,). InputError for an edge that is none."""
+        """Return the vertices of the sewn cloth on an edge of a panel, (k,). InputError where there is no such edge."""
         mesh, side = self.numbers.mesh, Side(panel, edge)
         if side not in mesh.edges:
             known = ", ".join(f"{each.panel}.{each.edge}" for each in mesh.edges)
@@ -87,7 +87,9 @@ def shaped_scene(scene: Scene, mesh: PatternMesh | None = None) -> ShapedScene:
     arrays = [k for k, keys in enumerate(scene.cloths) if isinstance(keys.mesh, MeshArrays)]
     if mesh is not None:
         if len(arrays) != 1:
-            raise InputError(f"The scene has {len(arrays)} cloths of arrays, of which one is to be of the pattern.")
+            raise InputError(
+                f"The scene has {len(arrays)} cloths of arrays, and exactly one must come from the pattern."
+            )
         return _replace_arrays(scene, arrays[0], mesh)
     if len(files) != 1:
         raise InputError(
@@ -114,7 +116,7 @@ def _replace_arrays(scene: Scene, number: int, mesh: PatternMesh) -> ShapedScene
             f"The cloth has {have}, the mesh of the pattern {wanted}.", "Give the size it was meshed with."
         )
     if np.abs(scale * arrays.rest - mesh.material_coordinates).max() > ALIKE:
-        raise InputError("The cloth is not cut from this pattern: its triangles are others at rest.")
+        raise InputError("The cloth is not cut from this pattern: its rest triangles differ.")
     return ShapedScene(scene, PatternNumbers(mesh), number)
 
 

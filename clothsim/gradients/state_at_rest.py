@@ -24,7 +24,7 @@ from clothsim.solve.stepping.stepping import step_of
 
 @dataclass(frozen=True)
 class StateAtRest:
-    """A potential, and positions at which it is least.
+    """A potential, and positions that minimise it.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class StateAtRest:
 
     @staticmethod
     def refuse_history(built: Built) -> None:
-        """InputError for a scene whose end is no minimum of an energy of the positions alone."""
+        """InputError for a scene whose end is not a minimum of an energy of the positions alone."""
         if "inertia" in built.energies:
             raise InputError(
                 "The error of a goal by triangles is that of a cloth at rest, and the scene has effects.inertia.",

@@ -7,7 +7,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.gradients.losses import Distance, Girth, Height, Loss, Scan, Silhouette, hem_of
+from clothsim.gradients.losses import Distance, Girth, Height, Loss, Scan, Silhouette, hem_loss
 from clothsim.mesh.world import World
 from clothsim.run.results import open_run
 
@@ -17,7 +17,7 @@ NO_NORMALS = np.zeros((0, 3))
 
 
 def named_loss(name: str, world: World, value: float | Path | None = None, scale: float = 1.0) -> Loss:
-    """Return the loss of a name.
+    """Return the loss with a given name.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def named_loss(name: str, world: World, value: float | Path | None = None, scale
     if name == "girth" and isinstance(value, int | float):
         return Girth(value)
     if name == "hem":
-        return hem_of(world)
+        return hem_loss(world)
     return Height() if name == "height" else Silhouette()
 
 

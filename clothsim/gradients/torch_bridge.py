@@ -23,7 +23,6 @@ def simulate(
     Parameters
     ----------
     scene : Scene
-        The scene.
     values : mapping of str to tensor
         Numbers by their path in the scene, as "cloth.youngs_modulus", and `start` and `velocity` of the cloth, (n, 3);
         those that require a gradient get one.

@@ -11,7 +11,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError
-from clothsim.gradients.loss_of_numbers import Evaluation, Problem, derivatives
+from clothsim.gradients.loss_of_numbers import Evaluation, LossOfNumbers, derivatives
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.pattern_numbers import SECTION
@@ -58,7 +58,7 @@ class Seen:
 class ViewFit:
     """The pictures of a problem, with the prior: mean (k,) and precision (k, k) of the logarithms."""
 
-    problem: Problem
+    problem: LossOfNumbers
     views: tuple[View, ...]
     triangles: Ints
     mean: Floats

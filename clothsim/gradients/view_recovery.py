@@ -10,7 +10,7 @@ from scipy.sparse import block_diag, csr_array, eye_array, kron
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.loss_of_numbers import intersecting_pairs
+from clothsim.gradients.loss_of_numbers import count_intersecting_pairs
 from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import PictureLoss
@@ -124,7 +124,7 @@ class ViewRecovery(Recovery):
 
 
 @dataclass(frozen=True)
-class Search:
+class SearchRecord:
     """What a search took.
 
     runs; minima: sums at the ends of all starts; note: what the prior is; began: processor time at its start; adjoint:
@@ -141,7 +141,7 @@ class Search:
     twins: bool
 
 
-def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], search: Search) -> ViewRecovery:
+def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], search: SearchRecord) -> ViewRecovery:
     """Return what a search found.
 
     Parameters
@@ -152,7 +152,7 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
         The run of the scene itself.
     end : tuple
         The last run, the one before it, and the derivatives of the vertices at the last, (3 n, k).
-    search : Search
+    search : SearchRecord
         What it took.
     """
     last, before, moves = end
@@ -183,7 +183,7 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
         (),
         tuple(dict(zip(paths, each.tolist(), strict=True)) for each in loose),
         tuple(path for path, limit in zip(paths, at_limit, strict=True) if limit),
-        replace(gradient, intersecting_pairs=intersecting_pairs(trace)),
+        replace(gradient, intersecting_pairs=count_intersecting_pairs(trace)),
         search.minima,
         search.runs + len(twins),
         search.note,
@@ -260,7 +260,7 @@ def halved(scene: Scene) -> tuple[Scene, csr_array, Ints]:
     for keys in scene.cloths:
         mesh = keys.mesh
         if not isinstance(mesh, MeshArrays) or any(isinstance(value, np.ndarray) for value in keys.values()):
-            raise InputError("The cloth is no mesh of arrays, or has keys that are arrays.")
+            raise InputError("The cloth is not a mesh of arrays, or has keys that are arrays.")
         weights, triangles = refined(mesh.triangles, len(mesh.vertices))
         rest = mesh.vertices if mesh.rest is None else mesh.rest
         groups = {name: (4 * rows[:, None] + np.arange(4)).ravel() for name, rows in mesh.groups.items()}

@@ -28,7 +28,7 @@ from PIL import Image, UnidentifiedImageError
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_numbers, read_regular_file
-from clothsim.base.inputs import refuse_unknown, table
+from clothsim.base.inputs import as_table, refuse_unknown
 from clothsim.gradients.camera import Camera
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.picture_loss import Obstacle, PictureLoss
@@ -82,23 +82,23 @@ def read_views(path: str | Path, panels: Mapping[str, Ints], obstacle: Obstacle)
     Raises
     ------
     InputError
-        For what is no view: an unknown key, a distorted camera, a picture of another size, two views of one name.
+        For what is not a view: an unknown key, a distorted camera, a picture of another size, two views of one name.
     """
     file = Path(path)
     try:
         given = tomllib.loads(read_regular_file(file).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} is no TOML file ({error}).", "Write a table [[view]] for each picture.") from error
+        raise InputError(f"{file} is not a TOML file ({error}).", "Write a table [[view]] for each picture.") from error
     refuse_unknown(str(file), given, ("view", "noise", "labels"))
-    noise = table("noise", given.get("noise", {}))
+    noise = as_table("noise", given.get("noise", {}))
     refuse_unknown("noise", noise, NOISE)
     noises = {name: as_positive(f"noise.{name}", noise.get(name, default)) for name, default in NOISE.items()}
-    labels = table("labels", given.get("labels", {}))
+    labels = as_table("labels", given.get("labels", {}))
     refuse_unknown("labels", labels, panels)
     tables = given.get("view", [])
     if not isinstance(tables, list) or not tables:
         raise InputError(f"{file} has no views.", "Write a table [[view]] for each picture.")
-    made = [_view(f"view[{k}]", table(f"view[{k}]", keys), file.parent, noises) for k, keys in enumerate(tables)]
+    made = [_view(f"view[{k}]", as_table(f"view[{k}]", keys), file.parent, noises) for k, keys in enumerate(tables)]
     names = [view[0] for view in made]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
@@ -135,7 +135,7 @@ def _camera(name: str, keys: Mapping[str, Any]) -> Camera:
         raise InputError(f"The view {name!r} has the size {size}.", "Give width and height as whole numbers.")
     if not models:
         return Camera(*size, *(keys[key] for key in OF_CAMERA))
-    own = table(models[0], keys[models[0]])
+    own = as_table(models[0], keys[models[0]])
     refuse_unknown(models[0], own, OF_MODELS[models[0]])
     absent = [key for key in OF_MODELS[models[0]] if key not in own]
     if absent:
@@ -155,7 +155,7 @@ def _picture(file: Path) -> np.ndarray:
                 raise InputError(f"{file.name} has {image.width} x {image.height} pixels.", "Scale it down.")
             values = np.asarray(image.convert("L") if image.mode == "1" else image)
     except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{file.name} is no picture that can be read ({error}).", "Save it as PNG.") from error
+        raise InputError(f"{file.name} is not a picture that can be read ({error}).", "Save it as PNG.") from error
     if values.ndim == 3:
         colours = values[..., :3] if values.shape[2] in (3, 4) else values[..., :1]
         if np.ptp(colours, axis=2).any():

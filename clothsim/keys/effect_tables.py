@@ -144,7 +144,7 @@ class Zip(KeyTable):
     flip: Annotated[bool, Key("Reverse the order of the second border")] = False
     closed: Annotated[OverTime, Key("Fraction of the border that is closed: the slider", "1", least=0, most=1)] = 1.0
     gap: Annotated[
-        OverTime, Key("Distance of the closed borders; self_contact adds what it needs to push nothing", "m", least=0)
+        OverTime, Key("Distance of the closed borders; self_contact adds the gap of zero force", "m", least=0)
     ] = 0.0  # fmt: skip
     stiffness: Annotated[
         OverTime | None, Key("Stiffness of each stitch", "N/m", least=0, shown="100 times the fabric's")

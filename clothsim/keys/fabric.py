@@ -193,7 +193,10 @@ class Fabric:
 
     @property
     def slope_along_bias(self) -> float:
-        """s at 45 degrees [N m2]; where the fabric gives none, that of `bending_slopes` without a twist of its own."""
+        """s at 45 degrees [N m2]; where the fabric gives none, that of a sheet without a twist of its own.
+
+        s^(2/3) = (w + f)/4 + sqrt(w f)/2, w and f the powers 2/3 of those along warp and weft.
+        """
         if self.bending_slope_bias is not None:
             return self.bending_slope_bias
         warp, weft = abs(self.slope_along_warp) ** (2 / 3), abs(self.slope_along_weft) ** (2 / 3)

@@ -36,7 +36,7 @@ from math import pi, sqrt
 from typing import Any
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.keys.fabric import Fabric
 
 SHEAR_UNIT = 98.0665 * 1e-2 * 180 / pi
@@ -387,7 +387,7 @@ def fabric_named(where: str, name: Any) -> Fabric:
     if isinstance(name, str) and name in FABRICS:
         return FABRICS[name]
     known = f"Known: {', '.join(FABRICS)}."
-    raise InputError(f"{where} is {name!r}.", f"{nearest(name, FABRICS, SIMILAR)} {known}".strip())
+    raise InputError(f"{where} is {name!r}.", f"{did_you_mean(name, FABRICS, SIMILAR)} {known}".strip())
 
 
 def fabrics_of(where: str, panels: Collection[str], given: Mapping[str, Any]) -> dict[str, Fabric]:
@@ -422,7 +422,7 @@ def fabrics_of(where: str, panels: Collection[str], given: Mapping[str, Any]) ->
         matched = [name] if name in panels else [panel for panel in panels if fnmatchcase(panel, name)]
         if not matched:
             known = f"Panels: {', '.join(panels)}." if panels else "The mesh names no panel or group."
-            hint = f"{nearest(name, panels, SIMILAR)} {known}".strip()
+            hint = f"{did_you_mean(name, panels, SIMILAR)} {known}".strip()
             raise InputError(f"{where} names the panel {name!r}.", hint)
         for panel in matched:
             if panel != name and panel in given:

@@ -8,9 +8,9 @@ from typing import Any, ClassVar, NoReturn, Self
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import table
+from clothsim.base.inputs import as_table
 from clothsim.keys.schema import keys_of
-from clothsim.keys.value_checks import check_value, refuse_missing, refuse_unknown
+from clothsim.keys.value_checks import check_value, refuse_missing, refuse_unknown_key
 
 
 class Locked:
@@ -185,8 +185,8 @@ class KeyTable(Locked, Mapping[str, Any]):
         """
         if type(given) is cls:
             return given
-        keys = table(where, given)
-        refuse_unknown(where, keys, keys_of(cls))
+        keys = as_table(where, given)
+        refuse_unknown_key(where, keys, keys_of(cls))
         refuse_missing(where, keys, cls)
         return cls.of_known_keys(where, keys)
 
@@ -206,7 +206,7 @@ class KeyTable(Locked, Mapping[str, Any]):
         return type(self)(**self._fields_given() | changed)
 
     def _fields_given(self) -> dict[str, Any]:
-        """The fields of the keys that were given, and those that are no keys."""
+        """The fields of the keys that were given, and those that are not keys."""
         keys = {known.field for known in keys_of(type(self)).values()}
         return {
             field.name: getattr(self, field.name)
@@ -223,7 +223,7 @@ class KeyTable(Locked, Mapping[str, Any]):
 
 @cache
 def composed(parts: tuple[type[KeyTable], ...]) -> type[KeyTable]:
-    """The section with the keys of several, as of a cloth and of its generator; a key of two is that of the last."""
+    """The section with the keys of several, such as a cloth and its generator; of equal keys the last one counts."""
     first, *others = parts
     if not others:
         return first
@@ -251,12 +251,12 @@ def as_tables(value: Any) -> Any:
 
 
 def _refuse_arguments(cls: type[KeyTable], others: Sequence[Any], keys: Mapping[str, Any]) -> None:
-    """InputError for a keyword that is no field, too many values without one, and for a field that is missing."""
+    """InputError for a keyword that is not a field, too many values without one, and for a field that is missing."""
     taken = [field for field in fields(cls) if field.init]
     first = [field for field in taken if not field.kw_only]
     where = f"clothsim.{cls.__name__}"
     names = [field.name for field in taken]
-    refuse_unknown(where, keys, names)
+    refuse_unknown_key(where, keys, names)
     if len(others) > len(first):
         example = next((f"{each.name}={_default_text(each.default)}" for each in taken if each.kw_only), "")
         raise InputError(

@@ -24,7 +24,7 @@ PANELS, PANEL_OF = "panels", "panel_of"
 def checked_groups(where: str, groups: Mapping[str, ArrayLike], n_triangles: int) -> dict[str, Ints]:
     """Read-only triangles of each panel.
 
-    InputError for what is no table of whole numbers, a triangle out of range, and one in two panels.
+    InputError for what is not a table of whole numbers, a triangle out of range, and one in two panels.
     """
     if not isinstance(groups, Mapping):
         raise InputError(f"{where} is of the type {type(groups).__name__}.", "Give a table of triangles by name.")
@@ -152,7 +152,7 @@ class MeshArrays:
             raise
         except Exception as error:  # zipfile and the headers of NumPy raise a dozen types of errors
             raise InputError(
-                f"{where}.{TEXT} is no mesh ({error}).", "It is what a run writes of a mesh in memory; name a file."
+                f"{where}.{TEXT} is not a mesh ({error}).", "It is what a run writes of a mesh in memory; name a file."
             ) from error
 
     @cached_property

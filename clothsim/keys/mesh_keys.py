@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest, table
+from clothsim.base.inputs import as_table, did_you_mean
 from clothsim.keys.effect_tables import SELECT, Motion
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable, composed
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.keys.schema import Key, OverTime, Selection, Vector, keys_of
-from clothsim.keys.value_checks import refuse_unknown
+from clothsim.keys.value_checks import refuse_unknown_key
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class ClipKeys(KeyTable):
     ] = None
     start: Annotated[float, Key("First time of the clip that is used", "s", least=0)] = 0.0
     end: Annotated[float | None, Key("Last time of the clip that is used", "s", above=0, shown="its end")] = None
-    loop: Annotated[bool, Key("Repeat that part; the body goes on from where it is")] = False
+    loop: Annotated[bool, Key("Repeat that part; the body continues from where it is")] = False
     lead_in: Annotated[float, Key("Time from the pose of the body to the start of the clip", "s", least=0)] = 0.7
     keep_apart: Annotated[
         bool, Key("Turn shoulders and hips by the least angles that leave 1.2 % of the height between limbs and trunk")
@@ -86,7 +86,7 @@ class ModelTable(PlacedKeys):
         str | ClipKeys | Mapping[str, Any] | None,
         Key("Skeletal motion: the clip's name or a table", tables=(ClipKeys,), shown="none"),
     ] = None
-    group: Annotated[str | None, Key("A skinned node of a .glb alone", shown="all")] = None
+    group: Annotated[str | None, Key("Only this skinned node of a .glb", shown="all")] = None
     up: Annotated[
         Literal["z", "y"] | None,
         Key("Axis of the model that points up; y is turned onto z", shown="z of the mannequin, else y"),
@@ -308,8 +308,8 @@ def sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
         return (GENERATOR_KEYS[mesh],)
     if "." not in Path(mesh).name:
         known = f"Give one of {', '.join(GENERATOR_KEYS)}, or a file with its ending."
-        hint = " ".join(filter(None, [nearest(mesh, GENERATOR_KEYS), known]))
-        raise InputError(f"{where}.mesh is {mesh!r}, which is no generator and no file.", hint)
+        hint = " ".join(filter(None, [did_you_mean(mesh, GENERATOR_KEYS), known]))
+        raise InputError(f"{where}.mesh is {mesh!r}, which is neither a generator nor a file.", hint)
     return (FilePart,)
 
 
@@ -317,13 +317,13 @@ def section_of(
     where: str, keys: Any, kinds: Callable[[str, Mapping[str, Any]], tuple[type[KeyTable], ...]]
 ) -> KeyTable:
     """The section of a table of keys; kinds: the sections whose keys it has. InputError names a bad key."""
-    given = table(where, keys)
+    given = as_table(where, keys)
     parts = kinds(where, given)
     kind = composed(parts)
     if type(given) is kind:
         return given
     source = "model" if ModelTable in parts else parts[-1].section if len(parts) > 1 else "arrays"
-    refuse_unknown(f"{where} ({source})", given, keys_of(kind))
+    refuse_unknown_key(f"{where} ({source})", given, keys_of(kind))
     return kind.of_known_keys(where, given)
 
 
@@ -390,7 +390,7 @@ def rigid_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable],
 
 @dataclass(frozen=True, kw_only=True)
 class RodTable(PlacedKeys):
-    """A round wire, cord or thread, straight at rest, that is no part of a cloth."""
+    """A round wire, cord or thread, straight at rest, that is not part of a cloth."""
 
     section: ClassVar[str] = "rod"
 

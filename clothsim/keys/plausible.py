@@ -69,7 +69,7 @@ OF_UNIT: Mapping[str, tuple[float, float]] = {
 """Smallest and largest magnitude of keys that are not named above."""
 
 ANY: Mapping[str, str] = {
-    "scale": "what mends a file in another unit; the size of what it makes is looked at",
+    "scale": "what corrects the unit of a file; the resulting size is checked",
     "budget": "a limit of computing time, which people set to hours",
     "path": "rows of a time and three lengths",
 }

@@ -9,6 +9,7 @@ import costs nothing (pydantic: 57 ms and more); and no dependency is added.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
+from types import UnionType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Union, get_args, get_origin
 
 from clothsim.base.arrays import Floats
@@ -27,7 +28,7 @@ OverTime: TypeAlias = float | Sequence[Sequence[float]] | Callable[[float], floa
 OverCloth: TypeAlias = float | Sequence[float] | Floats | Mapping[str, Any] | str
 """A number, an array by triangle or by vertex, a NumPy file of one, or a table by cloth or panel."""
 OverTimeByCloth: TypeAlias = float | Sequence[Sequence[float]] | Callable[[float], float] | Mapping[str, Any]
-Curve: TypeAlias = Sequence[Sequence[float]] | Floats | str
+CurveTable: TypeAlias = Sequence[Sequence[float]] | Floats | str
 """Rows of [strain, stress], or a NumPy file of them."""
 Selection: TypeAlias = (
     Literal["corners", "left", "right", "top", "bottom", "boundary"] | Sequence[int] | Mapping[str, Any]
@@ -38,7 +39,7 @@ _WORDS: tuple[tuple[Any, str], ...] = (
     (OverTime, "number, key frames or function"),
     (OverCloth, "number, array, .npy file or table by cloth"),
     (OverTimeByCloth, "number, key frames, function or table by cloth"),
-    (Curve, "rows of [strain, stress] or .npy file"),
+    (CurveTable, "rows of [strain, stress] or .npy file"),
     (
         Selection,
         '"corners" | "left" | "right" | "top" | "bottom" | "boundary", vertex numbers, { box = [lo, hi] } or'
@@ -79,7 +80,7 @@ class Key:
 
     @property
     def range(self) -> str:
-        """The bounds in words, empty where there are none: "above 0", "from 0 to 1"."""
+        """The bounds as text, empty where there are none: "above 0", "from 0 to 1"."""
         if self.least is not None and self.most is not None:
             return f"from {self.least:,g} to {self.most:,g}"
         low = f"above {self.above:g}" if self.above is not None else ""
@@ -138,8 +139,8 @@ def keys_of(section: type) -> Mapping[str, SceneKey]:
 
 
 def members(annotation: Any) -> tuple[Any, ...]:
-    """The types of a union, None left out; the type itself where it is none."""
-    if isinstance(annotation, type) or (get_origin(annotation) is not Union and not _is_pipe(annotation)):
+    """The types of a union, without None; the type itself where it is not a union."""
+    if get_origin(annotation) not in (Union, UnionType):
         return (annotation,)
     return tuple(part for part in get_args(annotation) if part is not type(None))
 
@@ -178,7 +179,3 @@ def _one_in_words(part: Any, key: Key) -> str:
         return f"{key.length} {entries}" if key.length else f"list of {entries}"
     kinds = {float: "number", int: "whole number", bool: "true or false", str: "text", Mapping: "table"}
     return kinds.get(origin, "function" if origin is Callable else "")
-
-
-def _is_pipe(annotation: Any) -> bool:
-    return type(annotation).__name__ == "UnionType"

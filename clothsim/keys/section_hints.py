@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Sequence
 
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
 from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, RigidTable, RodTable
@@ -19,7 +19,13 @@ MOST = 3
 def section_remedy(name: str, sections: Sequence[str]) -> str:
     """The section to which a name at the top of a scene belongs, or the nearest section."""
     known = f"Known: {', '.join(sections)}."
-    return home_of(name) or nearest(name, sections, 0.75) or nearest_path(name) or nearest(name, sections) or known
+    return (
+        home_of(name)
+        or did_you_mean(name, sections, 0.75)
+        or nearest_path(name)
+        or did_you_mean(name, sections)
+        or known
+    )
 
 
 def nearest_path(name: str) -> str:

@@ -42,7 +42,7 @@ class Solver(KeyTable):
     tolerance: Annotated[
         float,
         Key("In place of newton_error_fraction: Newton's method stops where |dx|_inf / dt is below it", "m/s", above=0,
-            shown="none: newton_error_fraction is taken"),
+            shown="none: newton_error_fraction is used"),
     ] = 0.0  # fmt: skip
     integrator: Annotated[
         Literal["bdf2", "backward_euler"], Key("Time integrator; backward Euler is of first order and damps more")
@@ -53,7 +53,7 @@ class Solver(KeyTable):
     ] = "auto"
     threads: Annotated[
         int,
-        Key("Threads of a step; 1 repeats every bit; 0: one, from 20,000 vertices up to 4", "1", least=0),
+        Key("Threads of a step; 1 repeats every bit; 0: one, or up to 4 from 20,000 vertices on", "1", least=0),
     ] = 0  # fmt: skip
     repeatable: Annotated[
         bool, Key("The same bits at every number of threads, for 1.05 to 1.2 of the time of a factorisation")
@@ -113,7 +113,7 @@ class Contact(KeyTable):
     section: ClassVar[str] = "contact"
 
     backend: Annotated[
-        Literal["auto", "numba", "ipctk"], Key("Contact implementation; each is numba's, ipctk is deprecated")
+        Literal["auto", "numba", "ipctk"], Key("Contact implementation; all use numba, ipctk is deprecated")
     ] = "auto"
     pinch: Annotated[
         Literal["stop", "carry"],
@@ -157,7 +157,7 @@ class RunSettings(KeyTable):
     ] = "time"
     rest_speed: Annotated[
         float,
-        Key("At rest: no vertex is faster for 10 steps, nor farther from equilibrium than this a second", "m/s",
+        Key("At rest: no vertex is faster for 10 steps, nor farther from equilibrium than this times 1 s", "m/s",
             above=0),
     ] = 1e-3  # fmt: skip
     fields: Annotated[
@@ -167,7 +167,7 @@ class RunSettings(KeyTable):
         bool, Key("Record at each step the contact force on each body and the reaction of each group of pins")
     ] = False
     allow_inside: Annotated[
-        bool, Key("Simulate cloth that starts inside a body, all of it, where contact keeps it; else it is refused")
+        bool, Key("Allow cloth that starts wholly inside a body, where contact holds it; else it is refused")
     ] = False
 
 

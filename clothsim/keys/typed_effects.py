@@ -32,7 +32,7 @@ from clothsim.keys.effect_tables import (
     Zip,
 )
 from clothsim.keys.key_table import KeyTable, content_of, frozen
-from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
+from clothsim.keys.schema import CurveTable, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Table, Vector
 
 AUTO = Literal["auto"]
 WARP_ANGLE = Key("Angle of the warp from the cloth's first axis", "degrees")
@@ -80,23 +80,25 @@ class Membrane(EffectKeys):
 
     material: Annotated[
         Literal["auto", "neo_hookean", "orthotropic", "measured"],
-        Key("By auto orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
+        Key("auto: orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
     ] = "auto"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
-    warp: Annotated[Curve, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
-    weft: Annotated[Curve, Key("Measured curve along the weft: rows of strain and stress", "1, N/m")] = ()
-    shear: Annotated[Curve, Key("Measured curve in shear: rows of the sine of the angle and stress", "1, N/m")] = ()
+    warp: Annotated[CurveTable, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
+    weft: Annotated[CurveTable, Key("Measured curve along the weft: rows of strain and stress", "1, N/m")] = ()
+    shear: Annotated[
+        CurveTable, Key("Measured curve in shear: rows of the sine of the angle and stress", "1, N/m")
+    ] = ()
     narrowing_warp: Annotated[
-        Curve,
+        CurveTable,
         Key("Measured narrowing along the warp: rows of strain and of the strain that it takes from the width", "1"),
     ] = ()
-    narrowing_weft: Annotated[Curve, Key("The same along the weft", "1")] = ()
+    narrowing_weft: Annotated[CurveTable, Key("The same along the weft", "1")] = ()
     elements: Annotated[
         Literal["triangles", "pairs"], Key("Constant strain per triangle, or per pair of them, which lock less")
     ] = "triangles"
     compression: Annotated[
         float,
-        Key("Fraction of the stiffness left in compression: coarse cloth that is to be wrinkled takes 0.05", "1",
+        Key("Fraction of the stiffness left in compression: 0.05 for coarse cloth that `clothsim wrinkle` refines", "1",
             above=0, most=1),
     ] = 1.0  # fmt: skip
 
@@ -122,7 +124,7 @@ class StrainLimit(EffectKeys):
     limit: Annotated[
         OverCloth,
         Key(
-            "Largest principal stretch, 1.1 being 10 %; 0 is none; fabric: the extension of the fabric along warp and"
+            "Largest principal stretch, 1.1 for 10 %; 0 is none; fabric: the extension of the fabric along warp and"
             " weft under 490 N/m, 1.1 where it has none",
             "1",
             least=0,
@@ -133,7 +135,7 @@ class StrainLimit(EffectKeys):
     begins: Annotated[
         float, Key("Fraction of the range from 1 to the limit at which the barrier starts", "1", least=0, below=1)
     ] = 0.5
-    stiffness: Annotated[OverCloth, Key("Stiffness of the barrier; 0 takes the fabric's", "N/m", least=0)] = 0.0
+    stiffness: Annotated[OverCloth, Key("Stiffness of the barrier; 0: that of the fabric", "N/m", least=0)] = 0.0
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
 
 
@@ -150,7 +152,11 @@ class Bending(EffectKeys):
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
     short_waves: Annotated[
         float,
-        Key("Weight of the bending of waves of a few cells that the mean of curvature loses: 1 puts it back", least=0),
+        Key(
+            "Weight of the bending of waves of a few cells that the mean of curvature loses: 1 restores it",
+            least=0,
+            most=10,
+        ),
     ] = 0.0
 
 
@@ -270,7 +276,7 @@ class ContactKeys(EffectKeys):
     d_hat: Annotated[
         float | AUTO, Key("Activation distance of the barrier; auto: from the median cloth edge", "m", above=0)
     ] = "auto"  # fmt: skip
-    offset: Annotated[float, Key("Gap that is kept beside it, a thickness of contact", "m", least=0)] = 0.0
+    offset: Annotated[float, Key("Smallest gap, the thickness of contact; d_hat is added to it", "m", least=0)] = 0.0
     stiffness: Annotated[float | AUTO, Key("Stiffness of the barrier; auto: from the loads", "Pa", above=0)] = "auto"
     exclude: Annotated[Sequence[Sequence[str]], Key("Pairs of names of cloths and bodies without contact")] = ()
 
@@ -314,7 +320,7 @@ class Closures(EffectKeys):
 
 @dataclass(frozen=True, kw_only=True)
 class PlasticBending(EffectKeys):
-    """Folds beyond a yield angle or curvature that stay."""
+    """Permanent folds beyond a yield angle or curvature."""
 
     section: ClassVar[str] = "effects.plastic_bending"
 
@@ -346,7 +352,9 @@ class Friction(EffectKeys):
     eps_v: Annotated[
         float | AUTO, Key("Speed below which a contact creeps; auto: none, it holds its place", "m/s", above=0)
     ] = "auto"  # fmt: skip
-    iterations: Annotated[int, Key("Solves of a step, each with the contact forces of the last", "1", least=1)] = 1
+    iterations: Annotated[
+        int, Key("Solves of a step, each with the contact forces of the one before", "1", least=1)
+    ] = 1
 
 
 TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
@@ -362,7 +370,7 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
 def effects_by_name(effects: Any) -> Any:
     """Effects by name, of typed effects or as they are in a table; anything else as it is.
 
-    InputError for an entry of the list that is no effect, and for an effect that is given twice.
+    InputError for an entry of the list that is not an effect, and for an effect that is given twice.
     """
     if isinstance(effects, EffectKeys):
         return {effects.name: effects}
@@ -374,7 +382,7 @@ def effects_by_name(effects: Any) -> Any:
             raise InputError(f"effects[{number}] is the class {effect.__name__}.", f"Write {effect.__name__}().")
         if not isinstance(effect, EffectKeys):
             raise InputError(
-                f"effects[{number}] is {shown(effect)}, which is no effect.",
+                f"effects[{number}] is {shown(effect)}, which is not an effect.",
                 'Write effects=[clothsim.Gravity(), ...] or effects={"gravity": {}, ...}.',
             )
         if effect.name in named:

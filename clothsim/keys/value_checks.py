@@ -8,14 +8,14 @@ import numpy as np
 
 from clothsim.base import inputs
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest, shown
+from clothsim.base.inputs import did_you_mean, shown
 from clothsim.keys.schema import FUNCTION, SceneKey, choices, keys_of, members, type_in_words
 
 DEEPEST = 12
 """Largest depth of nested tables and lists."""
 
 
-def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
+def refuse_unknown_key(where: str, given: Iterable[str], known: Iterable[str]) -> None:
     """InputError for the first key of `given` that is not `known`, with the nearest known one."""
     inputs.refuse_unknown(where, given, known, _hint)
 
@@ -25,7 +25,7 @@ def refuse_absent(kind: str, name: Any, names: Iterable[str]) -> None:
     known = list(names)
     if name not in known:
         listed = f"There {'is' if len(known) == 1 else 'are'} {', '.join(map(repr, known))}." if known else ""
-        question = nearest(name, known)
+        question = did_you_mean(name, known)
         raise InputError(f"There is no {kind} {name!r}.", f"{question} {listed}".strip() or f"The scene has no {kind}.")
 
 
@@ -34,7 +34,7 @@ def _hint(where: str, key: str, names: list[str]) -> str:
     from clothsim.keys.section_hints import home_of
 
     known = f"Known: {', '.join(names)}." if names else f"{where} takes no keys."
-    return nearest(key, names, 0.75) or home_of(key) or nearest(key, names) or known
+    return did_you_mean(key, names, 0.75) or home_of(key) or did_you_mean(key, names) or known
 
 
 def refuse_deep(where: str, value: Any) -> None:
@@ -115,7 +115,7 @@ def _word(where: str, value: str, known: SceneKey) -> str:
         return value
     if str in members(known.annotation):
         if not value.isprintable():
-            raise InputError(f"{where} is {value!r}, which cannot be printed.", "Give a text of printable letters.")
+            raise InputError(f"{where} is {value!r}, which cannot be printed.", "Give text of printable letters.")
         return value
     if not words:
         raise _wrong_type(where, value, known)
@@ -124,7 +124,7 @@ def _word(where: str, value: str, known: SceneKey) -> str:
 
 def _unknown_word(where: str, value: Any, words: Sequence[str], listed: str) -> InputError:
     """The error for a value that is none of the choices, with the nearest of them."""
-    return InputError(f"{where} is {shown(value)}.", f"{nearest(value, words)} Known: {listed}.".strip())
+    return InputError(f"{where} is {shown(value)}.", f"{did_you_mean(value, words)} Known: {listed}.".strip())
 
 
 def _nested(where: str, value: Any, known: SceneKey) -> Any:

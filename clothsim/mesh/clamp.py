@@ -6,8 +6,8 @@ hinge between them is at rest when the cloth leaves the edge in that plane.
 
 An ordinary hinge lumps the bending of half a cell on either side. At a clamp one of those halves does not bend, so the
 hinge is twice as stiff. The same holds where whole triangles are pinned, for the hinges between those and the rest.
-Without the factor the clamp is half a cell too far back and
-the result is first order in the mesh size (docs/results/validation.md, A3).
+Without the factor the clamp is half a cell too far back, and the result of first order in the mesh size
+(docs/results/validation.md, A3).
 """
 
 from collections.abc import Sequence

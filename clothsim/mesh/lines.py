@@ -1,6 +1,7 @@
 """Lines of vertices: shortest paths along mesh edges, and stitches between two lines, matched by arc length at rest."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -178,14 +179,10 @@ def hinges_across(first: Line, second: Line, triangles: Ints) -> tuple[Ints, Int
     edges, half = border_edges(triangles)
     at = {tuple(edge): row for row, edge in enumerate(np.sort(edges, axis=1).tolist())}
     sides = [
-        np.array([at.get(tuple(pair), -1) for pair in np.sort(_pairs(line.vertices), axis=1).tolist()], np.int64)
+        np.array([at.get((min(pair), max(pair)), -1) for pair in pairwise(line.vertices.tolist())], np.int64)
         for line in (first, second)
     ]
     here, there = (side[(sides[0] >= 0) & (sides[1] >= 0)] for side in sides)
     opposite = triangles.ravel()[half // 3 * 3 + (half + 2) % 3]
     hinges = np.column_stack([edges[here], opposite[here], opposite[there]])
     return hinges, np.column_stack([half[here] // 3, half[there] // 3])
-
-
-def _pairs(vertices: Ints) -> Ints:
-    return np.column_stack([vertices[:-1], vertices[1:]])

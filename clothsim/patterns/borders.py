@@ -248,7 +248,7 @@ def _drawn_back(border: Border, points: Floats, sides: Ints) -> Floats:
 
 
 def crossing_sides(points: Floats) -> Ints:
-    """Pairs (k, 2) of sides of a closed polygon that meet although they are no neighbours.
+    """Pairs (k, 2) of sides of a closed polygon that meet although they are not neighbours.
 
     Neighbours that fold back onto each other are found as well. A side runs from the point of its number to the next.
     Sides are swept along x, BLOCK pairs at a time; the first block with a crossing ends the search.

@@ -199,7 +199,7 @@ def refuse_too_coarse(pattern: Pattern, spacing: float) -> None:
     if spacing > largest:
         raise InputError(
             f"The size of the mesh is {spacing:.3g} m, and the largest panel is {largest:.2g} m long.",
-            "Give it with its unit, as --size 2cm; in Python in metres, as 0.02.",
+            "Give it with its unit, such as --size 2cm; in Python in metres, such as 0.02.",
         )
 
 
@@ -208,7 +208,7 @@ NARROWEST = 1e-3
 
 
 @dataclass(frozen=True)
-class Seam:
+class MeshedSeam:
     """Vertices that a stitch joins, one of either side in a row.
 
     Attributes
@@ -249,7 +249,7 @@ class PatternMesh:
         Rows of each panel in the vertices and in the triangles.
     edges : mapping of Side to (k,) int array
         Vertices of each edge of a panel from its start to its end.
-    seams : tuple of Seam
+    seams : tuple of MeshedSeam
         Seams in the order of the stitches.
     fractions : mapping of Side to (k,) array
         Fractions of the arc length of each edge at which its vertices lie.
@@ -263,7 +263,7 @@ class PatternMesh:
     vertices: Mapping[str, slice]
     faces: Mapping[str, slice]
     edges: Mapping[Side, Ints]
-    seams: tuple[Seam, ...]
+    seams: tuple[MeshedSeam, ...]
     fractions: Mapping[Side, Floats]
 
     def labelled(self) -> dict[str, tuple[Side, ...]]:
@@ -311,13 +311,13 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         border = sampled[name]
         mesh = _meshed(name, border, spacing)
         follows = border.counter_clockwise != turned[name]
-        triangles, corners = wound(mesh.points, mesh.triangles, follows)
+        triangles, corners = wound_for_front(mesh.points, mesh.triangles, follows)
         parts.append((panel.placed(mesh.points), triangles + n, corners, mesh.points))
         edges |= {Side(name, number): border.along(number) + n for number in range(len(panel.edges))}
         vertices[name], faces[name] = slice(n, n + len(mesh.points)), slice(m, m + len(triangles))
         n, m = vertices[name].stop, faces[name].stop
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
+    seams = tuple(MeshedSeam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
     pattern = replace(pattern, notes=(*pattern.notes, *repairs, *gather_notes(pattern, spacing)))
     fractions = {side: sampled[side.panel].fractions[side.edge] for side in edges}
     return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams, fractions)
@@ -349,7 +349,7 @@ def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
         mesh = mesh_panel(border.points, spacing, graded=border.graded)
     except RuntimeError as error:  # samples that coincide or nearly cross
         reason = str(error).partition("\n")[0]
-        raise InputError(f"Panel {name} cannot be triangulated: {reason}.", "Look at its vertices.") from error
+        raise InputError(f"Panel {name} cannot be triangulated: {reason}.", "Check its vertices.") from error
     corners = mesh.points[mesh.triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -365,7 +365,7 @@ def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
     return mesh
 
 
-def wound(points: Floats, triangles: Ints, follows: bool) -> tuple[Ints, Floats]:
+def wound_for_front(points: Floats, triangles: Ints, follows: bool) -> tuple[Ints, Floats]:
     """Triangles wound for the front of the garment, and their corners in the material plane, (m, 3, 2) [m].
 
     follows: True where the front of the sewn garment is the side from which the panel's x, y are right-handed; else the
@@ -387,7 +387,7 @@ TOUCHING = 1e-4
 """Gap of a seam that is closed as placed [m]."""
 
 
-def sewn_vertices(mesh: PatternMesh, seams: Sequence[Seam]) -> Ints:
+def sewn_vertices(mesh: PatternMesh, seams: Sequence[MeshedSeam]) -> Ints:
     """Number of each vertex after `seams` are closed, (n,), as `joined_vertices`."""
     return joined_vertices(mesh, np.concatenate([np.zeros((0, 2), np.int64), *(seam.pairs for seam in seams)]))
 
@@ -420,7 +420,7 @@ def joined_vertices(mesh: PatternMesh, pairs: Ints | None = None) -> Ints:
     return number
 
 
-def largest_gap(positions: Floats, seam: Seam) -> float:
+def largest_gap(positions: Floats, seam: MeshedSeam) -> float:
     """Largest distance of the two sides of a seam [m]; 0 where they are one vertex throughout."""
     if not len(seam.pairs):
         return 0.0

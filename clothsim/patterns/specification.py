@@ -50,7 +50,7 @@ def read_specification(path: str | Path, rotation_order: str = "zyx") -> Pattern
     Raises
     ------
     InputError
-        A file that is no pattern, naming its panel, edge or stitch.
+        A file that is not a pattern, naming its panel, edge or stitch.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def read_specification(path: str | Path, rotation_order: str = "zyx") -> Pattern
     """
     file = Path(path)
     if not file.is_file():
-        raise InputError(f"{file} is no file.", "Give the specification.json of a sewing pattern.")
+        raise InputError(f"{file} is not a file.", "Give the specification.json of a sewing pattern.")
     if file.stat().st_size > LARGEST:
         raise InputError(
             f"{file} has {file.stat().st_size >> 20} MiB: no sewing pattern is larger than {LARGEST >> 20} MiB."
@@ -100,7 +100,7 @@ def pattern_of(entries: Any, rotation_order: str = "zyx") -> Pattern:
     }
     stitches = _given(pattern, "stitches", [])
     if not isinstance(stitches, Sequence) or isinstance(stitches, str):
-        raise InputError("pattern.stitches is no list.", "Give a list of pairs of sides.")
+        raise InputError("pattern.stitches is not a list.", "Give a list of pairs of sides.")
     sewn = tuple(_stitch(number, stitch) for number, stitch in enumerate(stitches))
     zyx, xyz = ({name: _rotation(angles, order) for name, angles in rotations.items()} for order in ORDERS)
     found = [name for name in rotations if (zyx[name].inv() * xyz[name]).magnitude() > ALIKE]
@@ -222,7 +222,7 @@ def _curve(where: str, entries: Any, chord: Floats, unit: float, absolute: bool)
 def _stitch(number: int, entries: Any) -> Stitch:
     where = f"Stitch {number}"
     if not isinstance(entries, list) or len(entries) not in (2, 3):
-        raise InputError(f"{where} is no pair of sides.", 'Give [{"panel": ..., "edge": ...}, {...}].')
+        raise InputError(f"{where} is not a pair of sides.", 'Give [{"panel": ..., "edge": ...}, {...}].')
     sides = []
     for entry in entries[:2]:
         side = _table(where, entry)
@@ -260,7 +260,7 @@ def _edge_entries(edge: PatternEdge, units: float) -> dict[str, Any]:
 
 def _table(where: str, value: Any, key: str = "") -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise InputError(f"{where} has no table {key!r}." if key else f"{where} is no table.")
+        raise InputError(f"{where} has no table {key!r}." if key else f"{where} is not a table.")
     return value
 
 

@@ -16,7 +16,7 @@ _CLOTH_FRACTION = 0.5
 
 
 @dataclass(frozen=True)
-class Camera:
+class Viewpoint:
     """A pinhole at `position (3,)` [m]; `axes (3, 3)`: rows right, up and backward (from the scene to the camera).
 
     tangents: (2,) half the width and half the height of the picture at distance 1.
@@ -58,7 +58,7 @@ class Margins:
 
 def frame(
     cloth: Floats, everything: Floats, *, aspect: float, up: Floats, backward: Floats, margins: Margins
-) -> Camera:
+) -> Viewpoint:
     """The nearest camera looking along -`backward` that holds all points between the margins.
 
     cloth: (n, 3), everything: (k, 3), the cloth among it [m]; aspect: width over height. Where the whole cloth would
@@ -74,13 +74,13 @@ def frame(
     tangents = np.tan(_HALF_ANGLE) * np.array([aspect, 1.0]) / min(aspect, 1.0)
     far, near = (_fit(points @ axes.T, tangents, margins) @ axes for points in (everything, cloth))
     low, high = 0.0, 1.0
-    if _fraction(Camera(far, axes, tangents), cloth) >= _CLOTH_FRACTION:
-        return Camera(far, axes, tangents)
+    if _fraction(Viewpoint(far, axes, tangents), cloth) >= _CLOTH_FRACTION:
+        return Viewpoint(far, axes, tangents)
     for _ in range(40):
         middle = 0.5 * (low + high)
-        enough = _fraction(Camera((1 - middle) * far + middle * near, axes, tangents), cloth) >= _CLOTH_FRACTION
+        enough = _fraction(Viewpoint((1 - middle) * far + middle * near, axes, tangents), cloth) >= _CLOTH_FRACTION
         low, high = (low, middle) if enough else (middle, high)
-    return Camera((1 - high) * far + high * near, axes, tangents)
+    return Viewpoint((1 - high) * far + high * near, axes, tangents)
 
 
 VIEWS = ("front", "back", "left", "right", "top")
@@ -130,7 +130,7 @@ def extreme_points(points: Floats, count: int = 128) -> Floats:
     return points[np.unique(np.argmax((points - points.mean(0)) @ directions, axis=0))]
 
 
-def seen_box(points: Floats, camera: Camera) -> tuple[Floats, Floats]:
+def seen_box(points: Floats, camera: Viewpoint) -> tuple[Floats, Floats]:
     """Lowest and highest corner of those `points (n, 3)` that are in the picture (of all, where none is), (3,) each.
 
     Its size is the scale on which light is blocked: a wide ground must not set it.
@@ -170,7 +170,7 @@ def _fit(local: Floats, tangents: Floats, margins: Margins) -> Floats:
     return np.array([*centre, distance])
 
 
-def _fraction(camera: Camera, points: Floats) -> float:
+def _fraction(camera: Viewpoint, points: Floats) -> float:
     """Larger fraction of the picture's width and height that the points span."""
     seen = camera.project(points)
     return float(np.ptp(seen, axis=0).max() / 2)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from PIL import Image, ImageDraw
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.render.camera import Camera, three_quarter_view
+from clothsim.render.camera import Viewpoint, three_quarter_view
 from clothsim.render.picture import PictureSetup, picture_setup, rendered_without_legend
 from clothsim.render.styles import add_legend, label, margins
 from clothsim.render.surface_look import Surface
@@ -57,7 +57,7 @@ def draw_closeup(
     caption = f"{title} ({' and '.join(cut)} cut open)" if cut else title
     nearest = near[np.argsort(np.linalg.norm(near.mean(axis=1) - point, axis=1))[:OUTLINED]]
     picture, pen = _outlined(setup, seen, nearest, (40, 40, 46, 70))
-    ring(pen, pixels(setup.camera, point[None], setup.size)[0], setup.size)
+    draw_ring(pen, pixels(setup.camera, point[None], setup.size)[0], setup.size)
     room = margins(setup.size, setup.scale is not None, caption)
     # half transparent below the title and the bar: in a close-up dark surfaces may lie there
     (width, height), white = setup.size, (255, 255, 255, 170)
@@ -158,13 +158,13 @@ def _behind(corners: Floats, heights: Floats) -> list[Floats]:
     return [np.array([polygon[0], polygon[k], polygon[k + 1]]) for k in range(1, len(polygon) - 1)]
 
 
-def pixels(camera: Camera, points: Floats, size: tuple[int, int]) -> Floats:
+def pixels(camera: Viewpoint, points: Floats, size: tuple[int, int]) -> Floats:
     """Pixel coordinates of points (n, 3), from its upper left corner, (n, 2)."""
     x, y = camera.project(points).T
     return np.column_stack([(x + 1) / 2 * size[0], (1 - y) / 2 * size[1]])
 
 
-def ring(pen: Any, centre: Floats, size: tuple[int, int]) -> None:
+def draw_ring(pen: Any, centre: Floats, size: tuple[int, int]) -> None:
     """A ring with a dot, light and dark so that it shows on anything."""
     radius, line = 0.035 * min(size), max(2, min(size) // 240)
     for colour, grown in (((255, 255, 255), line), (INK, 0)):
@@ -239,7 +239,7 @@ def draw_marks(
             colour = tuple(round((1 - fractions[k]) * a + fractions[k] * b) for a, b in zip(LIGHT, INK, strict=True))
             pen.ellipse([*(spots[k] - radius), *(spots[k] + radius)], fill=colour, outline=(255, 255, 255, 140))
         if len(dots_seen) and dots_seen[-1]:
-            ring(pen, spots[-1], size)
+            draw_ring(pen, spots[-1], size)
         parts.append(add_legend(np.asarray(bare, float) / 255, None, title))
         note = setup.note
     whole, em = np.hstack(parts), min(size) / 48

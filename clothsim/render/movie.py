@@ -106,7 +106,7 @@ def _pictures(
 
 
 def movie_file(directory: Path) -> tuple[Path, str]:
-    """The movie of a directory, and a sentence where it is a .gif for want of ffmpeg."""
+    """The movie of a directory, and a sentence where it is a .gif because ffmpeg is missing."""
     if has_ffmpeg():
         return directory / MOVIE_NAME, ""
     missing = f"{GIF_NAME}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'"

@@ -13,7 +13,7 @@ from PIL import Image
 from clothsim.base.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import replacing
-from clothsim.render.camera import HIGH, LOW, VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
+from clothsim.render.camera import HIGH, LOW, VIEWS, Viewpoint, extreme_points, frame, named_view, three_quarter_view
 from clothsim.render.colour_scale import (
     Quantity,
     Scale,
@@ -25,7 +25,7 @@ from clothsim.render.colour_scale import (
 from clothsim.render.display import choose_renderer
 from clothsim.render.ray_caster import pixel_geometry
 from clothsim.render.styles import STYLES, Style, add_legend, backdrop, dyes_of, margins, outlined, woven
-from clothsim.render.surface_look import Surface, looks, smoothed
+from clothsim.render.surface_look import Surface, looks, subdivided
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _COLOURINGS = ("stretch", "plain", "auto")
@@ -50,7 +50,7 @@ class PictureSetup:
 
     Parameters
     ----------
-    camera : Camera
+    camera : Viewpoint
         Position and axes.
     size : (int, int)
         Width and height in pixels.
@@ -76,7 +76,7 @@ class PictureSetup:
         sRGB of the threads of plain cloths; None: those of the style.
     """
 
-    camera: Camera
+    camera: Viewpoint
     size: tuple[int, int]
     scale: Scale | None
     up: Floats
@@ -298,7 +298,7 @@ def _largest_figure(frames: Sequence[Sequence[Surface]]) -> float:
 
 
 def pixel_counts(size: Any) -> tuple[int, int]:
-    """The width and height in pixels. InputError where `size` is no pair of numbers."""
+    """The width and height in pixels. InputError where `size` is not a pair of numbers."""
     try:
         width, height = (int(pixels) for pixels in size)
     except (TypeError, ValueError, OverflowError) as error:
@@ -318,7 +318,7 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
     camera, style = setup.camera, setup.style
     if setup.follow:
         camera = replace(camera, position=camera.position + centre_of(surfaces))
-    drawn = [smoothed(each) for each in surfaces] if setup.smooth else list(surfaces)
+    drawn = [subdivided(each) for each in surfaces] if setup.smooth else list(surfaces)
     if style.traced:
         trace = import_module(_RENDERERS["mitsuba"]).render
         return np.asarray(trace(drawn, setup.scale, camera, setup.size, setup.up, setup.samples, setup.dyes))
@@ -335,7 +335,9 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
     return outlined(image, geometry, setup.samples) if style.outlines else image
 
 
-def _shaded(setup: PictureSetup, camera: Camera, drawn: Sequence[Surface], surfaces: Sequence[Surface]) -> np.ndarray:
+def _shaded(
+    setup: PictureSetup, camera: Viewpoint, drawn: Sequence[Surface], surfaces: Sequence[Surface]
+) -> np.ndarray:
     """Surfaces under light before the background; `surfaces`: what throws a soft shadow, unrefined."""
     render = import_module(_RENDERERS[setup.renderer]).render
     seen = render(looks(drawn, setup.scale, setup.dyes), camera, setup.size, setup.up, setup.samples)

@@ -18,7 +18,7 @@ from clothsim.base.linalg import unit
 from clothsim.base.ray_casting import caster_over
 from clothsim.base.triangles import vertex_normals
 from clothsim.base.vectors import cross, dot, minus
-from clothsim.render.camera import Camera, seen_box
+from clothsim.render.camera import Viewpoint, seen_box
 from clothsim.render.surface_look import Look, Surface
 
 
@@ -47,7 +47,7 @@ class PixelGeometry:
     facing: Floats
 
 
-def pixel_geometry(surfaces: Sequence[Surface], camera: Camera, size: tuple[int, int]) -> PixelGeometry:
+def pixel_geometry(surfaces: Sequence[Surface], camera: Viewpoint, size: tuple[int, int]) -> PixelGeometry:
     """Cast one ray through the middle of each pixel of `size` (width, height).
 
     MissingPackageError: without embreex.
@@ -85,7 +85,7 @@ def pixel_geometry(surfaces: Sequence[Surface], camera: Camera, size: tuple[int,
     )
 
 
-def _cast(corners: Floats, camera: Camera, size: tuple[int, int]) -> tuple[dict[str, Floats], Floats]:
+def _cast(corners: Floats, camera: Viewpoint, size: tuple[int, int]) -> tuple[dict[str, Floats], Floats]:
     """First hit of the ray through each pixel, and the unit rays (pixels, 3)."""
     low, high = seen_box(corners.reshape(-1, 3), camera)
     scale = 1.0 / (float((high - low).max()) or 1.0)  # embree computes in single precision
@@ -119,7 +119,7 @@ class _Stage:
     directions: tuple[Ray, Ray, Ray]
 
 
-def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats, samples: int = 2) -> Floats:
+def render(made: Sequence[Look], camera: Viewpoint, size: tuple[int, int], up: Floats, samples: int = 2) -> Floats:
     """Rendered image, (height, width, 4): sRGB times coverage, and the coverage."""
     width, height = size
     stage = _stage(made, camera, up)
@@ -133,7 +133,7 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
     return image
 
 
-def _pixel_box(points: Floats, camera: Camera, size: tuple[int, int]) -> tuple[Ints, Ints]:
+def _pixel_box(points: Floats, camera: Viewpoint, size: tuple[int, int]) -> tuple[Ints, Ints]:
     """First and last + 1 pixel, right and upwards, that the points can cover; all where some are behind the camera."""
     if ((points - camera.position) @ camera.axes[2] >= 0).any():
         return np.zeros(2, np.int64), np.array(size)
@@ -142,7 +142,7 @@ def _pixel_box(points: Floats, camera: Camera, size: tuple[int, int]) -> tuple[I
     return np.clip(low, 0, size).astype(np.int64), np.clip(high, 0, size).astype(np.int64)
 
 
-def _stage(made: Sequence[Look], camera: Camera, up: Floats) -> _Stage:
+def _stage(made: Sequence[Look], camera: Viewpoint, up: Floats) -> _Stage:
     joined = Look(*(np.concatenate([getattr(look, field.name) for look in made]) for field in fields(Look)))
     low, high = seen_box(joined.corners.reshape(-1, 3), camera)
     scale = 1.0 / (float((high - low).max()) or 1.0)

@@ -14,7 +14,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
 from clothsim.base.triangles import area_vectors
-from clothsim.render.camera import Camera
+from clothsim.render.camera import Viewpoint
 from clothsim.render.colour_scale import Scale
 from clothsim.render.surface_look import Surface, cloth_shell, creased_normals, vertex_values
 
@@ -40,7 +40,7 @@ CHECKS = 4
 def render(
     surfaces: Sequence[Surface],
     scale: Scale | None,
-    camera: Camera,
+    camera: Viewpoint,
     size: tuple[int, int],
     up: Floats,
     samples: int = 2,
@@ -101,7 +101,7 @@ def _mitsuba() -> Any:
         import mitsuba
     except ImportError as error:
         raise InputError(
-            'The style "studio" needs Mitsuba.', "pip install 'clothsim[look]', or take the style \"fabric\"."
+            'The style "studio" needs Mitsuba.', "pip install 'clothsim[look]', or use the style \"fabric\"."
         ) from error
     mitsuba.set_variant("scalar_rgb")
     return mitsuba
@@ -191,7 +191,7 @@ def _twill() -> tuple[Floats, Floats]:
     return height, np.clip(threads * (0.86 + 0.20 * height), 0.3, 1.5)
 
 
-def _stage(mi: Any, everything: Floats, camera: Camera, up: Floats, extent: float) -> dict[str, Any]:
+def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: float) -> dict[str, Any]:
     """Floor that curves into a wall behind the scene, a large soft light, a weak one against it, and a sky."""
     right, _, back = camera.axes
     upright = up / np.linalg.norm(up)
@@ -234,7 +234,7 @@ def _stage(mi: Any, everything: Floats, camera: Camera, up: Floats, extent: floa
     }
 
 
-def _sensor(mi: Any, camera: Camera, size: tuple[int, int], extent: float) -> dict[str, Any]:
+def _sensor(mi: Any, camera: Viewpoint, size: tuple[int, int], extent: float) -> dict[str, Any]:
     _, picture_up, back = camera.axes
     looking = mi.ScalarTransform4f().look_at(
         origin=list(camera.position), target=list(camera.position - back), up=list(picture_up)

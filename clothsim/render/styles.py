@@ -8,7 +8,7 @@ from PIL import Image, ImageColor, ImageDraw, ImageFilter, ImageFont
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.render.camera import Camera, Margins
+from clothsim.render.camera import Margins, Viewpoint
 from clothsim.render.colour_scale import Scale
 from clothsim.render.ray_caster import PixelGeometry
 
@@ -111,7 +111,7 @@ _BANDS = ((0.06, 0.012, 0.18), (0.2, 0.03, 0.16), (0.5, 0.06, 0.14), (np.inf, 0.
 more. Each stencil holds those of the ones before it, or the floor between them would be bright: rings under a ball."""
 
 
-def backdrop(triangles: Floats, camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
+def backdrop(triangles: Floats, camera: Viewpoint, size: tuple[int, int], up: Floats) -> Floats:
     """The picture behind the `triangles` (m, 3, 3) [m], sRGB in [0, 1], (height, width, 3)."""
     width, height = size
     down = np.linspace(0, 1, height)[:, None, None]
@@ -119,7 +119,7 @@ def backdrop(triangles: Floats, camera: Camera, size: tuple[int, int], up: Float
     return gradient * _floor_light(triangles, camera, size, up)[:, :, None]
 
 
-def _floor_light(triangles: Floats, camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
+def _floor_light(triangles: Floats, camera: Viewpoint, size: tuple[int, int], up: Floats) -> Floats:
     """Unoccluded fraction of light on the floor seen through each pixel, (height, width); 1 where none is seen."""
     vertical = up / np.linalg.norm(up)
     sideways = np.cross(vertical, np.roll(vertical, 1))
@@ -277,7 +277,7 @@ def dyes_of(text: str) -> Floats:
             dyes = []
         if len(dyes) not in (1, 2):
             raise InputError(
-                f"colour: {cloth!r:.80} is no colour.",
+                f"colour: {cloth!r:.80} is not a colour.",
                 'Give "stretch", "plain", a CSS colour ("navy", "#8c2f39"), or two with a slash for a check.',
             )
         cloths.append([dyes[0], dyes[-1]])

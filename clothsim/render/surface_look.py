@@ -183,7 +183,7 @@ COS_SHARP = 0.5
 fold as tight as the mesh the smooth sheets would cross."""
 
 
-def smoothed(surface: Surface) -> Surface:
+def subdivided(surface: Surface) -> Surface:
     """A cloth with its edges halved up to LEVELS times; a body, a fine cloth or one with strokes as it is."""
     if surface.role != "cloth" or len(surface.strokes):
         return surface
@@ -223,7 +223,7 @@ def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
 THICKNESS, HEM_LAYERS = 1.0e-3, 2.2
 """Thickness that is drawn [m], and the factor on it in a hem. Contact keeps layers about as far apart."""
 THICKEST = 0.004
-"""Largest thickness that is drawn, relative to the size of the cloth: one of a millimetre is no block."""
+"""Largest thickness that is drawn, relative to the size of the cloth: one of a millimetre is not a block."""
 HEM_WIDTH, HEM_SLOPE = 0.018, 0.0015
 """Width of a hem, and of the step at its end [m]."""
 STITCH, GAP, THREAD = 0.0034, 0.0014, 0.0003

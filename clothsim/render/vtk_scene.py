@@ -18,7 +18,7 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkLight, vtkPolyDataMapper, v
 from vtkmodules.vtkRenderingOpenGL2 import vtkRenderStepsPass, vtkSSAOPass
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.render.camera import Camera, seen_box
+from clothsim.render.camera import Viewpoint, seen_box
 from clothsim.render.display import vtk_attempt
 from clothsim.render.surface_look import Look
 
@@ -29,7 +29,7 @@ _LIGHTS = (((-0.70, 0.85, 0.40), 0.88), ((0.80, 0.15, 0.60), 0.22), ((0.10, 0.90
 """Direction towards the light (right, up, backward of the camera) and intensity: key, fill and rim."""
 
 
-def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats, samples: int = 2) -> Floats:
+def render(made: Sequence[Look], camera: Viewpoint, size: tuple[int, int], up: Floats, samples: int = 2) -> Floats:
     """Rendered image, (height, width, 4): sRGB times coverage, and the coverage."""
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # it warns of a missing X server before it takes EGL
     corners = np.concatenate([look.corners for look in made]).reshape(-1, 3)
@@ -70,7 +70,7 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
     return image
 
 
-def _covered_box(corners: Floats, camera: Camera, size: tuple[int, int]) -> Ints:
+def _covered_box(corners: Floats, camera: Viewpoint, size: tuple[int, int]) -> Ints:
     """Pixels that the surfaces may cover: left and bottom, right and top, (2, 2); else all of them."""
     if (((corners - camera.position) @ camera.axes[2]) >= 0).any():
         return np.array([(0, 0), size])
@@ -135,7 +135,7 @@ def _two_sided(look: Look, centre: Floats, scale: float) -> list[vtkActor]:
     return actors
 
 
-def _aim(renderer: vtkRenderer, camera: Camera, eye: Floats, up: Floats, part: Floats) -> None:
+def _aim(renderer: vtkRenderer, camera: Viewpoint, eye: Floats, up: Floats, part: Floats) -> None:
     """Place camera and lights; part: left and bottom, right and top of what is seen of the picture, (2, 2) in -1..1."""
     right, picture_up, backward = camera.axes
     seen_from = renderer.GetActiveCamera()

@@ -233,7 +233,7 @@ class Certificate:
 
     E(x) falls in every step. In backward Euler that is |v(n+1) - v(n)|^2_M/2 + Psi(n+1) <= |v(n)|^2_M/2 + Psi(n), and
     the energy itself falls where Psi is convex: a sheet that buckles within a large step may gain some. BDF2 has no
-    such law: its energy may rise within its order, by a hundredth of the kinetic energy (`sim.mechanical_energy`).
+    such law: its energy may rise within its order, by a hundredth of the kinetic energy (`stepping.mechanical_energy`).
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ class Certificate:
     energy_scale : float
         Largest part of the energy so far [J].
     moved_by_script : bool
-        True where bodies, pins or wind do work on the cloth, so that a rise is no error.
+        True where bodies, pins or wind do work on the cloth, so that a rise is not an error.
     estimate : ErrorEstimate
         Estimated error of the result.
     asked : float
@@ -262,9 +262,9 @@ class Certificate:
     fastest_speed : float
         Largest speed of a cloth vertex in the last step [m/s]; nan without inertia.
     at_rest : bool
-        True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
+        True where the cloth was at rest at the last frame (see `stepping.time_loop`), and slow since then.
     unstable : UnstableEquilibria
-        Those that were found (see `sim.branch_switching`).
+        Those that were found (see `stepping.time_loop`).
     flypapered : PinchRecord or None
         Vertices that were flypapered through a pinch; None without that policy.
     pinched : Pinches
@@ -304,8 +304,8 @@ class Certificate:
     ) -> Self:
         """Return the certificate after one more step, which started at `before`; energies: of the scene, not bound.
 
-        Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is no rise,
-        but stands in `stiffness`, and what another material adds in `material`.
+        Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is not a
+        rise, but stands in `stiffness`, and what another material adds in `material`.
         """
         changing = {name: each for name, each in (energies or {}).items() if isinstance(each, ChangingMaterial)}
         material = self.material

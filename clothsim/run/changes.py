@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
-from clothsim.keys.value_checks import refuse_absent, refuse_unknown
+from clothsim.keys.value_checks import refuse_absent, refuse_unknown_key
 from clothsim.mesh.body import LaterMotion, RigidMotion, motion_of
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import PinnedGroup, PinsConstraint
@@ -82,7 +82,7 @@ def pin_groups(built: Built) -> tuple[PinnedGroup, ...]:
     return pins.groups if isinstance(pins, PinsConstraint) else ()
 
 
-def standing(positions: Floats, time: float) -> LaterMotion:
+def still_from(positions: Floats, time: float) -> LaterMotion:
     """From `time` [s] on at `positions (n, 3)` [m]."""
     return LaterMotion(positions, RigidMotion(np.zeros(3), np.zeros(3), np.zeros(3)), time)
 
@@ -118,7 +118,7 @@ def with_fabric(
 ) -> Session:
     """Session with the fabric of a cloth changed: masses, hinges and all energies are rebuilt."""
     world, scene = session.built.world, session.scene
-    refuse_unknown("A fabric", keys, FABRIC)
+    refuse_unknown_key("A fabric", keys, FABRIC)
     names = [each.name for each in world.cloths]
     k = number_of("cloth", cloth, names)
     table = {**scene.cloths[k], **keys, **({} if fabric is None else {"fabric": fabric})}
@@ -148,7 +148,7 @@ def pins_at(built: Built, state: State, group: str, positions: ArrayLike) -> tup
             f"{group} is clamped, so that positions alone do not determine its rotation.", "Use drive_pins."
         )
     points = _points(f"positions of {group}", positions, len(rows)) - built.world.origin
-    return rows, standing(points, state.time)
+    return rows, still_from(points, state.time)
 
 
 def new_pins(
@@ -157,7 +157,7 @@ def new_pins(
     """The rows of x of a new group of pins and the motion that keeps them where they are."""
     world, groups = built.world, pin_groups(built)
     if not isinstance(group, str) or not group:
-        raise InputError(f"The name of a group of pins must be a text, not {group!r}.", 'Write add_pins("hand", ...).')
+        raise InputError(f"The name of a group of pins must be text, not {group!r}.", 'Write add_pins("hand", ...).')
     if group in {each.name for each in groups}:
         raise InputError(f"There is a group {group!r} of pins already.", "Choose another name.")
     part = world.cloth_slices[number_of("cloth", cloth, [each.name for each in world.cloths])]
@@ -171,7 +171,7 @@ def new_pins(
     for each in groups:
         if np.isin(rows, each.vertices).any():
             raise InputError(f"A vertex of {group} is pinned by {each.name}.", "Leave it out, or release_pins first.")
-    return rows, standing(state.positions[rows], state.time)
+    return rows, still_from(state.positions[rows], state.time)
 
 
 def pinned_rows(built: Built, group: str) -> Ints:
@@ -183,12 +183,12 @@ def pinned_rows(built: Built, group: str) -> Ints:
 
 def body_at(world: World, state: State, name: str, positions: ArrayLike) -> LaterMotion:
     """The motion that keeps a body at `positions` (n, 3) [m] from the next step on."""
-    rows = body_rows(world, name)
+    rows = rows_of_moved_body(world, name)
     points = _points(f"positions of {name}", positions, rows.stop - rows.start) - world.origin
-    return standing(points, state.time)
+    return still_from(points, state.time)
 
 
-def body_rows(world: World, name: str) -> slice:
+def rows_of_moved_body(world: World, name: str) -> slice:
     """The rows of x of a body whose motion is prescribed. InputError for a rigid one, which forces move."""
     if name in [body.name for body in world.rigid]:
         raise InputError(f"{name} is rigid: forces move it.", "Make it a [[body]] to move it by hand.")

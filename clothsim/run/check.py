@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.text import many
+from clothsim.base.text import length_text, many
 from clothsim.files.characters.motion_check import MOST_DEGREES, closing_folds, fastest_turn, meetings
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
@@ -129,7 +129,7 @@ def examined(what: Any, role: Role | None = None, motion: bool = False, **part: 
     findings = [*examine(name, vertices, triangles, role).findings]
     try:
         notes = (*sizes(np.asarray(vertices, float), np.asarray(triangles, np.int64)), *messages)
-    except (ValueError, TypeError, IndexError, OverflowError):  # of arrays that are no mesh, which the findings say
+    except (ValueError, TypeError, IndexError, OverflowError):  # of arrays that are not a mesh, which the findings say
         notes = messages
     else:
         findings += [_warning("size", doubt) for doubt in size_doubts(name, np.asarray(vertices, float))]
@@ -146,10 +146,11 @@ def sizes(positions: Floats, triangles: Ints) -> tuple[str, ...]:
     box = " x ".join(f"{side:.3g}" for side in np.ptp(positions, axis=0))
     if not len(triangles):
         return (f"{len(positions):,} vertices", f"box {box} m")
+    least, most, median = (length_text(float(each)) for each in (edges.min(), edges.max(), np.median(edges)))
     return (
         f"{len(positions):,} vertices, {len(triangles):,} triangles",
         f"box {box} m",
-        f"edges {1e3 * edges.min():.3g} to {1e3 * edges.max():.3g} mm, median {1e3 * np.median(edges):.3g} mm",
+        f"edges {least} to {most}, median {median}",
     )
 
 

@@ -49,7 +49,7 @@ def restored_simulation(
     by_hand = hand_motions_from(saved.counters.get("by_hand", HandMotions().as_json()))
     built = by_hand.applied(build(scene))
     if len(saved.state.positions) != built.world.n_vertices:
-        raise InputError(f"{name} is of another mesh than its scene.", "Restore the mesh files of the scene.")
+        raise InputError(f"{name} has another mesh than its scene.", "Restore the mesh files of the scene.")
     history = certificate_from(saved.counters["certificate"]).intersections
     return prepare(scene, built), saved.state, by_hand, history
 

@@ -24,8 +24,8 @@ from clothsim.files.exchange.animation import Animation
 from clothsim.files.exchange.formats import Format, format_of
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.run.checkpoints import refuse_functions
-from clothsim.run.frames import parts_of, samples_of, with_frames
-from clothsim.run.pictures import upright
+from clothsim.run.frames import animated_parts, samples_of, with_frames
+from clothsim.run.pictures import up_of_run
 from clothsim.run.resume import RUN_FILES
 from clothsim.scene.named_files import FOLDER, refuse_outside, relocated
 from clothsim.scene.scene import scene_from_text
@@ -125,7 +125,7 @@ def export(
     target = Path(target)
     kind = format_of(target)
     _refuse_settings(run, target, kind, {"frame": frame, "fps": fps, "scale": scale, "colour": colour})
-    parts, notes = parts_of(run)
+    parts, notes = animated_parts(run)
     if frame is None and fps is None and len(run.times) > 1 and _is_worn(run.directory):
         frame = -1
         notes = (*notes, f"The garment as it is worn at the end; fps gives the {len(run.times)} frames of its drape.")
@@ -139,7 +139,7 @@ def export(
     files = tuple(kind.writer.files(animation, target))
     refuse_replacing(files, True, (run.directory / name for name in RUN_FILES))
     _refuse_files(target, files, overwrite)
-    turn = scale * _rotation(upright(run.directory), axis)
+    turn = scale * _rotation(up_of_run(run.directory), axis)
     animation = with_frames(animation, run.trajectory, samples, turn, colour == "stretch", kind.relative)
     kind.writer.write(animation, target)
     between = sum(each.weight > 0 for each in samples)
@@ -176,7 +176,7 @@ def _axis(up: str | None, kind: Format, directory: Path) -> Literal["y", "z"]:
         raise InputError(f"up is {up!r}.", 'Known: "y", "z".')
     if up is not None and kind.up and up != kind.up:
         raise InputError(f"This format has {kind.up} up.", "Leave --up out.")
-    asked = up or kind.up or _scene_axis(upright(directory))
+    asked = up or kind.up or _scene_axis(up_of_run(directory))
     return "y" if asked == "y" else "z"
 
 
@@ -200,7 +200,7 @@ def _rotation(direction: tuple[float, ...] | str, axis: str) -> Floats:
 def _refuse_files(target: Path, files: tuple[Path, ...], overwrite: bool) -> None:
     """InputError for a directory that is not there, and for files that are unless they are to be replaced."""
     if not target.parent.is_dir():
-        raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
+        raise InputError(f"There is no directory {target.parent}.", "Create it first, or choose another with -o.")
     there = [file for file in files if file.exists()]
     folder = next((file for file in there if file.is_dir()), None)
     if folder is not None:
@@ -248,7 +248,7 @@ def write_bundle(directory: Path, target: Path) -> None:
     text, files = relocated(scene)
     summary = read_summary(directory / SUMMARY_NAME) if (directory / SUMMARY_NAME).is_file() else {}
     if target.exists():
-        raise InputError(f"{target} is there already.", "Choose another file with -o, or move it away.")
+        raise InputError(f"{target} already exists.", "Choose another file with -o, or move it away.")
     beside = target.with_name(f".{target.name}.part")
     try:
         with (
@@ -299,7 +299,7 @@ def unpack_bundle(file: Path, directory: Path) -> None:
             _refuse_large(checkpoint)
             refuse_outside(read_checkpoint(checkpoint).scene_text)
         if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
-            raise InputError(f"{directory} is there already.", "Choose another directory with -o.")
+            raise InputError(f"{directory} already exists.", "Choose another directory with -o.")
         for entry in archive.infolist():
             if not entry.is_dir():
                 _unpack(archive, entry.filename, directory / entry.filename)
@@ -320,7 +320,7 @@ def _opened(file: Path) -> Iterator[zipfile.ZipFile]:
         with zipfile.ZipFile(file) as archive:
             yield archive
     except (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError) as error:
-        raise InputError(f"{file} is no archive of `clothsim bundle`, or broken ({error}).") from error
+        raise InputError(f"{file} is not an archive of `clothsim bundle`, or broken ({error}).") from error
 
 
 def _refuse_contents(file: Path, archive: zipfile.ZipFile) -> None:
@@ -335,7 +335,7 @@ def _refuse_contents(file: Path, archive: zipfile.ZipFile) -> None:
     if size > MOST_BYTES or len(entries) > MOST_FILES:
         raise InputError(f"{file} would unpack to {len(entries):,} files of {size:,} bytes, which is too much.")
     if CHECKPOINT_NAME not in archive.namelist():
-        raise InputError(f"{file} holds no {CHECKPOINT_NAME}, so it is no archive of `clothsim bundle`.")
+        raise InputError(f"{file} holds no {CHECKPOINT_NAME}, so it is not an archive of `clothsim bundle`.")
 
 
 def _refuse_large(checkpoint: Path) -> None:

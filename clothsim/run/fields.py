@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients, thread_axes
 from clothsim.geometry.kinematics.kabsch_frames import vertex_frames as kabsch_frames
@@ -224,7 +224,7 @@ def field(name: str, configuration: Configuration) -> NDArray[np.floating]:
 def known_field(name: str) -> Field:
     """The entry `name` of the table; InputError lists those that there are."""
     if name not in FIELDS:
-        question = nearest(name, FIELDS, 0.7)
+        question = did_you_mean(name, FIELDS, 0.7)
         raise InputError(f"There is no field {name!r}.", f"{question} Known: {', '.join(FIELDS)}.".strip())
     return FIELDS[name]
 
@@ -246,7 +246,7 @@ def thickness(at: Configuration) -> Floats:
     return deformed_thickness(np.asarray(at.stretch.principal_stretches, np.float64), rest, nu)
 
 
-def vertex_frames(at: Configuration) -> Floats:
+def ring_rotations(at: Configuration) -> Floats:
     """Kabsch rotation of each vertex ring from the rest positions, (n, 3, 3)."""
     world = at.world
     rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
@@ -296,19 +296,19 @@ def contact_force(at: Configuration) -> Floats:
 
 def body_force(at: Configuration) -> Floats:
     """Force of contact and friction on each vertex of the bodies [N], (b, 3)."""
-    return _forces_of_step("body_force", (*CONTACTS, FRICTION), at)[body_rows(at.world)]
+    return _forces_of_step("body_force", (*CONTACTS, FRICTION), at)[rows_of_bodies(at.world)]
 
 
 def body_pressure(at: Configuration) -> Floats:
     """Force of the barriers on a vertex of the bodies over its area there [Pa], (b,)."""
-    rows = body_rows(at.world)
+    rows = rows_of_bodies(at.world)
     forces = np.linalg.norm(_forces_of_step("body_pressure", CONTACTS, at)[rows], axis=1)
     triangles = at.world.body_triangles
     areas = thirds_at_vertices(triangle_areas(at.x[triangles]), triangles - rows.start, rows.stop - rows.start)
     return np.divide(forces, areas, out=np.zeros_like(forces), where=areas > 0)
 
 
-def body_rows(world: World) -> slice:
+def rows_of_bodies(world: World) -> slice:
     """Rows of x of all bodies."""
     return slice(world.n_unknowns, world.n_unknowns + sum(len(body.positions) for body in world.bodies))
 
@@ -336,7 +336,7 @@ def _separate_triangles(at: Configuration) -> tuple[Energy, Ints, Floats]:
     if not isinstance(membrane, TriangleMembrane):
         raise InputError(
             f"A {type(membrane).__name__} has no stress of a triangle.",
-            'Take [effects.membrane] material = "neo_hookean".',
+            'Use [effects.membrane] material = "neo_hookean".',
         )
     triangles = membrane.triangles
     of_world = {tuple(row): k for k, row in enumerate(at.world.triangles.tolist())}
@@ -383,7 +383,7 @@ FIELDS: Mapping[str, Field] = {
     ),
     "compression": Field("triangle", "", "max(0, 1 - l2), the wrinkle field", compression, ITSELF),
     "thickness": Field("triangle", "m", "thickness of the stretched sheet", thickness, ITSELF),
-    "vertex_frames": Field("vertex", "", "Kabsch rotations (3x3) of the vertex rings", vertex_frames, ANGLE),
+    "vertex_frames": Field("vertex", "", "Kabsch rotations (3x3) of the vertex rings", ring_rotations, ANGLE),
     "stress": Field("triangle", "N/m", "first Piola-Kirchhoff membrane stress (3x2)", stress, NORM),
     "energy_density": Field("triangle", "J/m2", "membrane energy per reference area", energy_density, ITSELF),
     "contact_pressure": Field(

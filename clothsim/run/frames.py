@@ -178,7 +178,7 @@ def samples_of(trajectory: Trajectory, frame: int | None, fps: float | None) -> 
         return [Sample(float(time), k, 0.0) for k, time in enumerate(times)], own
     count = int((times[-1] - times[0]) * fps * (1 + 1e-12) + SAME_TIME) + 1
     if count > MOST_FRAMES:
-        raise InputError(f"fps = {fps:g} makes {count:,} frames, more than {MOST_FRAMES:,}.", "Take a lower rate.")
+        raise InputError(f"fps = {fps:g} makes {count:,} frames, more than {MOST_FRAMES:,}.", "Use a lower rate.")
     return [_sample(times, times[0] + k / fps) for k in range(count)], float(fps)
 
 
@@ -192,7 +192,7 @@ def _sample(times: Floats, time: float) -> Sample:
     return Sample(float(time), first, weight if weight > SAME_TIME else 0.0)
 
 
-def parts_of(run: "Run") -> tuple[tuple[AnimatedPart, ...], tuple[str, ...]]:
+def animated_parts(run: "Run") -> tuple[tuple[AnimatedPart, ...], tuple[str, ...]]:
     """The surfaces of a run; of its scene, where it can be built again, texture and panels; polygons of a fit."""
     trajectory, none = run.trajectory, np.zeros((0, 3, 2))
     cloths: dict[str, Cloth] = {}

@@ -49,7 +49,7 @@ class IntersectionCheck:
 
     @property
     def cloths(self) -> bool:
-        """True where the scene has a cloth that is no rod."""
+        """True where the scene has a cloth that is not a rod."""
         return any(surface.role == "cloth" and not len(surface.edges) for surface in self.surfaces)
 
     @property

@@ -31,7 +31,7 @@ def to_trimesh(run: "Run", frame: int = -1) -> "trimesh.Scene":
     Raises
     ------
     InputError
-        For a frame that is not there, or what is no run.
+        For a frame that is not there, or what is not a run.
     MissingPackageError
         Without trimesh.
 
@@ -67,7 +67,7 @@ def to_pyvista(run: "Run", frame: int = -1) -> "pyvista.MultiBlock":
     Raises
     ------
     InputError
-        For a frame that is not there, or what is no run.
+        For a frame that is not there, or what is not a run.
     MissingPackageError
         Without PyVista.
 
@@ -89,7 +89,7 @@ def to_pyvista(run: "Run", frame: int = -1) -> "pyvista.MultiBlock":
 
 
 def _surfaces(run: "Run", frame: int) -> list[Surface]:
-    """The cloths and bodies of a frame. InputError for what is no run, such as the name of its directory."""
+    """The cloths and bodies of a frame. InputError for what is not a run, such as the name of its directory."""
     if not hasattr(run, "trajectory"):
         raise InputError(f"This takes a run, not {run!r:.80}.", "Open one: clothsim.open_run(DIRECTORY).")
     return frame_surfaces(run.trajectory, frame)

@@ -276,7 +276,7 @@ def draw_failure(directory: Path, failure: dict[str, Any], world: World, target:
     return draw_closeup(target, surfaces, np.array(failure["position"]) - world.origin, title=title, up=up)
 
 
-def upright(directory: Path) -> tuple[float, ...] | str:
+def up_of_run(directory: Path) -> tuple[float, ...] | str:
     """The direction against the gravity of a run's scene; "z" where its checkpoint gives none."""
     try:
         return scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text).up

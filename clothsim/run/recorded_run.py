@@ -5,7 +5,7 @@
   solve (k,)                solve of each iterate, 0..s-1; its first iterate is the start
   positions (k, N, 3)       all rows of x: cloths, bodies, ghosts [m], relative to `world.origin`
   fraction (k,)             fraction of the Newton step that contact and line search allowed; 0 at a start, nan after a
-                            nonlinear elimination (`solve.nonlinear_elimination`)
+                            nonlinear elimination (`newton.nonlinear_elimination`)
   speed (k,)                |dx|_inf / dt of that full step [m/s]; nan at a start and after an elimination
   residual (k,)             largest force where that step began [N]; nan also while Dirichlet vertices are displaced
   energy (k,)               E(x) of the step [J]
@@ -42,7 +42,7 @@ from clothsim.run.forces import step_forces
 from clothsim.run.intersections import IntersectionCheck, intersection_check_of
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
-from clothsim.run.step_reports import Progress, SimulationState, entry_of, progress_of, state_after
+from clothsim.run.step_reports import Progress, SimulationState, progress_of, record_entry, state_after
 from clothsim.run.summary import summary_of
 from clothsim.scene.assembly.scene_world import Built
 from clothsim.solve.newton.observer import Iterate, Observer, unobserved
@@ -297,7 +297,7 @@ def _stepped(
                 certificate = replace(certificate, pinched=pinched)
         with timers.phase("output"):
             forces = {"forces": step_forces(session.built, report)} if run.forces else {}
-            output.record.append({**entry_of(report, certificate), **forces})
+            output.record.append({**record_entry(report, certificate), **forces})
         after_step(report)
         if report.frame_done:
             with timers.phase("output"):

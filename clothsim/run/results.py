@@ -19,7 +19,7 @@ from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
-from clothsim.keys.value_checks import refuse_unknown
+from clothsim.keys.value_checks import refuse_unknown_key
 from clothsim.physics.energies.protocols import with_material_at
 from clothsim.run.fields import Configuration, field, known_field
 from clothsim.run.forces import forces_of
@@ -30,7 +30,7 @@ from clothsim.run.pictures import (
     draw_run,
     field_settings,
     frame_picture,
-    upright,
+    up_of_run,
 )
 from clothsim.run.summary import certificate_rows
 from clothsim.scene.scene import Scene, scene_from_text
@@ -87,7 +87,7 @@ class Frame:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Run(Sequence[Frame]):
-    """The results of a run, also of one that failed, was stopped, or is still going.
+    """The results of a run, also of one that failed, was stopped, or is still in progress.
 
     A sequence of its frames: ``len(run)``, ``run[-1].positions["cloth"]``, ``run[::10]``, ``for frame in run``.
 
@@ -130,7 +130,7 @@ class Run(Sequence[Frame]):
     def __getitem__(self, frame: int | slice) -> Frame | list[Frame]:
         if isinstance(frame, slice):
             return [Frame(self.trajectory, k) for k in range(*frame.indices(len(self)))]
-        frame = index(frame)  # a float is no number of a frame
+        frame = index(frame)  # a float is not a number of a frame
         if not -len(self) <= frame < len(self):
             raise IndexError(f"There is no frame {frame}: the run has {len(self)} frames.")
         return Frame(self.trajectory, frame % len(self))
@@ -171,7 +171,7 @@ class Run(Sequence[Frame]):
 
     @property
     def reason(self) -> str:
-        """The sentence that goes with the status."""
+        """The reason for the status, a sentence."""
         return str((self.summary or _INTERRUPTED).get("reason", ""))
 
     @property
@@ -191,7 +191,7 @@ class Run(Sequence[Frame]):
     @property
     def up(self) -> tuple[float, ...] | str:
         """The direction against the gravity of the scene; "z" where the run's checkpoint gives none."""
-        return upright(self.directory)
+        return up_of_run(self.directory)
 
     @property
     def times(self) -> Floats:
@@ -285,7 +285,7 @@ class Run(Sequence[Frame]):
         return certificate_rows(self.summary) if self.summary else []
 
     def record(self) -> list[dict[str, Any]]:
-        """The entries of the record, one a step; none where the run kept no record."""
+        """The entries of the record, one a step; none where the run has no record."""
         path = self.directory / RECORD_NAME
         return read_record(path) if path.is_file() else []
 
@@ -323,7 +323,7 @@ class Run(Sequence[Frame]):
         ndarray or Path
             The picture, (height, width, 3) uint8; with `path` that file.
         """
-        refuse_unknown("Run.plot", settings, PICTURE_SETTINGS)
+        refuse_unknown_key("Run.plot", settings, PICTURE_SETTINGS)
         if path is None:
             colours = {} if field is None else field_settings(self, field)
             return frame_picture(self.trajectory, frame, **{"up": self.up, **settings, **colours})
@@ -360,15 +360,15 @@ class Run(Sequence[Frame]):
         Path
             The file. MissingPackageError for a .mp4 where ffmpeg is not installed.
         """
-        refuse_unknown("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
+        refuse_unknown_key("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
         refuse_replacing([target], overwrite)
         draw_run(self, target, field=field, progress=progress, **settings)
         return target
 
     def gradient(self, loss: Any) -> Any:
-        """InputError: the steps of this run were not kept; those of `simulate(scene, differentiable=True)` are."""
-        raise InputError(f"The run {self.directory} kept no steps, and has no gradient.", NO_GRADIENT)
+        """InputError: the steps of this run were not recorded; those of `simulate(scene, differentiable=True)` are."""
+        raise InputError(f"The run {self.directory} did not record its steps, and has no gradient.", NO_GRADIENT)
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":
         """Write the frames for other programs, in the format that the ending of the file names.
@@ -387,7 +387,7 @@ class Run(Sequence[Frame]):
         """
         from clothsim.run.export import SETTINGS, export
 
-        refuse_unknown("Run.export", settings, SETTINGS)
+        refuse_unknown_key("Run.export", settings, SETTINGS)
         return export(self, path, **settings)
 
 

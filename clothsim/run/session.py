@@ -38,7 +38,7 @@ LARGEST_FLIGHT = 100.0
 """Largest displacement in a step, in sizes of the scene: every pair of triangles is then a candidate for contact."""
 
 
-def turns(built: Built) -> dict[str, float]:
+def rotation_speeds(built: Built) -> dict[str, float]:
     """Speed of rotation of each rigid body that contact follows, and of each group of pins [degrees/s].
 
     Animated bodies move on straight paths.
@@ -60,12 +60,12 @@ def check_rotation_per_step(built: Built, dt: float) -> None:
 
     At a full turn a step it would not move at all.
     """
-    for name, speed in turns(built).items():
+    for name, speed in rotation_speeds(built).items():
         turn = speed * dt
         if not turn <= LARGEST_TURN:
             raise InputError(
                 f"{name} turns {turn:.4g} degrees in a step, and contact follows it on straight paths.",
-                f"Take solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
+                f"Use solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
             )
 
 
@@ -88,7 +88,7 @@ def check_displacement_per_step(world: World, constraints: Collection[Constraint
             raise InputError(
                 f"{name} moves {distance:.2g} m in a step of {dt:g} s, {sizes:.2g} times the size of the scene"
                 + (f": all {pairs:,} pairs of triangles are candidates for contact." if contact else "."),
-                f"Take solver.dt below {dt * LARGEST_FLIGHT * size / distance:.2g} s, or a smaller velocity; "
+                f"Use solver.dt below {dt * LARGEST_FLIGHT * size / distance:.2g} s, or a smaller velocity; "
                 "--force lifts this bound.",
             )
 
@@ -194,7 +194,7 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     dynamic = "inertia" in built.energies
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
     if settings.error:
-        dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in turns(built).values() if turn)])
+        dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in rotation_speeds(built).values() if turn)])
     if dt < SHORTEST_STEP:
         raise InputError(
             f"Steps of {dt:.2g} s, the least of solver.dt, run.duration and a frame, are below {SHORTEST_STEP:g} s.",

@@ -122,7 +122,7 @@ def simulate(
         return begun_run(some, directory, (listener, on_step), announced, dump_iterates, (replace_it, force))
 
     tell = message or (lambda line: None)
-    if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is no scene
+    if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is not a scene
         return _loaded("solver.error")(scene, run, tell)
     if isinstance(scene, Scene) and scene.solver_settings.estimate:
         return _loaded("solver.estimate")(scene, run, tell)

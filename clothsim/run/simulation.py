@@ -18,13 +18,13 @@ from clothsim.physics.energies.protocols import with_material_at
 from clothsim.run.changes import (
     HandMotions,
     body_at,
-    body_rows,
     driven,
     new_pins,
     pin_groups,
     pinned_rows,
     pins_at,
     refuse_infeasible,
+    rows_of_moved_body,
     with_effect,
     with_fabric,
 )
@@ -348,7 +348,7 @@ class Simulation:
         """Move a body rigidly from where it is now; without arguments it stops. Parameters as of `drive_pins`."""
         keys = {"velocity": velocity, "rotate_degrees_per_second": rotate_degrees_per_second}
         world = self._session.built.world
-        motion = driven(world, self._state, name, body_rows(world, name), keys, centre)
+        motion = driven(world, self._state, name, rows_of_moved_body(world, name), keys, centre)
         self._set_motions(self._by_hand.with_body(name, motion))
 
     def _set_motions(self, by_hand: HandMotions) -> None:

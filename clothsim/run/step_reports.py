@@ -57,7 +57,7 @@ class SimulationState:
         Unstable equilibria in which the step ended: growth rate, vertex and displacement by which each was left.
     energies : dict of str to float
         Value of each energy of the step [J]; that of "inertia", "damping", "air" and "friction" belongs to the step
-        and is no stored energy. Empty at the start.
+        and is not a stored energy. Empty at the start.
     mechanical_energy : float
         Kinetic and stored energy [J], also that of the springs of static friction; 0 at the start.
     """
@@ -178,7 +178,7 @@ def progress_of(report: StepReport, session: Session, seconds: float) -> Progres
     )
 
 
-def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
+def record_entry(report: StepReport, certificate: Certificate) -> dict[str, Any]:
     """A line of the record."""
     return {
         "step": report.state.step,

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.process_memory import peak_memory
-from clothsim.base.text import length, many
+from clothsim.base.text import length_text, many, percent
 from clothsim.geometry.held_inside import held_inside
 from clothsim.physics.energies.protocols import report_of
 from clothsim.run.intersections import NO_CLOTH, SURFACES_OF_KIND, IntersectionCheck, intersection_warnings
@@ -106,7 +106,7 @@ def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     """Names and texts of what a summary certifies, with its warnings."""
     certificate = summary["certificate"]
     speed = certificate["fastest_speed"]
-    fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
+    fastest = "" if speed is None else f", fastest vertex {length_text(speed)}/s"
     return [
         *_contact_and_balance(certificate, "body_contact" in summary["effects"]),
         *(("checked", text) for text in _effort(summary.get("exact_check"), certificate)),
@@ -136,9 +136,9 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         parts.append("earlier steps were NOT CHECKED")
     gap = certificate["minimum_gap"]
     if contact:
-        parts.append(f"smallest gap {length(gap)}" if gap is not None else "never closer than d_hat")
+        parts.append(f"smallest gap {length_text(gap)}" if gap is not None else "never closer than d_hat")
     drift = certificate["energy_drift"]
-    energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {100 * drift:.2g} %"
+    energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {percent(drift)}"
     changes = certificate.get("stiffness_changes", {"added": 0.0})  # a summary of an earlier version has none
     if changes["added"]:
         energy += (
@@ -152,7 +152,7 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
     forces = f"residual force {certificate['residual']:.1e} N"
     if "relative_residual" in certificate:  # a summary of an earlier version has none
-        forces += f", of all steps at most {100 * certificate['relative_residual']:.2g} % of the largest force"
+        forces += f", at most {percent(certificate['relative_residual'])} of the largest force in any step"
     return [
         ("contact", "; ".join(parts)),
         *(("pinch", text) for text in _pinch(certificate)),
@@ -185,7 +185,7 @@ def _effort(checks: dict[str, int] | None, certificate: Mapping[str, Any]) -> li
     if "rods" in certificate and certificate["cloth_body"] == NO_CLOTH and "rigid" not in certificate:
         return [f"{many(checks['states'], 'state')}: distances of the centre lines of rods, in double precision"]
     tested = f"{many(checks['states'], 'state')} exactly: {many(checks['pairs_tested'], 'pair')} of triangles tested"
-    return [f"{tested}, {checks['pairs_proved']:,} proved apart since an earlier state"]
+    return [f"{tested}, {checks['pairs_proved']:,} known to be apart since an earlier state"]
 
 
 def _unstable(certificate: dict[str, Any]) -> list[str]:
@@ -206,27 +206,27 @@ def _error(certificate: dict[str, Any]) -> str:
     """
     estimate = certificate["error_estimate"]
     newton, gap = estimate["newton"], estimate["contact_gap"]
-    parts = f"Newton {newton if isinstance(newton, str) else length(newton)}"
+    parts = f"Newton {newton if isinstance(newton, str) else length_text(newton)}"
     parts += "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
     asked, total = estimate.get("asked"), estimate.get("total")
-    request = f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)" if asked else ""
+    request = f" ({'' if estimate['met'] else 'MISSED: '}{length_text(asked)} requested)" if asked else ""
     if total is not None:
-        known = f"about {length(total)}" if isinstance(total, float) else total
+        known = f"about {length_text(total)}" if isinstance(total, float) else total
         of_refined = estimate.get("of_refined", estimate)
         if isinstance(total, float) and not of_refined["known"]:
             known = f"not known, {known} by the last difference"
         fixed = dict(estimate.get("fixed", {}))
         if why := fixed.pop("coarser runs", ""):
             alone = f"; the last difference alone would say {known}" if isinstance(total, float) else ""
-            return f"not known in all: {why}{alone} (--error 1mm, or `clothsim study`, refines); {parts}"
+            return f"total not known: {why}{alone} (--error 1mm, or `clothsim study`, refines); {parts}"
         if not fixed:
-            return f"{known} in all{request}; {parts}"
+            return f"{known} in total{request}; {parts}"
         if asked:
-            request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length(asked)} requested)"
+            request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length_text(asked)} requested)"
         unknown = " and ".join(fixed)
-        return f"not known in all, as that of {unknown} is not; others {known}{request}; {parts}"
+        return f"total not known, because that of {unknown} is not; others {known}{request}; {parts}"
     temporal = estimate["temporal"]
-    steps = temporal if isinstance(temporal, str) else length(temporal)
+    steps = temporal if isinstance(temporal, str) else length_text(temporal)
     if certificate["at_rest"] and not isinstance(temporal, str):
-        steps += " on the way to equilibrium, which has none"
-    return f"not known in all (--estimate); sum of the steps' own {steps}{request}, {parts}"
+        steps += " (the equilibrium does not depend on them)"
+    return f"total not known (--estimate); sum of the local errors of the steps {steps}{request}, {parts}"

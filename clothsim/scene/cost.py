@@ -60,7 +60,7 @@ class Cost:
 
     @property
     def notable(self) -> bool:
-        """True where a user would like to know it first."""
+        """True where the user should know it before the run."""
         large = self.memory > NOTABLE_BYTES or self.disk > NOTABLE_DISK
         return large or self.seconds > NOTABLE_SECONDS
 
@@ -102,7 +102,7 @@ def expected_cost(scene: Scene) -> Cost:
     return Cost(cloths, bodies, run.duration / dt, run.duration * run.frames_per_second)
 
 
-CHEAPER = "Take fewer cells, a larger solver.dt, or fewer frames; --force runs it all the same."
+CHEAPER = "Use fewer cells, a larger solver.dt, or fewer frames; --force runs it all the same."
 
 
 def refuse_costly(scene: Scene) -> None:

@@ -126,7 +126,7 @@ CONTACTS = ("body_contact", "self_contact")
 
 
 def register_effect(name: str, builder: Callable[..., Any], summary: str = "") -> None:
-    """Add an own effect to the table, for the scenes of this process.
+    """Add a custom effect to the table, for the scenes of this process.
 
     Parameters
     ----------
@@ -150,9 +150,9 @@ def register_effect(name: str, builder: Callable[..., Any], summary: str = "") -
     >>> del EFFECTS["tickle"]
     """
     if not isinstance(name, str) or not name.isidentifier():
-        raise InputError(f"{name!r} cannot name an effect.", "Take letters, digits and underscores.")
+        raise InputError(f"{name!r} cannot name an effect.", "Use letters, digits and underscores.")
     if name in EFFECTS:
-        raise InputError(f"There is already an effect {name!r}.", f"Take another name than {', '.join(EFFECTS)}.")
+        raise InputError(f"There is already an effect {name!r}.", f"Use another name than {', '.join(EFFECTS)}.")
     if not is_builder(builder):
         raise InputError(
             f"The builder of the effect {name!r} must take the world and keywords, not {builder!r}.",

@@ -21,7 +21,7 @@ REMEDIES = {
     "list": "Give two arguments, not one: clothsim.Cloth(vertices, triangles), clothsim.Body(vertices, triangles).",
     "ndarray": "Give the triangles too: clothsim.Cloth(vertices, triangles), clothsim.Body(vertices, triangles).",
 }
-"""Remedies for the objects of these libraries that are no mesh, by the name of their type."""
+"""Remedies for the objects of these libraries that are not meshes, by the name of their type."""
 KNOWN = (
     "Give vertices and triangles, or a mesh of trimesh, pyvista, meshio or scikit-fem; "
     'a file is named in a table: {"mesh": "shirt.obj"}.'
@@ -62,11 +62,11 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
     Raises
     ------
     InputError
-        Where the object is no mesh, or no surface.
+        Where the object is not a mesh or surface.
     """
     kind, read = type(mesh).__name__, _reader_of(mesh)
     if read is None:
-        raise InputError(f"{where} is of the type {kind}, which is no surface mesh.", REMEDIES.get(kind, KNOWN))
+        raise InputError(f"{where} is of the type {kind}, which is not a surface mesh.", REMEDIES.get(kind, KNOWN))
     try:
         points, faces = read(where, mesh)
     except (TypeError, ValueError) as error:  # another library's object, whose faces may be anything
@@ -205,7 +205,7 @@ def _middles(mesh: Any, corners: Floats) -> list[Floats]:
 
 
 def _no_surface(where: str, has: str, remedy: str) -> InputError:
-    return InputError(f"{where} has {has}, so it is no surface.", remedy)
+    return InputError(f"{where} has {has}, so it is not a surface.", remedy)
 
 
 def _has(*names: str) -> Callable[[Any], bool]:
@@ -231,7 +231,7 @@ _KINDS: tuple[tuple[Callable[[Any], bool], Reader], ...] = (
 
 
 def _reader_of(mesh: Any) -> Reader | None:
-    """What reads an object; None where it is no mesh."""
+    """What reads an object; None where it is not a mesh."""
     return next((read for is_of_kind, read in _KINDS if is_of_kind(mesh)), None)
 
 

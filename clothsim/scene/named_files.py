@@ -84,7 +84,7 @@ def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
 
 
 def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
-    """InputError for a text that is no scene, or that names a file outside of its own folder, or for such `files`."""
+    """InputError for text that is not a scene, or that names a file outside of its own folder, or for such `files`."""
     try:
         scene_from_text(text)
         data = json.loads(text)
@@ -101,9 +101,9 @@ def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
 
 def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
     """The files of an animation by new names, numbered in their order."""
-    from clothsim.files.meshes.mesh_file import frame_files
+    from clothsim.files.meshes.mesh_file import animation_files
 
-    files = frame_files(directory, pattern)
+    files = animation_files(directory, pattern)
     return {f"{folder}/{k:06d}_{_plain(file.name)}": file for k, file in enumerate(files)}
 
 

@@ -21,7 +21,7 @@ from clothsim.keys.key_table import KeyTable
 from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth, check_rigid, check_rod
 from clothsim.keys.schema import keys_of
 from clothsim.keys.section_hints import paths_of, section_remedy
-from clothsim.keys.value_checks import refuse_unknown
+from clothsim.keys.value_checks import refuse_unknown_key
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import SECTIONS, Scene
 
@@ -150,7 +150,7 @@ def parts_of(path: str) -> list[str | int]:
         inner, end = match[1], match.end()
         parts.append(match[2] if inner is None else int(inner) if inner.isdecimal() else inner)
     if end != len(text) or not parts:
-        raise InputError(f"{shown(path)} is no path of a key.", _EXAMPLES)
+        raise InputError(f"{shown(path)} is not a path of a key.", _EXAMPLES)
     return parts
 
 
@@ -165,23 +165,23 @@ def located(scene: Scene, path: str) -> tuple[str, str | int | None, list[str | 
     if not keys:
         raise InputError(f"{path!r} names a section, and no key of it.", _EXAMPLES)
     if section == "effects":
-        refuse_unknown("effects", [str(keys[0])], EFFECTS)
+        refuse_unknown_key("effects", [str(keys[0])], EFFECTS)
         return "effects", keys[0], keys[1:]
     if section not in LISTS:
         return str(section), None, keys
     tables = getattr(scene, LISTS[str(section)])
     if not tables:
         raise InputError(f"{path}: the scene has no {section}.", f"Add a [{section}] to the scene.")
-    return str(section), *entry_of(path, names_of(str(section), tables), keys)
+    return str(section), *select_entry(path, entry_names(str(section), tables), keys)
 
 
-def names_of(section: str, entries: Sequence[Any]) -> list[str]:
+def entry_names(section: str, entries: Sequence[Any]) -> list[str]:
     """The names of the entries of a section; of one without a name "cloth", or "cloth[1]" where there are several."""
     several = len(entries) > 1
     return [keys.name or (f"{section}[{k}]" if several else section) for k, keys in enumerate(entries)]
 
 
-def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[int, list[str | int]]:
+def select_entry(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[int, list[str | int]]:
     """The number of the entry that the first of the keys names or counts, else the only one, and the other keys."""
     first, several = keys[0], len(names) > 1
     if isinstance(first, int):
@@ -216,9 +216,9 @@ def _inside(path: str, where: str, value: Any, key: str | int) -> Any:
             raise InputError(f"{path}: {where} has no [{key}].", f"It is {shown(value)}.")
         return entries[key]
     if not isinstance(value, Mapping):
-        raise InputError(f"{path}: {where} is no table of keys, but {shown(value)}.", _remedy(where, value, "Name"))
+        raise InputError(f"{path}: {where} is not a table of keys, but {shown(value)}.", _remedy(where, value, "Name"))
     known = keys_of(type(value)) if isinstance(value, KeyTable) else None
-    refuse_unknown(where, [key], known or value)
+    refuse_unknown_key(where, [key], known or value)
     return getattr(value, known[key].field) if known else value[key]
 
 
@@ -234,13 +234,13 @@ def _changed(path: str, where: str, old: Any, keys: Sequence[str | int], value: 
         entries[first] = _changed(path, f"{where}[{first}]", entries[first], others, value)
         return entries
     if not isinstance(old, Mapping):
-        raise InputError(f"{path}: {where} is no table of keys, but {shown(old)}.", _remedy(where, old, "Set"))
+        raise InputError(f"{path}: {where} is not a table of keys, but {shown(old)}.", _remedy(where, old, "Set"))
     inner = old.get(first, _default(old, first))
     return {**old, first: _changed(path, f"{where}.{first}", {} if inner is None else inner, others, value)}
 
 
 def _remedy(where: str, value: Any, verb: str) -> str:
-    """What to do with a key of something that is no table: one of a list of tables has a number."""
+    """What to do with a key of something that is not a table: one of a list of tables has a number."""
     if isinstance(value, list | tuple) and any(isinstance(each, Mapping) for each in value):
         return f"It is a list of tables: {verb.lower()} a key of one, {where}[0]."
     return f"{verb} {where} itself."
@@ -323,7 +323,7 @@ def _assigned(scene: Scene, assignment: str) -> tuple[str, Any]:
     if not equals or len(parts := parts_of(path)) < 2:
         paths = paths_of(path.strip())[:MOST_PATHS] if equals else []
         written = " or ".join(f"--set {each}={text}" for each in paths) or "--set solver.dt=0.01"
-        raise InputError(f"--set {assignment!r} is no assignment.", f"Write it as {written}.")
+        raise InputError(f"--set {assignment!r} is not an assignment.", f"Write it as {written}.")
     value = _toml_value(text.strip())
     if isinstance(value, str) and _is_here(value):
         value = str(Path(value).resolve())

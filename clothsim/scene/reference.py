@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import Any, Literal, get_args, get_origin
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.keys.effect_tables import Motion
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.mesh_keys import (
@@ -279,7 +279,7 @@ def reference(name: str | None = None) -> dict[str, Any]:
     Raises
     ------
     InputError
-        For a name that is no section and no key, with the nearest known one.
+        For a name that is neither a section nor a key, with the nearest known one.
     """
     matching, only = (list(sections().values()), None) if name is None else _matching(name)
     return {
@@ -322,8 +322,8 @@ def _near(name: str) -> str:
     words = {word for section in known for word in _words(section)}
     keys = {f"{section.name}.{key}" for section in known.values() for key in section.keys}
     last = name.rpartition(".")[2]
-    of_name = nearest(name, [*known, *sorted(keys)], SIMILAR) if "." in name else ""
-    of_word = nearest(last, sorted(words), SIMILAR)
+    of_name = did_you_mean(name, [*known, *sorted(keys)], SIMILAR) if "." in name else ""
+    of_word = did_you_mean(last, sorted(words), SIMILAR)
     close = get_close_matches(last, {key.rpartition(".")[2] for key in keys}, n=1, cutoff=SIMILAR)
     of_key = home_of(close[0]) if close else ""
     return of_name or of_word or home_of(last) or of_key or "`clothsim keys` lists the sections."

@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import shown, table
+from clothsim.base.inputs import as_table, shown
 from clothsim.keys.key_table import FrozenTable, KeyTable, frozen
 from clothsim.keys.mesh_arrays import TEXT, MeshArrays
 from clothsim.keys.mesh_keys import (
@@ -29,7 +29,7 @@ from clothsim.keys.schema import FUNCTION
 from clothsim.keys.section_hints import effect_remedy, section_remedy
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.keys.typed_effects import EffectKeys, effects_by_name
-from clothsim.keys.value_checks import refuse_deep, refuse_unknown
+from clothsim.keys.value_checks import refuse_deep, refuse_unknown_key
 from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.mesh_objects import is_mesh, mesh_arrays
@@ -100,8 +100,8 @@ class Scene:
     rod: Any
 
     def __new__(cls, *_: Any, **sections: Any) -> Self:
-        """InputError for a keyword that is no section, in place of Python's TypeError."""
-        refuse_unknown("clothsim.Scene", sections, (*SECTIONS, "directory"))
+        """InputError for a keyword that is not a section, in place of Python's TypeError."""
+        refuse_unknown_key("clothsim.Scene", sections, (*SECTIONS, "directory"))
         return super().__new__(cls)
 
     def __init__(
@@ -121,7 +121,7 @@ class Scene:
         for name, value in (*objects.items(), ("effects", effects)):
             refuse_deep(name, value)
         named = effects_by_name(effects)
-        refuse_unknown("effects", table("effects", named, "Write [effects.gravity]."), EFFECTS)
+        refuse_unknown_key("effects", as_table("effects", named, "Write [effects.gravity]."), EFFECTS)
         made: dict[str, Any] = {"effects": FrozenTable({name: _effect(name, keys) for name, keys in named.items()})}
         settings: dict[str, tuple[type[KeyTable], Any]] = {
             "solver": (Solver, solver),
@@ -325,7 +325,7 @@ def _several(sections: Any) -> tuple[Any, ...]:
 def _effect(name: str, keys: Any) -> EffectKeys:
     """The section of an effect."""
     where = f"effects.{name}"
-    return EFFECTS[name].keys_class.parsed(where, table(where, keys, effect_remedy(name)))
+    return EFFECTS[name].keys_class.parsed(where, as_table(where, keys, effect_remedy(name)))
 
 
 def _sections(name: str, value: Any) -> Any:
@@ -372,7 +372,7 @@ def _mesh_table(where: str, value: Any) -> Any:
         return value
     if isinstance(value, MeshArrays) or is_mesh(value):
         return {"mesh": mesh_arrays(where, value)}
-    keys = table(
+    keys = as_table(
         where,
         value,
         f"Write [[{section}]]; arrays go into clothsim.{section.capitalize()}(vertices, triangles).",

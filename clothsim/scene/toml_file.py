@@ -12,7 +12,7 @@ from typing import Any
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import nearest, nearest_or_known
+from clothsim.base.inputs import did_you_mean, nearest_or_known
 from clothsim.scene.scene import Scene, make_scene
 
 INSTALLED = Path("share") / "clothsim" / "scenes"
@@ -43,8 +43,8 @@ def example_file(path: Any, ending: str = ".toml", what: str = "") -> Any:
 
     ending: ".toml" of the scenes, PATTERN of the sewing patterns. InputError for the name of a scene with its ending.
 
-    what: what the file must be, for the remedy. With it a directory, as of an earlier run of that name, is no file, and
-    InputError where there is none, with the nearest installed name; what is no text or path is left as it is.
+    what: what the file must be, for the remedy. With it a directory, as of an earlier run of that name, is not a file,
+    and InputError where there is none, with the nearest installed name; what is neither text nor a path is returned.
     """
     if what and not isinstance(path, str | Path):
         return path
@@ -56,7 +56,7 @@ def example_file(path: Any, ending: str = ".toml", what: str = "") -> Any:
     found = installed(file, ending)
     if found is None and what and not there:
         names = [each.name.removesuffix(ending) for folder in folders() for each in folder.glob(f"*{ending}")]
-        near = nearest(file.name, names, CLOSE) if len(file.parts) == 1 and not file.suffix else ""
+        near = did_you_mean(file.name, names, CLOSE) if len(file.parts) == 1 and not file.suffix else ""
         raise InputError(f"There is no file {path}.", near or f"Name {what}.")
     return found or file
 
@@ -126,7 +126,7 @@ def examples() -> dict[str, str]:
         For a name that is none of them, by ``examples()[name]``.
     """
     files = sorted(scenes_folder().glob("*.toml"))
-    return _Examples((file.stem, headline(file.read_text(encoding="utf-8"))) for file in files)
+    return _Examples((file.stem, first_comment(file.read_text(encoding="utf-8"))) for file in files)
 
 
 class _Examples(dict[str, str]):
@@ -137,10 +137,10 @@ class _Examples(dict[str, str]):
 def _described(file: Path) -> ExampleScene:
     scene = load_scene(file)
     missing = [name for name in scene.file_names if not any(scene.directory.glob(name))]
-    return ExampleScene(file.stem, file, headline(file.read_text(encoding="utf-8")), tuple(missing))
+    return ExampleScene(file.stem, file, first_comment(file.read_text(encoding="utf-8")), tuple(missing))
 
 
-def headline(text: str) -> str:
+def first_comment(text: str) -> str:
     """The first clause of the comment at the start of a scene."""
     comment = re.match(r"(?:#.*\n?)*", text)
     words = " ".join(line.lstrip("# ") for line in (comment[0] if comment else "").splitlines())
@@ -168,12 +168,12 @@ def load_scene(path: str | Path) -> Scene:
     Raises
     ------
     InputError
-        Where the file is missing, is no TOML (with the line), or has an unknown key or a bad value.
+        Where the file is missing, is not a TOML file (with the line), or has an unknown key or a bad value.
     """
     if not isinstance(path, str | Path):
         kind = type(path).__name__
         raise InputError(
-            f"A scene file is named by a text, not by a {kind}.", "Of a table make clothsim.Scene(**table)."
+            f"The name of a scene file is text, not a {kind}.", "From a table make clothsim.Scene(**table)."
         )
     file = scene_file(Path(path))
     if not os.path.exists(file):
@@ -195,7 +195,7 @@ def load_scene(path: str | Path) -> Scene:
 def _refuse_directory(path: Path) -> None:
     if os.path.isdir(path):
         how = "`clothsim resume DIR` continues a run, `clothsim view DIR` shows it."
-        raise InputError(f"{path} is a directory, and no scene file.", how)
+        raise InputError(f"{path} is a directory, not a scene file.", how)
 
 
 NO_SCENE = "Name a scene (.toml); `clothsim check FILE` examines a mesh or a pattern."

@@ -66,7 +66,7 @@ class Problem:
         for name, energy in self.energies.items():
             if not isinstance(energy, Energy):
                 raise InputError(
-                    f"energies[{name!r}] is {type(energy).__name__}, which is no Energy.",
+                    f"energies[{name!r}] is {type(energy).__name__}, which is not an Energy.",
                     "Derive it from clothsim.engine.Energy.",
                 )
         if not self.dt > 0:

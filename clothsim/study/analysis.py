@@ -185,7 +185,7 @@ def findings(compared: Compared) -> Findings:
     )
 
 
-def predicted(compared: Compared) -> tuple[list[Point], list[float]]:
+def summed_errors(compared: Compared) -> tuple[list[Point], list[float]]:
     """Combinations of swept levels, and the errors that they would have if the parameters' own errors added up.
 
     The time steps are one axis: their levels with either difference formula.
@@ -208,7 +208,7 @@ def next_points(compared: Compared, most: int) -> list[Point]:
     """Combinations on the front that the one-parameter runs predict; none where no limit is known."""
     if not compared.sweeps():
         return []
-    points, errors = predicted(compared)
+    points, errors = summed_errors(compared)
     costs = [predicted_seconds(where, compared.seconds, compared.parameters) for where in points]
     return worth_trying([dict(where.levels) for where in points], errors, costs, most)
 
@@ -233,7 +233,7 @@ def recommendations(findings: Findings, unit: float) -> list[Recommendation]:
     safe = [findings.errors[where] + findings.reference.error for where in points]
     seconds = [findings.seconds[where] for where in points]
     chosen: dict[Point, Recommendation] = {}
-    for target in targets([error / unit for error in safe]):
+    for target in round_targets([error / unit for error in safe]):
         row = cheapest_within(target * unit, seconds, safe)
         if row is not None and points[row] not in chosen:
             where = points[row]
@@ -257,7 +257,7 @@ def half(findings: Findings, compared: Compared) -> Recommendation | None:
         return Recommendation(target, points[row], errors[row], seconds[row])
     if not findings.reference.limits or not findings.reference.interaction <= ADDITIVE * findings.errors[BASE]:
         return None
-    others, guesses = predicted(compared)
+    others, guesses = summed_errors(compared)
     costs = [predicted_seconds(where, findings.seconds, compared.parameters) for where in others]
     row = cheapest_within(target, costs, guesses)
     return None if row is None else Recommendation(target, others[row], guesses[row], costs[row], measured=False)
@@ -318,7 +318,7 @@ def worth_trying(
     return [point(combinations[selected[k]]) for k in chosen]
 
 
-def targets(errors: Sequence[float]) -> list[float]:
+def round_targets(errors: Sequence[float]) -> list[float]:
     """1, 2, 5, 10 ... of the unit, from the first above the smallest of `errors` to the first above the largest."""
     low, high = min(errors), max(errors)
     if not 0 < low < np.inf:

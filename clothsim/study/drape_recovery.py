@@ -16,6 +16,7 @@ from clothsim import gradients
 from clothsim.base.arrays import Floats, as_finite, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_arrays
+from clothsim.base.text import percent
 from clothsim.study.standard_tests.cusick import lays
 from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, outline_shape
 
@@ -91,7 +92,7 @@ class DrapeRecovery:
 
     def text(self) -> str:
         """The numbers in lines, and the notes."""
-        c, error = self.bending_length, f"+- {100 * self.relative_error:.2g} %"
+        c, error = self.bending_length, f"+- {percent(self.relative_error)}"
         both = f"{100 * self.coefficient:.1f} %, simulated {100 * self.simulated:.1f} %, {self.lays} lays"
         lines = [
             f"  D/(rho g)        {c**3:.3g} m3 {error} (bending length {1e3 * c:.3g} mm)",
@@ -99,11 +100,11 @@ class DrapeRecovery:
         ]
         if self.curl is not None:
             lines.append(f"  curl             {self.curl:.2g} +- {self.curl_error:.1g} 1/m")
-        lines += [f"  {key:16} {d:.3g} N m +- {100 * e:.2g} %" for key, (d, e) in self.stiffnesses.items()]
+        lines += [f"  {key:16} {d:.3g} N m +- {percent(e)}" for key, (d, e) in self.stiffnesses.items()]
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
-def cloth_of(bending_length: float, curl: float = 0.0, own: Mapping[str, float] | None = None) -> dict[str, Any]:
+def assumed_cloth(bending_length: float, curl: float = 0.0, own: Mapping[str, float] | None = None) -> dict[str, Any]:
     """Keys of [cloth] of the assumed sheet with a bending length [m] and a curl [1/m]; own: keys in their place."""
     known = {"density": DENSITY, **ASSUMED, **(own or {})}
     mean = known["density"] * GRAVITY * bending_length**3
@@ -197,7 +198,7 @@ def recover_drape(
     for step in range(MOST_STEPS):
         ups = (1, -1) if both and curl else (1,)
         c = float(np.exp(x / 3))
-        found = [np.array(lay(cloth_of(c, up * curl, own), mesh_size(c))) for up in ups]
+        found = [np.array(lay(assumed_cloth(c, up * curl, own), mesh_size(c))) for up in ups]
         taken += sum(map(len, found))
         mean, apart = float(np.mean(found)), 0.5 * float(found[0].mean() - found[-1].mean())
         spread = float(np.concatenate(found).std() / np.sqrt(taken / (step + 1)))

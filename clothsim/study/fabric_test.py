@@ -90,7 +90,7 @@ def fabric_tested(
     Parameters
     ----------
     cloth : mapping
-        Keys of the section [cloth] that are no mesh: fabric, density, ...
+        Keys of the section [cloth] that are not about its mesh: fabric, density, ...
     method : str
         One of `METHODS`.
     lays : int, optional

@@ -14,7 +14,7 @@ from clothsim.gradients import StateAtRest
 from clothsim.study.evaluation import Gatherer
 from clothsim.study.pictures import draw_goal
 from clothsim.study.points import BASE, Bench, Point, point
-from clothsim.study.resample import at_points_of, barycentric, world_material
+from clothsim.study.resample import at_points_of, nearest_weights, world_material
 
 # Goal-oriented error: the triangles that make the error of one number of a drape at rest.
 #
@@ -34,7 +34,7 @@ from clothsim.study.resample import at_points_of, barycentric, world_material
 # there is what the coarse elements get wrong (the relative truncation error of multigrid, Brandt 1977, weighted as by
 # Venditti & Darmofal 2002). Without the second sum the forces between neighbours, which cancel, hide it. What
 # the solves
-# left of G_h(x_h) and G_f(x_f) is subtracted vertex by vertex: it is no error of the mesh.
+# left of G_h(x_h) and G_f(x_f) is subtracted vertex by vertex: it is not an error of the mesh.
 
 Goal = Callable[[World], Loss]
 """Makes the loss of a scene's world."""
@@ -142,7 +142,7 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
     if not np.isfinite(coarse.potential.value(states[1])):
         raise InputError(
             "The finer solution, on the coarse mesh, goes through a body or the cloth: no error by triangles.",
-            "Take finer cells, or a larger d_hat.",
+            "Use finer cells, or a larger d_hat.",
         )
     values, slopes = zip(*(loss.evaluate(each, triangles) for each in (positions, sampled)), strict=True)
     forces = np.zeros_like(coarse.x)
@@ -151,7 +151,7 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
     if adjoint is None:
         raise InputError(
             "The two meshes end in different folds, or not at rest: no error by triangles.",
-            "Take finer cells, or a smaller dt.",
+            "Use finer cells, or a smaller dt.",
         )
     by_vertex = coarse.powers(states[1], adjoint, len(positions)) - coarse.unfinished(adjoint)
     by_vertex -= _powers_of_finer(coarse, fine, adjoint)
@@ -164,7 +164,7 @@ def _powers_of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) ->
     interpolated, corners, weights = np.zeros_like(fine.x), list[Ints](), list[Floats]()
     first = 0
     for points, cloth in zip(world_material(fine.world).rest, world.cloths, strict=True):
-        nearest, own = barycentric(points, cloth.rest_positions, cloth.triangles)
+        nearest, own = nearest_weights(points, cloth.rest_positions, cloth.triangles)
         corners.append(cloth.triangles[nearest] + first)
         weights.append(own)
         first += len(cloth.rest_positions)
@@ -198,7 +198,9 @@ class NamedGoal:
 def refuse_goal(bench: Bench) -> None:
     """InputError for a study of which no goal can be attributed to triangles."""
     if "cells" not in bench.parameters:
-        raise InputError("The error of a goal by triangles needs finer cells, and they are no parameter of this study.")
+        raise InputError(
+            "The error of a goal by triangles needs finer cells, and they are not a parameter of this study."
+        )
 
 
 def goal_report(gatherer: Gatherer, goal: NamedGoal) -> dict[str, Any]:

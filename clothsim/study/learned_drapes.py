@@ -14,7 +14,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.engine import DrapeModel
 from clothsim.study.farm.plan import Farm
-from clothsim.study.farm.reading import positions_of, read_mesh
+from clothsim.study.farm.reading import positions_of, read_stored_mesh
 from clothsim.study.farm.status import manifest
 from clothsim.study.farm.verification import demand_verified
 from transfer.subspace import metric_components, nearest, ridge
@@ -71,7 +71,7 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
         raise InputError(f"{components} components were asked for.", "Give a whole number from 1.")
     inputs = _inputs(farm)
     demand_verified(farm)
-    rows, areas, left_out = alike(farm)
+    rows, areas, left_out = drapes_on_one_mesh(farm)
     training = len(rows) - round(held_out * len(rows))
     if training < LEAST:
         raise InputError(f"{training} drapes are too few to learn from.", f"Make at least {LEAST} usable drapes.")
@@ -102,11 +102,11 @@ def _inputs(farm: Farm) -> list[str]:
             f"A model takes numbers: {', '.join(others) or 'nothing'} varies.", "Make a farm that varies numbers alone."
         )
     if settings["frames"] != "last":
-        raise InputError("The farm keeps all frames.", 'A model is of drapes at rest: frames = "last".')
+        raise InputError("The farm stores all frames.", 'A model is of drapes at rest: frames = "last".')
     return inputs
 
 
-def alike(farm: Farm) -> tuple[list[dict[str, Any]], Floats, int]:
+def drapes_on_one_mesh(farm: Farm) -> tuple[list[dict[str, Any]], Floats, int]:
     """Usable drapes with the mesh that most have, the areas of its vertices, and the number of others."""
     usable = [row for row in manifest(farm) if row["usable"]]
     if not usable:
@@ -123,7 +123,7 @@ def _meshes(farm: Farm, row: dict[str, Any]) -> tuple[NDArray[np.int32], Floats]
     """Triangles of all cloths of a drape one after the other, and the areas of their vertices at rest [m^2]."""
     triangles, areas, first = [], [], 0
     for digest in row["meshes"]["cloth"].values():
-        arrays = read_mesh(farm.directory, digest)
+        arrays = read_stored_mesh(farm.directory, digest)
         faces, rest = arrays["triangles"], arrays["start"].astype(np.float64)
         areas.append(thirds_at_vertices(triangle_areas(rest[faces]), faces, len(rest)))
         triangles.append(faces + first)

@@ -26,7 +26,7 @@ from clothsim.engine import MovingGarment
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.reading import positions_of
 from clothsim.study.farm.verification import demand_verified
-from clothsim.study.learned_drapes import alike
+from clothsim.study.learned_drapes import drapes_on_one_mesh
 from transfer.drape_autoencoder import distance_grid
 from transfer.errors import TransferError
 from transfer.motion_model import MotionModel
@@ -90,7 +90,7 @@ class MovingClip:
 
 
 @dataclass(frozen=True)
-class Division:
+class ClipSplit:
     """Sets of clips by their rows: what is held out has no motion of the others and, of a new body, no body of theirs.
 
     Attributes
@@ -118,7 +118,7 @@ class Division:
 
 def division(
     labels: Sequence[tuple[str, str, str]], kind: str | None = None, bodies: int = 2, seed: int = 0
-) -> Division:
+) -> ClipSplit:
     """Divide clips by their labels.
 
     Parameters
@@ -168,7 +168,7 @@ def division(
             f"{len(held)} bodies are held out.",
             "Make more clips, of more kinds and bodies, or hold out fewer: --held-bodies 1.",
         )
-    return Division(**{name: tuple(found) for name, found in rows.items()}, kind=held_kind, bodies=held)
+    return ClipSplit(**{name: tuple(found) for name, found in rows.items()}, kind=held_kind, bodies=held)
 
 
 def clips_of(farm: Farm) -> list[MovingClip]:
@@ -181,12 +181,12 @@ def clips_of(farm: Farm) -> list[MovingClip]:
     """
     if farm.settings["frames"] != "all":
         raise InputError(
-            "The farm keeps the last frame of each drape, and no motion.",
+            "The farm stores the last frame of each drape, and no motion.",
             'Write frames = "all" and until = "time" in its recipe, or learn drapes: without --motion.',
         )
     _moving(farm.scene)
     demand_verified(farm)
-    rows, _, _ = alike(farm)
+    rows, _, _ = drapes_on_one_mesh(farm)
     jobs = {job.id: job for job in farm.jobs}
     reference = MovingGarment.of_scene(farm.scene).reference
     return [_clip(farm, farm.scene_of(jobs[row["id"]]), row["id"], reference) for row in rows]
@@ -228,7 +228,7 @@ class LearnedMotion:
         By kind.
     best : str
         The kind with the least error in validation.
-    division : Division
+    division : ClipSplit
     errors : dict of str to dict of str to float
         Root mean square distance of a vertex by the kind of model and the set [m]; nan where the set is empty.
     inside : dict of str to dict of str to float
@@ -237,7 +237,7 @@ class LearnedMotion:
 
     models: Mapping[str, MotionModel]
     best: str
-    division: Division
+    division: ClipSplit
     errors: Mapping[str, Mapping[str, float]]
     inside: Mapping[str, Mapping[str, float]]
 
@@ -282,7 +282,7 @@ def learn_motion(
     found = clips_of(farm) if clips is None else clips
     sets = division([(clip.body, clip.motion, clip.kind) for clip in found], kind, bodies, seed)
     training = [found[k] for k in sets.training]
-    _, areas, _ = alike(farm)
+    _, areas, _ = drapes_on_one_mesh(farm)
     flat, inputs = (
         np.concatenate([getattr(clip, name)[clip.settled] for clip in training]) for name in ("canonical", "inputs")
     )

@@ -116,7 +116,7 @@ class Observations:
             triangles.append(faces + first)
             first += len(rest)
         runs, area = self._base_outcomes(), float(self.areas.sum())
-        drapes = [drape_coefficient(each.positions, np.concatenate(triangles), area, self.up) for each in runs]
+        drapes = [shadow_over_area(each.positions, np.concatenate(triangles), area, self.up) for each in runs]
         energies = [each.energy for each in runs]
         return {
             name: {"mean": float(np.mean(values)), "spread": float(np.std(values)), "seeds": len(values)}
@@ -181,7 +181,7 @@ def height_quantiles(positions: Floats, areas: Floats, up: Floats) -> Floats:
     return np.interp(wanted, quantiles, heights[order])[:, None]
 
 
-def drape_coefficient(positions: Floats, triangles: Ints, area: float, up: Floats) -> float:
+def shadow_over_area(positions: Floats, triangles: Ints, area: float, up: Floats) -> float:
     """The area of the shadow along `up` over `area`, the cloth's own [m2]; drawn with PIXELS along its longer side."""
     aside = np.linalg.svd(up[None])[2][1:]
     flat = positions @ aside.T

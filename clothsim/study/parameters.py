@@ -39,7 +39,7 @@ class Parameter:
 
     at: the value at a level and the scene with it, from the base scene and the scene to change; InputError, whose
     sentence is the reason, where the scene has no such parameter or level. order None: the error falls faster than any
-    power of the value, or is no smooth function of it: nothing is extrapolated. growth: first guess of what a level
+    power of the value, or is not a smooth function of it: nothing is extrapolated. growth: first guess of what a level
     costs; assumed: of a parameter that a request for an error refines.
     """
 

@@ -50,7 +50,7 @@ class PointOutcome:
 
     positions (n, 3): of the base's material points at the end [m]; seconds: of the processor, warm-up apart;
     wall_seconds; counts: Newton iterations, steps, peak bytes; energy [J]; estimate: error of the time steps and of
-    Newton's end by the run's own certificate [m]; failed: why it is no data point, empty where it is one.
+    Newton's end by the run's own certificate [m]; failed: why it is not a data point, empty where it is one.
     """
 
     point: Point

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from clothsim import Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.engine import with_cells
 from clothsim.study.parameters import d_hats
 
@@ -74,7 +74,9 @@ def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, st
     'cells x 1/2, dt 0.02 s, bdf2'
     """
     if name not in PRESETS:
-        raise InputError(f"There is no preset {name!r}.", nearest(name, PRESETS) or f"Known: {', '.join(PRESETS)}.")
+        raise InputError(
+            f"There is no preset {name!r}.", did_you_mean(name, PRESETS) or f"Known: {', '.join(PRESETS)}."
+        )
     preset = PRESETS[name]
     settings = [f"dt {preset.dt:g} s", BDF2]
     try:

@@ -13,7 +13,7 @@ SAME = 0.5
 """Interaction term over the error, from which the report says that the parameters do not add up."""
 
 
-def answer(result: Mapping[str, Any]) -> list[str]:
+def answer_lines(result: Mapping[str, Any]) -> list[str]:
     """What is known of the error of the scene as it is, and the cost of half of it, as sentences."""
     headline = result["headline"]
     if headline["status"] == UNFINISHED:
@@ -41,7 +41,7 @@ def _statement(result: Mapping[str, Any]) -> str:
         return f"As it is, this scene is {in_mm(headline['error'])} wrong ({fraction}; {between}) and takes {seconds}."
     if headline["status"] == PARTIAL:
         missing = " and ".join(headline["missing"])
-        reasons = "; ".join(result["missing_knobs"].get(name, "not asked for") for name in headline["missing"])
+        reasons = "; ".join(result["missing_parameters"].get(name, "not asked for") for name in headline["missing"])
         return (
             f"The error of this scene is not known: {missing} cannot be refined ({reasons}). Without the part of "
             f"{missing} it is {between}. The scene takes {seconds}."
@@ -65,7 +65,7 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
     parameters = [name for name in headline["missing"] if name not in (*words, *failed)]
     was = "was" if len(parameters) == 1 else "were"
     missing = [f"{' and '.join(parameters)} {was} not refined"] if parameters else []
-    missing += [f"the finer run of {name} is no data point" for name in failed]
+    missing += [f"the finer run of {name} is not a data point" for name in failed]
     missing += [words[name] for name in headline["missing"] if name in words]
     why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
     return [f"The error of this scene could not be found {why}: {'; '.join(missing)}.", *_more(headline)]
@@ -87,7 +87,7 @@ def _more(headline: Mapping[str, Any]) -> list[str]:
     seconds = _budget(headline["needed_seconds"])
     if headline["missing"] == ["base"]:
         return [f"At least {seconds} are needed: --budget {seconds.replace(' ', '')}."]
-    return [f"At least {seconds} more are needed: --budget {seconds.replace(' ', '')} goes on from the runs so far."]
+    return [f"At least {seconds} more are needed: --budget {seconds.replace(' ', '')} continues from the runs so far."]
 
 
 def _so_far(headline: Mapping[str, Any]) -> list[str]:
@@ -111,12 +111,13 @@ def _half(result: Mapping[str, Any]) -> list[str]:
 
 def _sources(result: Mapping[str, Any]) -> list[str]:
     """The largest source, what is not in the error, and what the parameters show together."""
-    adds = {name: parameter["adds"] for name, parameter in result["knobs"].items() if parameter["adds"] is not None}
+    parameters = result["parameters"]
+    adds = {name: each["adds"] for name, each in parameters.items() if each["adds"] is not None}
     lines = []
     if adds:
         worst = max(adds, key=lambda name: adds[name])
         lines.append(f"Most of it comes from {worst}: {in_mm(adds[worst])}.")
-    unknown = [name for name in result["knobs"] if name not in adds]
+    unknown = [name for name in parameters if name not in adds]
     if unknown:
         lines.append(f"The part of {' and '.join(unknown)} is not included: no finer run of them is a data point.")
     names, distance = result["together"], result["reference"]["distance_of_base"]
@@ -169,7 +170,7 @@ def in_seconds(seconds: float) -> str:
 
 def markdown(name: str, result: Mapping[str, Any]) -> str:
     """The report: the answer first."""
-    parts = [f"# What accuracy costs: {name}", "\n".join(answer(result))]
+    parts = [f"# What accuracy costs: {name}", "\n".join(answer_lines(result))]
     if result["front"]:
         parts += [
             "![Error against processor seconds](study.png)",
@@ -191,7 +192,7 @@ def markdown(name: str, result: Mapping[str, Any]) -> str:
         parts[-2:-2] = [f"## Which triangles make the error of {goal['name']}", "\n".join(goal_lines(goal)), *picture]
     if result["left_out"] or result["failed"]:
         lines = [f"* {name}: {reason}." for name, reason in result["left_out"].items()]
-        lines += [f"* {entry['label']} is no data point: {entry['failed']}" for entry in result["failed"]]
+        lines += [f"* {entry['label']} is not a data point: {entry['failed']}" for entry in result["failed"]]
         parts += ["## Left out", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
 
@@ -215,7 +216,7 @@ def _advice_rows(result: Mapping[str, Any]) -> list[list[str]]:
 
 def _parameter_rows(result: Mapping[str, Any]) -> list[list[str]]:
     rows = []
-    for name, parameter in result["knobs"].items():
+    for name, parameter in result["parameters"].items():
         observed = parameter["observed_slope"]
         known = observed is not None and math.isfinite(observed)
         expected = "" if parameter["expected_slope"] is None else f"{parameter['expected_slope']:.2g}"
@@ -260,7 +261,7 @@ def _method(result: Mapping[str, Any]) -> list[str]:
         f"{result['date']}: {result['seconds']:.0f} CPU s of a budget of {result['budget']:.0f} s, "
         f"{result['reused']} runs taken from an earlier study.",
         *(f"{text}." for text in _invariants(result["invariants"])),
-        *(f"No parameter {name}: {reason}." for name, reason in result["missing_knobs"].items()),
+        *(f"No parameter {name}: {reason}." for name, reason in result["missing_parameters"].items()),
     ]
 
 

@@ -35,7 +35,7 @@ def world_material(world: World) -> Material:
     return material_of([each.rest_positions for each in world.cloths], [each.triangles for each in world.cloths])
 
 
-def barycentric(points: Floats, rest: Floats, triangles: Ints) -> tuple[Ints, Floats]:
+def nearest_weights(points: Floats, rest: Floats, triangles: Ints) -> tuple[Ints, Floats]:
     """For each of `points (k, 3)` [m] the nearest triangle (k,) of a mesh at rest, and its weights (k, 3).
 
     The weights are those of the point's foot on the plane of the triangle, and may be negative at a border that is
@@ -52,7 +52,7 @@ def at_points_of(base: Material, run: Material, positions: Floats) -> Floats:
     starts = np.cumsum([0, *(len(rest) for rest in run.rest)])
     parts = []
     for points, rest, triangles, first in zip(base.rest, run.rest, run.triangles, starts[:-1], strict=True):
-        nearest, weights = barycentric(points, rest, triangles)
+        nearest, weights = nearest_weights(points, rest, triangles)
         parts.append(np.einsum("ij,ijk->ik", weights, positions[first + triangles[nearest]]))
     return np.concatenate(parts)
 

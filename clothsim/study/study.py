@@ -244,7 +244,7 @@ def _refuse_failed_base(gatherer: Gatherer) -> None:
 
 
 def _no_data_point(reason: str) -> InputError:
-    sentence = f"The scene itself is no data point: {reason}"
+    sentence = f"The scene itself is not a data point: {reason}"
     return InputError(sentence, "Run it, and change what fails; a shorter dt often helps.")
 
 

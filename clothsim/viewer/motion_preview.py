@@ -55,7 +55,7 @@ class MotionPreview(Served):
             put_cloth(self.nodes, frame.cloth - way, COLOURS[frame.verdict])
             for node, points in zip(self.nodes["bodies"], frame.bodies, strict=True):
                 node.vertices = (points - way).astype("float32")
-            self.controls["verdict"].content = verdict_text(frame)
+            self.controls["verdict"].content = frame_verdict_text(frame)
             self.controls["counts"].content = self.counts_text()
         return frame
 
@@ -74,7 +74,7 @@ class MotionPreview(Served):
                 self.show(number)
 
 
-def verdict_text(frame: Any) -> str:
+def frame_verdict_text(frame: Any) -> str:
     """The verdict on a frame, what was predicted, and its price."""
     spent = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in frame.seconds.items())
     found = frame.predicted.verdict if frame.predicted.clean else f"**{frame.predicted.verdict}**"

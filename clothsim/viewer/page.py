@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -21,15 +21,12 @@ from clothsim.viewer.gate import Gate
 from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
 from clothsim.viewer.side_texts import certificate_text, legend_html, solver_text, speeds, state_text, vertex_text
 
-if TYPE_CHECKING:
-    pass
-
 TICK = 1 / 30
 """Time between two looks at the clock while it plays [s]."""
-NEWS = 1.0
+POLL = 1.0
 """Time between two looks at the files of a run that is still going [s]."""
 CACHED_BYTES = 256 << 20
-"""Bound on the frames that are kept ready to be sent."""
+"""Bound on the cached frames."""
 
 
 @dataclass(repr=False)
@@ -115,7 +112,7 @@ class Page(Served):
             return True
 
     def glb(self, frame: int) -> bytes:
-        """The cloths of a frame as binary glTF; kept, as playing asks for it again."""
+        """The cloths of a frame as binary glTF; cached, as playing repeats frames."""
         key = (self.colouring.name, frame)
         if key not in self._ready:
             mesh = self.colouring.mesh(frame)
@@ -132,8 +129,8 @@ class Page(Served):
             return
         mesh = self.colouring.mesh(self.frame)
         marker.position = mesh.positions[self.picked]
-        places, times = self._history(self.picked), self.run.times
-        fast = speeds(places, times)
+        times = self.run.times
+        fast = speeds(self._history(self.picked), times)
         text.content = vertex_text(
             self.picked,
             mesh.positions[self.picked],
@@ -144,7 +141,7 @@ class Page(Served):
         self.controls["history"].visible = len(times) > 1
 
     def _history(self, vertex: int) -> Floats:
-        """Places of a vertex in all frames, (k, 3) [m]."""
+        """Positions of a vertex in all frames, (k, 3) [m]."""
         return np.array([self.colouring.positions(self.run, k)[vertex] for k in range(len(self.run))])
 
     def serve(self) -> None:
@@ -152,7 +149,7 @@ class Page(Served):
         looked = shown = monotonic()
         while not self._closed.wait(TICK):
             now = monotonic()
-            if not self.run.summary and now - looked > NEWS:
+            if not self.run.summary and now - looked > POLL:
                 looked = now
                 self.refresh()
             if self.controls["play"].value and len(self.run) > 1:
@@ -355,7 +352,7 @@ def view(
     colour: str | None = None,
     trusted: Sequence[str] = (),
 ) -> Page:
-    """Serve the page of a run, also of one that is still going: turn, scrub, play, colour by a field, pick a vertex.
+    """Serve the page of a run, also of one in progress: turn, scrub, play, colour by a field, pick a vertex.
 
     Parameters
     ----------

@@ -92,8 +92,8 @@ def serve(viser: Any, gate: Gate, port: int) -> Any:
     Raises
     ------
     InputError
-        For what is no port, or no address of this machine: viser would try port after port. For a version of viser that
-        passes by the gate.
+        For what is not a port, or not an address of this machine: viser would try port after port. For a version of
+        viser that passes by the gate.
     """
     if not 0 < port < 2**16:
         raise InputError(f"There is no port {port}.", f"Give a number from 1 to {2**16 - 1:,}.")

@@ -18,11 +18,8 @@ STOPS = 17
 
 def table(rows: Sequence[tuple[str, str]]) -> str:
     """Two columns in Markdown."""
-    return "\n".join(["| | |", "| --- | --- |", *(f"| {name} | {_escaped(value)} |" for name, value in rows)])
-
-
-def _escaped(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
+    cells = [(name, value.replace("|", "\\|").replace("\n", " ")) for name, value in rows]
+    return "\n".join(["| | |", "| --- | --- |", *(f"| {name} | {value} |" for name, value in cells)])
 
 
 def state_text(run: "Run") -> str:
@@ -59,15 +56,15 @@ def solver_text(entries: Sequence[Mapping[str, Any]], time: float) -> str:
 
 def vertex_text(vertex: int, position: Floats, speed: float, value: tuple[str, str]) -> str:
     """Position, speed, and name and value of what colours the cloth, at a picked vertex."""
-    place = ", ".join(f"{coordinate:.4f}" for coordinate in position)
-    return table([("vertex", f"{vertex:,}"), ("position [m]", place), ("speed [m/s]", f"{speed:.3g}"), value])
+    at = ", ".join(f"{coordinate:.4f}" for coordinate in position)
+    return table([("vertex", f"{vertex:,}"), ("position [m]", at), ("speed [m/s]", f"{speed:.3g}"), value])
 
 
-def speeds(places: Floats, times: Floats) -> Floats:
-    """Speed of a vertex between frames, (k,) [m/s], from its places (k, 3) [m]; 0 in the first frame."""
+def speeds(positions: Floats, times: Floats) -> Floats:
+    """Speed of a vertex between frames, (k,) [m/s], from its positions (k, 3) [m]; 0 in the first frame."""
     if len(times) < 2:
         return np.zeros(len(times))
-    return np.concatenate([[0.0], np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)])
+    return np.concatenate([[0.0], np.linalg.norm(np.diff(positions, axis=0), axis=1) / np.diff(times)])
 
 
 def legend_html(colouring: Colouring) -> str:

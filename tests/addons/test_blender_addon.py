@@ -94,7 +94,7 @@ def test_caches_go_into_the_coordinates_of_an_object(tmp_path):
     point_cache.write_cache(tmp_path / "a.pc2", there)
     assert np.allclose(point_cache.read_cache(tmp_path / "a.pc2"), there, atol=1e-6)
     (tmp_path / "b.pc2").write_bytes(b"POINTCACHE2")
-    with pytest.raises(ValueError, match="no point cache"):
+    with pytest.raises(ValueError, match="not a point cache"):
         point_cache.read_cache(tmp_path / "b.pc2")
 
 

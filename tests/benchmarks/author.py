@@ -1,10 +1,11 @@
 """Clips authored from two edited frames, against what the edit truly makes of the clip.
 
-`python -m tests.benchmarks.author [EDIT ...] [--cells N] [-o FOLDER] [--json FILE] [--small]`. A sheet that hangs from
-its upper edge is struck by a ball: 60 frames, of which two, 3 %, are the keys. The truth of each edit is a run of its
-own, of which the author sees the keys alone: a fabric four times as stiff; a hem 5 % longer, the change within the
-lowest quarter of the sheet; a pleat, two creases that the rest shape has not. Errors are root mean squares over the
-vertices and the frames that are no keys.
+`python -m tests.benchmarks.author [EDIT ...] [--walk] [--cells N] [--free NAMES] [-o FOLDER] [--json FILE] [--small]`.
+A sheet that hangs from its upper edge is struck by a ball: 60 frames, of which two, 3 %, are the keys; with `--walk` a
+shirt on a walking body, 52 frames (`tests.benchmarks.author_walk`). The truth of each edit is a run of its own, of
+which the author sees the keys alone: a fabric four times as stiff; a hem 5 % longer, the change within the lowest
+quarter; a pleat, two creases that the rest shape has not. Errors are root mean squares over the vertices and the frames
+that are no keys. Runs that the folder has already are taken from it.
 """
 
 import argparse
@@ -24,6 +25,7 @@ from clothsim.base.text import text_table
 from clothsim.garments.author import edited_frames, targets
 from clothsim.garments.authoring.arrays import scene_of_arrays
 from clothsim.garments.authoring.floor import floor_of
+from tests.benchmarks.author_walk import WalkingShirt
 
 YOUNG, BENDING, SIZE = 1e5, 2e-5, 0.5
 """Of the sheet [Pa], [N m], [m]."""
@@ -92,14 +94,16 @@ class Clip:
         return replace(scene, effects={**scene.effects, "rest_angle": {"crease": creases}})
 
 
-EDITS: dict[str, Callable[[Clip], Scene]] = {
+EDITS: dict[str, Callable[[Clip | WalkingShirt], Scene]] = {
     "fabric x 4": lambda clip: clip.scene(4.0),
-    "hem 5 % longer": Clip.longer_hem,
-    "pleat": Clip.pleat,
+    "hem 5 % longer": lambda clip: clip.longer_hem(),
+    "pleat": lambda clip: clip.pleat(),
 }
 
 
-def measured(edit: str, clip: Clip, folder: Path, free: Sequence[str] = ()) -> tuple[list[Row], Authored]:
+def measured(
+    edit: str, clip: Clip | WalkingShirt, folder: Path, free: Sequence[str] = ()
+) -> tuple[list[Row], Authored]:
     """The rows of an edit, and what the full form found; runs are left in `folder`."""
     run, truth = (
         _simulated(scene, folder / name) for scene, name in ((clip.scene(), "run"), (EDITS[edit](clip), edit))
@@ -176,14 +180,18 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--cells", type=int, default=Clip.cells, help="along a side of the sheet, odd (default 7)")
+    parser.add_argument("--walk", action="store_true", help="a shirt on a walking body in place of the sheet")
+    parser.add_argument("--free", default="", help="numbers that may explain the edits (default: all)")
     parser.add_argument("--small", action="store_true", help="a coarser and shorter sheet, two numbers of the fabric")
     given = parser.parse_args(arguments)
-    clip = Clip(4, 0.6, (12, 25)) if given.small else Clip(given.cells)
+    small = Clip(4, 0.6, (12, 25)) if given.small else Clip(given.cells)
+    clip = WalkingShirt() if given.walk else small
+    free = ["stretch", "bending"] if given.small else [name for name in given.free.split(",") if name]
     rows: list[Row] = []
     with TemporaryDirectory() as own:
         folder = given.output or Path(own)
         for edit in given.edits or (["fabric x 4"] if given.small else EDITS):
-            found, authored = measured(edit, clip, folder, ("stretch", "bending") if given.small else ())
+            found, authored = measured(edit, clip, folder, free)
             rows += found
             print(report(found), flush=True)
             print(to_json(authored.as_json().get("explained", {})), flush=True)

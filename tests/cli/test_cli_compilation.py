@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from clothsim.cli import progress
-from clothsim.cli.progress import CompilationClock, Lines, installed_clock, shown
+from clothsim.cli.progress import CompilationClock, Lines, installed_clock, progress_on_stderr
 from clothsim.run.step_reports import Progress
 
 
@@ -24,12 +24,13 @@ def _compilation_of(function):
 
 
 def test_the_clock_counts_what_is_nested_once_and_what_is_under_way(seconds):
-    clock, outer, inner = CompilationClock(), _compilation_of(shown), _compilation_of(CompilationClock.on_end)
+    clock, outer = CompilationClock(), _compilation_of(progress_on_stderr)
+    inner = _compilation_of(CompilationClock.on_end)
     assert (clock.seconds(), clock.kernel) == (0.0, "")
     for now, notify, event in ((1.0, clock.on_start, outer), (2.0, clock.on_start, inner), (4.0, clock.on_end, inner)):
         seconds.now = now
         notify(event)
-    assert (clock.seconds(), clock.kernel) == (3.0, "progress.shown")
+    assert (clock.seconds(), clock.kernel) == (3.0, "progress.progress_on_stderr")
     seconds.now = 6.0
     clock.on_end(outer)
     seconds.now = 60.0
@@ -64,7 +65,7 @@ def test_the_time_left_excludes_compilation(monkeypatch, capsys):
 def test_the_notice_ends_with_the_first_step_and_comes_once(monkeypatch, capsys):
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.02)
     monkeypatch.setattr("clothsim.engine.kernels_are_compiled", lambda: False)
-    with shown(quiet=False) as listener:
+    with progress_on_stderr(quiet=False) as listener:
         for _ in range(500):
             time.sleep(0.01)
             err = capsys.readouterr().err
@@ -82,6 +83,6 @@ def test_the_notice_ends_with_the_first_step_and_comes_once(monkeypatch, capsys)
 @pytest.mark.parametrize(("quiet", "compiled"), [(True, False), (False, True)])
 def test_nothing_is_printed_where_it_is_quiet_or_compiled(monkeypatch, capsys, quiet, compiled):
     monkeypatch.setattr("clothsim.engine.kernels_are_compiled", lambda: compiled)
-    with shown(quiet):
+    with progress_on_stderr(quiet):
         pass
     assert capsys.readouterr().err == ""

@@ -76,7 +76,7 @@ def test_a_bundle_is_replayed_with_one_command(capsys, tmp_path):
     assert f"failed: {first['reason']}" in capsys.readouterr().out
     assert read_summary(tmp_path / "sent/summary.json")["failure"] == first["failure"]
     assert (tmp_path / f"sent/iterates_{first['failure']['step']}.npz").is_file()
-    assert "sent is there already." in refused(capsys, "resume", "sent.zip")[0]
+    assert "sent already exists." in refused(capsys, "resume", "sent.zip")[0]
     assert main(["resume", "sent.zip", "-o", "other", "--no-picture", "--quiet"]) == 1
 
 

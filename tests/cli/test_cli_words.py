@@ -100,14 +100,14 @@ def test_what_is_left_follows_the_last_steps_and_each_round_begins_anew(capsys, 
         ({"temporal": 2e-3, "newton": 4e-6, "contact_gap": 0.53}, "2 mm, Newton 4 um, contact gap 0.53 d_hat"),
         (
             {"total": 9e-4, "known": True, "asked": 1e-3, "met": True},
-            "900 um in all (1 mm requested); Newton",
+            "900 um in total (1 mm requested); Newton",
         ),
         ({"total": 9e-3, "known": True, "asked": 1e-3, "met": False}, "(MISSED: 1 mm requested); Newton 0 um"),
         ({"total": 9e-3, "known": False}, "not known, about 9 mm"),
-        ({"total": "not estimated (failed)", "known": False}, "error not estimated (failed) in all; Newton"),
+        ({"total": "not estimated (failed)", "known": False}, "error not estimated (failed) in total; Newton"),
         (
             {"total": 9e-3, "known": False, "fixed": {"cells": ""}, "of_refined": {"known": True}},
-            "not known in all, as that of cells is not; others about 9 mm; Newton",
+            "total not known, because that of cells is not; others about 9 mm; Newton",
         ),
         (
             {"total": 9e-4, "known": False, "met": False, "asked": 1e-3, "fixed": {"cells": ""}}

@@ -15,7 +15,7 @@ import pytest
 from clothsim import InputError, check, load_scene
 from clothsim.base.file_reading import read_numbers, read_regular_file
 from clothsim.files.meshes import mesh_file
-from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
+from clothsim.files.meshes.mesh_file import animation_files, read_frames, read_mesh
 from clothsim.files.meshes.polygons import MeshPart
 from clothsim.files.runs.checkpoint import read_checkpoint
 from clothsim.run.export import unpack_bundle
@@ -78,7 +78,7 @@ def test_a_folder_of_any_size_is_listed_to_the_bound_only(tmp_path, monkeypatch)
     monkeypatch.setattr(mesh_file, "MOST_FRAMES", 6)
     monkeypatch.setattr(mesh_file, "iglob", endless)
     with pytest.raises(InputError, match="more than 6 files"):
-        frame_files(tmp_path, "*.obj")
+        animation_files(tmp_path, "*.obj")
 
 
 def test_a_pattern_of_everything_is_bounded(tmp_path, monkeypatch):
@@ -86,9 +86,9 @@ def test_a_pattern_of_everything_is_bounded(tmp_path, monkeypatch):
         (tmp_path / f"{k}.obj").write_text(TRIANGLE + "f 1 2 3\n")
     monkeypatch.setattr(mesh_file, "MOST_FRAMES", 6)
     with pytest.raises(InputError, match="more than 6 files"):
-        frame_files(tmp_path, "*.obj")
+        animation_files(tmp_path, "*.obj")
     monkeypatch.setattr(mesh_file, "MOST_FRAMES", 7)
-    files = frame_files(tmp_path, "*.obj")
+    files = animation_files(tmp_path, "*.obj")
     assert len(files) == 7
     monkeypatch.setattr(mesh_file, "MOST_BYTES", 100)
     with pytest.raises(InputError, match="7 frames"):

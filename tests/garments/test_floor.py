@@ -8,7 +8,7 @@ from small_scenes import EFFECTS, RUN, small_scene
 
 from clothsim import open_run, simulate
 from clothsim.garments.authoring.arrays import scene_of_arrays
-from clothsim.garments.authoring.floor import ASIDE, FLOOR_NAME, aside, floor_of, stricter
+from clothsim.garments.authoring.floor import ASIDE, FLOOR_NAME, Floor, aside, floor_of, stricter
 
 
 @pytest.fixture
@@ -58,3 +58,8 @@ def test_a_file_of_another_run_is_not_taken(run):
 
 def test_without_other_frames_nothing_is_known(run):
     assert np.isnan(floor_of(run).rms(range(len(run)))).all()
+
+
+def test_the_floor_of_a_frame_is_that_of_the_farther_twin():
+    found = Floor(np.array([0.0, 4e-6, 9e-6, np.nan]), np.array([0.0, 1e-6, 16e-6, np.nan]))
+    np.testing.assert_allclose(found.at([1, 2, 3]), [2e-3, 4e-3, 0.0])

@@ -5,7 +5,7 @@ import pytest
 from small_skirt import LENGTH, hanging_skirt, skirt_mesh
 
 from clothsim import InputError
-from clothsim.gradients.design import _Search, design, mirrored
+from clothsim.gradients.design import _Search, design, mirror_matrix
 from clothsim.gradients.design_aims import HemAt, Measured, StretchBelow
 from clothsim.gradients.losses import Girth, Height
 from clothsim.gradients.pattern_numbers import PatternNumbers
@@ -124,10 +124,10 @@ def test_a_pattern_that_is_cut_again_has_its_control_points_where_the_numbers_sa
 
 def test_mirror_images_change_together(mesh):
     paths = [f"pattern.front.edge[0].control[{k}].{axis}" for k in (0, 1) for axis in "xy"]
-    tied = mirrored(PatternNumbers(mesh), [*paths, "pattern.front.flare"])
+    tied = mirror_matrix(PatternNumbers(mesh), [*paths, "pattern.front.flare"])
     np.testing.assert_array_equal(tied.T, [[1, 0, -1, 0, 0], [0, 1, 0, 1, 0], [0, 0, 0, 0, 1]])
     with pytest.raises(InputError):
-        mirrored(PatternNumbers(mesh), paths[:2])
+        mirror_matrix(PatternNumbers(mesh), paths[:2])
 
 
 @pytest.mark.parametrize(

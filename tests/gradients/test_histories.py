@@ -36,16 +36,17 @@ def friction_scene(body=BALL, **solver):
     return falling_scene(ELASTIC | CONTACT | HELD, SLOW, body, integrator="bdf2", **solver)
 
 
-def folding_scene(model):
-    return falling_scene(ELASTIC | CONTACT | {"bending": {"model": model}} | FOLDING, integrator="bdf2")
+def folding_scene(**bending):
+    return falling_scene(ELASTIC | CONTACT | {"bending": bending} | FOLDING, integrator="bdf2")
 
 
 CHAINS = {
     "anchors that hold and slide": (friction_scene, LENGTHS),
     "anchors on a body that turns": (lambda: friction_scene(TURNING), LENGTHS),
     "anchors of cloth on cloth": (lambda: stacked_scene(ELASTIC | CONTACT | HELD, turn=20.0), (0.01, 0.007, 0.01)),
-    "folds of hinges": (lambda: folding_scene("hinge"), LENGTHS[:6]),
-    "folds of triangles": (lambda: folding_scene("midedge"), LENGTHS[:3]),
+    "folds of hinges": (lambda: folding_scene(model="hinge"), LENGTHS[:6]),
+    "folds of triangles": (lambda: folding_scene(short_waves=0.0), LENGTHS[:3]),
+    "folds of triangles at three points": (lambda: folding_scene(short_waves=1.0), LENGTHS[:4]),
     "a seam that closes": (lambda: sewn_scene({"self_contact": {"stiffness": KAPPA}}), (0.01, 0.007) * 3 + (0.01,)),
 }
 
@@ -91,7 +92,7 @@ def test_without_their_memory_they_are_wrong(chains, name, monkeypatch):
 def test_numbers_that_histories_depend_on():
     of_friction, of_folds = (
         Case(friction_scene(), lengths=LENGTHS[:3]),
-        Case(folding_scene("hinge"), lengths=(0.02,) * 5),
+        Case(folding_scene(model="hinge"), lengths=(0.02,) * 5),
     )
     for key in ("mu_kinetic", "elastic_slip"):
         assert of_friction.error(f"effects.friction.{key}", (1e-5,)) < BAR
@@ -99,10 +100,13 @@ def test_numbers_that_histories_depend_on():
     assert of_folds.error("effects.plastic_bending.yield_angle_degrees", (1e-3, 4e-4)) < BAR
 
 
-@pytest.mark.parametrize("name", ["friction", "plastic_bending"])
-def test_closed_forms(name):
+@pytest.mark.parametrize(
+    ("name", "short_waves"), [("friction", 0.0), ("plastic_bending", 0.0), ("plastic_bending", 1.0)]
+)
+def test_closed_forms(name, short_waves):
     """By each slot of the step and by the memory, of the force and of what is carried over."""
-    energy, step, x = unbound(name, {"coefficient": 0.7, "elastic_slip": 0.02} if name == "friction" else None)
+    keys = {"coefficient": 0.7, "elastic_slip": 0.02} if name == "friction" else None
+    energy, step, x = unbound(name, keys, short_waves=short_waves)
     before = energy.begin(step)
     memory = np.asarray(before.carry_over)
     step = replace(step, memory={name: memory}, positions=step.positions + 0.003 * np.sin(7 * step.positions[:, ::-1]))

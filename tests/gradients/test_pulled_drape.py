@@ -9,9 +9,9 @@ from views import looking, seen
 
 from clothsim import load_scene, recover_views
 from clothsim.base.errors import ClothsimError
-from clothsim.gradients.loss_of_numbers import Problem
+from clothsim.gradients.loss_of_numbers import LossOfNumbers
 from clothsim.gradients.mask_border import MaskBorder
-from clothsim.gradients.pulled_drape import PULL, displacement, frictionless_step, pulled, pulled_positions
+from clothsim.gradients.pulled_drape import PULL, frictionless_step, pull_displacement, pulled, pulled_positions
 from clothsim.gradients.run import traced
 from clothsim.gradients.view_fit import ViewFit
 from clothsim.gradients.views import View
@@ -61,7 +61,7 @@ def lying(tmp_path_factory):
     mask = seen(camera, (x + MOVED)[triangles])[0] == 0
     view = View("above", camera, {"mask": MaskBorder(camera, mask)})
     paths = ("cloth.bending_stiffness",)
-    problem = Problem(scene, None, paths, np.log([1e-5]), trace.stiffness, None)
+    problem = LossOfNumbers(scene, None, paths, np.log([1e-5]), trace.stiffness, None)
     fit = ViewFit(problem, (view,), triangles, problem.origin, np.zeros((1, 1)))
     return fit, fit.seen(problem.origin, np.zeros((0, 3)))
 
@@ -84,7 +84,7 @@ def test_friction_is_off_while_the_cloth_is_pulled_and_holds_it_then(lying):
 
 def test_a_pull_is_bound_and_lowers_the_sum(lying):
     fit, first = lying
-    moved = displacement(first.parts, first.positions, fit.triangles)
+    moved = pull_displacement(first.parts, first.positions, fit.triangles)
     lengths = np.linalg.norm(moved, axis=1)
     assert lengths.max() <= PULL * np.ptp(first.positions, axis=0).max() * (1 + 1e-12)
     slope = sum(each.jacobian.T @ (each.weights * each.slopes) for each in first.parts)

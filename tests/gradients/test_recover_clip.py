@@ -7,7 +7,9 @@ import pytest
 
 import clothsim
 from clothsim import InputError
+from clothsim.gradients import recover_clip
 from clothsim.mesh.generators.shapes import rectangle
+from clothsim.scene.assembly import scene_world
 
 
 def strip(youngs_modulus=1e4):
@@ -105,4 +107,37 @@ def test_the_floor_is_found_when_all_else_is_checked(keys):
     with pytest.raises(InputError, match="colour"):
         clothsim.recover_clip(strip(), keys, ["colour"], floor=floor)
     with pytest.raises(AssertionError):
+        clothsim.recover_clip(strip(), keys, ["stretch"], floor=floor)
+
+
+def test_a_key_that_is_hardly_known_hardly_counts(keys, found):
+    """A late frame where twins are 20 mm apart, with an edit of 8 mm that is no part of the truth."""
+    off = {2: keys[2], 4: keys[4] + 0.008 * np.sin(40 * keys[4][:, [2]])}
+    alike, own = (
+        clothsim.recover_clip(strip(), off, ["stretch"], floor=floor, rest=False) for floor in (1e-5, (1e-5, 0.02))
+    )
+    assert own.values["stretch"] == pytest.approx(4.0, rel=0.1)
+    assert abs(np.log(own.values["stretch"] / 4)) < 0.5 * abs(np.log(alike.values["stretch"] / 4))
+    assert own.noise == (1e-4, 0.02)
+
+
+def test_what_moves_the_keys_as_little_as_twins_is_not_determined(keys):
+    recovered = clothsim.recover_clip(strip(4e4), keys, ["stretch"], floor=0.05, rest=False)
+    assert recovered.errors["stretch"] == np.inf
+    assert recovered.values["stretch"] == pytest.approx(1.0)
+    assert recovered.undetermined == ({"stretch": 1.0},)
+
+
+def test_runs_end_at_the_last_key(keys, monkeypatch):
+    seen = []
+    monkeypatch.setattr(recover_clip, "build", lambda scene, **more: seen.append(scene) or scene_world.build(scene))
+    recovered = clothsim.recover_clip(strip(4e4), {2: keys[2]}, ["stretch"], rest=False)
+    assert {scene.run_settings.duration for scene in seen} == {0.08}
+    assert recovered.scene.run_settings.duration == 0.16
+    assert recovered.misfits[0] < 1e-12  # the frame of a run to its end
+
+
+@pytest.mark.parametrize("floor", [(1e-3,), (1e-3, -1.0), -1.0])
+def test_a_floor_that_is_none_is_refused(keys, floor):
+    with pytest.raises(InputError, match="floor"):
         clothsim.recover_clip(strip(), keys, ["stretch"], floor=floor)

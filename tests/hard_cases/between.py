@@ -1,4 +1,4 @@
-"""Cloth between bodies: rollers, a press for rubbish, a trampoline, sheets trapped and woven, a bag squeezed out.
+"""Cloth between bodies: rollers, a trash compactor, a trampoline, sheets trapped and woven, a bag squeezed out.
 
 After scenes of IPC (Li et al. 2020: rollers, trash compactor, squeeze-out) and of ppf-contact-solver (Ando 2024:
 trampoline, trapped, woven).
@@ -295,7 +295,7 @@ def squeezed_out(run: Run) -> str:
 
 CASES = (
     Case("B26a", "sheet drawn in by rollers", rollers, drawn, slow=True),
-    Case("B26b", "sheets in a press for rubbish", pressed, inside_walls, slow=True),
+    Case("B26b", "sheets in a trash compactor", pressed, inside_walls, slow=True),
     Case("B26c", "ball on a trampoline", trampoline, bounces, slow=True),
     Case("B26d", "sheet trapped between two jaws that turn", trapped, turns_along, files=trap),
     Case("B26e", "woven strips catch a ball", woven, still_woven, files=weave, slow=True),

@@ -211,7 +211,7 @@ CASES = (
     Case("B12f", "card on a wall, tan = 5 mu: falls", partial(on_wall, mu=0.1), all_of(falls, energy_falls)),
     Case("B12g", "two cards lean, tan = mu: stand", partial(pair, mu=0.5), all_of(stands, energy_falls)),
     Case("B12h", "two cards lean, tan = 5 mu: fall", partial(pair, mu=0.1), all_of(falls, energy_falls)),
-    Case("B12i", "card on a slope of .9 mu holds", partial(on_slope, tangent=0.9 * MU), all_of(holds(), energy_falls)),
+    Case("B12i", "card on a slope of 0.9 mu holds", partial(on_slope, tangent=0.9 * MU), all_of(holds(), energy_falls)),
     Case(
         "B12j",
         "card on a table that turns by 30 degrees/s holds",

@@ -195,7 +195,7 @@ def _knot() -> Outcome:
 
 FOUND: tuple[tuple[str, Callable[[int], float], Callable[[], float], float, int], ...] = (
     ("hinged ends: Euler load P L^2/EI", buckling_load, lambda: np.pi**2, 1e-3, 20),
-    ("hinged ends .6 L apart: height/L", partial(risen, 0.6), partial(elastica_height, 0.6), 2e-3, 20),
+    ("hinged ends 0.6 L apart: height/L", partial(risen, 0.6), partial(elastica_height, 0.6), 2e-3, 20),
     ("heavy cantilever, Gamma = 10: drop/reach", partial(drooped, 10.0), partial(elastica, 10.0), 5e-3, 20),
     ("heavy loop, w L^3/EI = 40: depth/L", partial(heart, 40.0), partial(depth_of_heart, 40.0, 0.0), 5e-3, 40),
     ("upright: w L^3/EI at which it bends", column, upright_column, 2e-3, 20),
@@ -206,4 +206,4 @@ FOUND: tuple[tuple[str, Callable[[int], float], Callable[[], float], float, int]
 ROWS = tuple(
     Row(f"A14{'abcdef'[k]}", f"rod, {asked}", partial(_against, *how)) for k, (asked, *how) in enumerate(FOUND)
 )
-ROWS += (Row("A14g", "rod, loose knot of two turns, r/R = .03: F R^2/EI", _knot),)
+ROWS += (Row("A14g", "rod, loose knot of two turns, r/R = 0.03: F R^2/EI", _knot),)

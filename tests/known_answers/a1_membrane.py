@@ -208,7 +208,7 @@ ROWS = (
     Row("A1b", "stress of a strip stretched 1.5, sides free [N/m]", lambda: _uniaxial(1.5, "1.04633399")),
     Row("A1c", "its energy [J/m2]", lambda: _uniaxial(1.5, "0.28627581", of_energy=True)),
     Row("A1d", "stress at an even stretch of 1.5 [N/m]", _equibiaxial),
-    Row("A1e", "energy of a simple shear of .4 [J/m2]", _shear),
+    Row("A1e", "energy of a simple shear of 0.4 [J/m2]", _shear),
     Row(
         "A1f",
         "patch test with slivers: furthest from the affine map",
@@ -224,6 +224,6 @@ ROWS = (
         "rigid motions, half turns, mirrored: largest force",
         lambda: Outcome(worst_rigid_force(), 0.0, 1e-12, unit="mu L"),
     ),
-    Row("A1i", "strip under its own weight, w = .5: drop / length", lambda: _strip(0.5, "0.09683185")),
+    Row("A1i", "strip under its own weight, w = 0.5: drop / length", lambda: _strip(0.5, "0.09683185")),
     Row("A1j", "strip under its own weight, w = 1: drop / length", lambda: _strip(1.0, "0.21438245")),
 )

@@ -152,8 +152,8 @@ ROWS = (
     Row("A3r", "loaded ring, midedge, random mesh, 12 cells: w D/(q b^4)", _ring),
     Row("A3s", "a column buckles under its weight, midedge: Gamma", _column),
     Row("A3t", "a deep beam tips over, midedge, nu = 0: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.0)),
-    Row("A3u", "a deep beam tips over, midedge, nu = .3: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.3)),
+    Row("A3u", "a deep beam tips over, midedge, nu = 0.3: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.3)),
     Row("A3v", "cantilever cut along the warp, D = 4, Gamma 10: drop / reach", partial(_woven, 0.0, 4.0)),
-    Row("A3w", "the same cut along the weft, D = .5", partial(_woven, 90.0, 0.5)),
+    Row("A3w", "the same cut along the weft, D = 0.5", partial(_woven, 90.0, 0.5)),
     Row("A3x", "cantilever past its yield, H = 0.5, 10 steps of load, unloaded: tip / length", _plastic),
 )

@@ -177,7 +177,7 @@ def _swing() -> Outcome:
 
 ROWS = (
     Row("A4a", "free fall, backward Euler: too far by g T dt/2 [m]", partial(_fall, "backward_euler")),
-    Row("A4b", "free fall, BDF2: too far by .75 g dt^2 [m]", partial(_fall, "bdf2")),
+    Row("A4b", "free fall, BDF2: too far by 0.75 g dt^2 [m]", partial(_fall, "bdf2")),
     Row("A4c", "order of backward Euler, a strained sheet that rings", partial(_order, "backward_euler", 1.0, 0.1)),
     Row("A4d", "order of BDF2, the same", partial(_order, "bdf2", 2.0, 0.15)),
     Row("A4e", "pendulum from 60 degrees, BDF2, two dt: T/T0", _swing),
@@ -191,7 +191,7 @@ ROWS = (
     ),
     Row(
         "A4h",
-        "unforced steps of .02, .2, 2 s: energy gained at most, never above 0",
+        "unforced steps of 0.02, 0.2, 2 s: energy gained at most, never above 0",
         lambda: Outcome(max(0.0, *(energy_gained(dt) for dt in (0.02, 0.2, 2.0))), 0.0, 1e-12, unit="fraction"),
     ),
 )

@@ -190,7 +190,7 @@ def _mylar(part: int, printed: str, elements: str = "triangles") -> Outcome:
 LOCKS = "the membrane locks where it must fold finer than the mesh: `python -m tests.benchmarks.locking`"
 
 ROWS = (
-    Row("A6a", "sphere under pR/mu .74519991: stretch", partial(_sphere, 1.1, "0.74519991")),
+    Row("A6a", "sphere under pR/mu 0.74519991: stretch", partial(_sphere, 1.1, "0.74519991")),
     Row("A6b", "sphere under pR/mu 1.26149699: stretch", partial(_sphere, 1.25, "1.26149699")),
     Row("A6c", "sphere, stretch at its largest pressure", _limit),
     Row("A6d", "clamped disc, pR/mu = 1: height / R", partial(_disc, 0, "0.53152270", 1e-3)),

@@ -113,11 +113,11 @@ def _wavelength(shear: float, wavelength: float) -> Outcome:
 
 
 ROWS = (
-    Row("A8a", "wrinkles of a sheared strip, gamma .02: half-wavelength / H", lambda: _wavelength(0.02, 0.2)),
+    Row("A8a", "wrinkles of a sheared strip, gamma 0.02: half-wavelength / H", lambda: _wavelength(0.02, 0.2)),
     Row(
         "A8b",
-        "the same strip, gamma .02: direction",
+        "the same strip, gamma 0.02: direction",
         lambda: Outcome(wrinkled(0.02, 0.2).degrees, 45.0, 5.0, unit="degrees"),
     ),
-    Row("A8c", "a strip 1.8 times as thick, gamma .04: half-wavelength / H", lambda: _wavelength(0.04, 0.225)),
+    Row("A8c", "a strip 1.8 times as thick, gamma 0.04: half-wavelength / H", lambda: _wavelength(0.04, 0.225)),
 )

@@ -215,10 +215,10 @@ def _ribbon() -> Outcome:
 
 def _rows() -> tuple[Row, ...]:
     plates = {"left": ("clamped at one side", CANTILEVER), "free": ("free", FREE), "all": ("clamped", CLAMPED)}
-    rows = [("square plate twisted to z = k x y, nu = .3: energy / (D (1 - nu) k^2)", _twisted)]
+    rows = [("square plate twisted to z = k x y, nu = 0.3: energy / (D (1 - nu) k^2)", _twisted)]
     for sides, (name, exact) in plates.items():
         for mode, value in enumerate(exact):
-            what = f"square plate, {name}, nu = .3, 30 cells, mode {mode + 1}: omega a^2 sqrt(rho/D)"
+            what = f"square plate, {name}, nu = 0.3, 30 cells, mode {mode + 1}: omega a^2 sqrt(rho/D)"
             rows.append((what, partial(_plate, sides, mode, value)))
     for mode in range(len(BEAM_MODES)):
         rows.append((f"cantilever strip, 40 cells, mode {mode + 1}: omega L^2 sqrt(rho/B)", partial(_beam, mode)))
@@ -231,7 +231,7 @@ def _rows() -> tuple[Row, ...]:
                 partial(_euler, ends, load),
             )
         )
-    rows.append(("strip with hinged ends pressed flat to .8 of its length, at rest: height / L", _buckled))
+    rows.append(("strip with hinged ends pressed flat to 0.8 of its length, at rest: height / L", _buckled))
     rows.append(("twisted ribbon under tension (Green 1936): torque / 2 D b", _torque))
     rows.append(("the same buckles (Green 1937): stretch of its mean line", _ribbon))
     return tuple(Row(f"A9{letter}", what, run) for letter, (what, run) in zip(ascii_lowercase, rows, strict=False))

@@ -11,7 +11,7 @@ from itertools import product
 from clothsim import Scene
 from clothsim.base.errors import ClothsimError
 from clothsim.study.error_control.resolution import CELLS, D_HAT, Resolution, refinable_scene
-from clothsim.study.error_control.search import work
+from clothsim.study.error_control.search import work_of
 from tests.known_answers.error_reference import Solution, distance, solution
 
 LONGEST_STEP = 0.02
@@ -41,7 +41,7 @@ def best_by_hand(scene: Scene, asked: float, reference: Solution) -> ByHand | No
     vertices = len(reference.positions) // 4
 
     def effort(each: Resolution) -> float:
-        return work(refinable, each, vertices)
+        return work_of(refinable, each, vertices)
 
     grid = sorted(
         (

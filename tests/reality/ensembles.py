@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from clothsim.base.arrays import Floats
-from clothsim.study.drape_recovery import DENSITY, GRAVITY, REPEATABILITY, cloth_of, mesh_size
+from clothsim.study.drape_recovery import DENSITY, GRAVITY, REPEATABILITY, assumed_cloth, mesh_size
 from clothsim.study.standard_tests.cusick import lay
 from tests.reality.borders import Lays
 
@@ -44,7 +44,7 @@ def sheet(length: float, ratio: float) -> dict[str, Any]:
     along = {"warp": mean * ratio**0.5, "weft": mean / ratio**0.5, "bias": mean * BIAS}
     bending = {f"bending_{way}": value for way, value in along.items()}
     slopes = {f"bending_slope_{way}": -SOFTENING * value for way, value in along.items()}
-    return {**cloth_of(length), **bending, **slopes}
+    return {**assumed_cloth(length), **bending, **slopes}
 
 
 def simulated(count: int, message: Callable[[str], None]) -> list[list[list[float]]]:

@@ -5,8 +5,8 @@ from meshes import random_rotation
 from clothsim.base.errors import InputError
 from clothsim.render.camera import (
     VIEWS,
-    Camera,
     Margins,
+    Viewpoint,
     extreme_points,
     frame,
     named_view,
@@ -84,7 +84,7 @@ def test_looking_straight_down_works():
 
 
 def test_directions_and_projection_agree():
-    camera = Camera(np.array([1.0, 2.0, 3.0]), random_rotation(3), np.array([0.3, 0.2]))
+    camera = Viewpoint(np.array([1.0, 2.0, 3.0]), random_rotation(3), np.array([0.3, 0.2]))
     rays = camera.directions(6, 4)
     seen = camera.project(camera.position + 7 * rays.reshape(-1, 3)).reshape(4, 6, 2)
     np.testing.assert_allclose(seen[0, 0], [-1 + 1 / 6, 1 - 1 / 4], atol=1e-12)

@@ -8,7 +8,7 @@ from render_scenes import NO_STRETCHES, ball, sheet
 
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.render import ray_caster
-from clothsim.render.camera import Camera
+from clothsim.render.camera import Viewpoint
 from clothsim.render.colour_scale import stretch_colours, stretch_scale
 from clothsim.render.display import why_not_vtk
 from clothsim.render.picture import draw, picture_setup
@@ -17,7 +17,7 @@ from clothsim.render.surface_look import Surface, looks
 
 SIZE = (200, 150)
 STRETCH = stretch_scale([np.array([-0.1, 0.1])])
-DOWN = Camera(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))
+DOWN = Viewpoint(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))
 """Looks down on the square of side 2 about the origin."""
 
 

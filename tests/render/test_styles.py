@@ -11,13 +11,13 @@ from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_limits, as_printed_size, join_vectors
 from clothsim.render import movie as movie_module
 from clothsim.render import picture as picture_module
-from clothsim.render.camera import Camera
+from clothsim.render.camera import Viewpoint
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import centre_of, draw, picture_setup, rendered, rendered_without_legend, scale_of
 from clothsim.render.ray_caster import pixel_geometry
 from clothsim.render.styles import INK, STYLES, outlined, woven
 
-DOWN = Camera(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))
+DOWN = Viewpoint(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))
 """Looks down on the square of side 2 about the origin."""
 WHITE = np.ones((60, 60, 3))
 

@@ -23,8 +23,8 @@ from clothsim.render.surface_look import (
     evenly_spaced,
     looks,
     ribbons,
-    smoothed,
     spacing_of,
+    subdivided,
 )
 
 TENT = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0]], float)
@@ -81,7 +81,7 @@ def test_each_fabric_has_a_plain_colour_also_on_the_smooth_surface():
     positions, triangles = grid(2, 2)
     fabrics = np.arange(len(triangles)) % 2
     surface = Surface("cloth", positions, triangles, "cloth", NO_STRETCHES, fabrics=fabrics)
-    fine = smoothed(surface)
+    fine = subdivided(surface)
     for each in (surface, fine):
         (look,) = looks([each], None)
         assert np.array_equal(look.front[:, 0], FABRICS[each.fabrics])
@@ -104,14 +104,14 @@ def smooth_ball(role: str = "cloth", subdivisions: int = 2) -> Surface:
 
 def test_vertices_stay_and_each_triangle_becomes_sixteen():
     before = smooth_ball()
-    after = smoothed(before)
+    after = subdivided(before)
     assert np.array_equal(after.positions[: len(before.positions)], before.positions)
     assert len(after.triangles) == 4**LEVELS * len(before.triangles)
     assert len(border_edges(after.triangles)[0]) == 0
 
 
 def test_a_ball_is_rounder_and_nothing_sinks_into_it():
-    before, after = smooth_ball(), smoothed(smooth_ball())
+    before, after = smooth_ball(), subdivided(smooth_ball())
     flat = np.linalg.norm(before.positions[before.triangles].mean(axis=1), axis=1).min()
     radii = np.linalg.norm(after.positions, axis=1)
     centres = np.linalg.norm(after.positions[after.triangles].mean(axis=1), axis=1)
@@ -123,7 +123,7 @@ def test_a_ball_is_rounder_and_nothing_sinks_into_it():
 def test_a_plane_stays_one_and_its_values_are_interpolated():
     x = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     triangles = np.array([[0, 1, 2], [0, 2, 3]])
-    after = smoothed(Surface("sheet", x, triangles, "cloth", NONE, values=x[:, 0]))
+    after = subdivided(Surface("sheet", x, triangles, "cloth", NONE, values=x[:, 0]))
     assert np.abs(after.positions[:, 2]).max() == 0
     assert np.allclose(after.values, after.positions[:, 0])
     assert len(border_edges(after.triangles)[0]) == 4 * 2**LEVELS
@@ -132,13 +132,13 @@ def test_a_plane_stays_one_and_its_values_are_interpolated():
 def test_a_sharp_fold_is_not_rounded():
     x = np.array([[0, 0, 0], [0, 1, 0], [1, 0.5, 0.05], [1, 0.5, -0.05]])
     triangles = np.array([[0, 1, 2], [1, 0, 3]])
-    after = smoothed(Surface("fold", x, triangles, "cloth", NONE))
+    after = subdivided(Surface("fold", x, triangles, "cloth", NONE))
     assert after.positions[:, 0].min() > -0.3
 
 
 @pytest.mark.parametrize("surface", [smooth_ball("body"), smooth_ball(subdivisions=6)])
 def test_bodies_and_fine_cloths_are_drawn_as_they_are(surface):
-    after = smoothed(surface)
+    after = subdivided(surface)
     assert np.array_equal(after.positions, surface.positions)
     assert len(surface.triangles) * 4 > MOST_TRIANGLES or surface.role == "body"
 

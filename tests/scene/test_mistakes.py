@@ -147,7 +147,7 @@ SETTINGS = {
     "effects.pins.select=lefft": ("effects.pins.select .*'lefft'", "'left'"),
     "effects.gravty.acceleration=1": ("effects .*'gravty'", "'gravity'"),
     "cloth.fabric=denm": ("cloth.fabric .*'denm'", "'denim'"),
-    "cloth.mesh.x=1": ("mesh is no table", "mesh"),
+    "cloth.mesh.x=1": ("mesh is not a table", "mesh"),
 }
 NAMED = {
     "run nowhere.toml": (r"nowhere\.toml", r"\.toml"),

@@ -19,7 +19,7 @@ def test_files_of_numbers_are_read_where_tables_name_them(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "message"), [(None, "There is no file"), (b"abc", "no NumPy file"), (b"", "no Num")]
+    ("content", "message"), [(None, "There is no file"), (b"abc", "not a NumPy file"), (b"", "not a Num")]
 )
 def test_a_file_that_is_missing_or_broken_is_named(tmp_path, content, message):
     if content is not None:

@@ -7,7 +7,7 @@ import pytest
 from clothsim import InputError, load_scene
 from clothsim.cli import main
 from clothsim.scene import toml_file
-from clothsim.scene.toml_file import example_scenes, headline, scene_file
+from clothsim.scene.toml_file import example_scenes, first_comment, scene_file
 
 ROOT = Path(__file__).parents[2]
 
@@ -95,7 +95,7 @@ def test_scenes_that_are_not_installed_are_reported(monkeypatch, tmp_path):
     ],
 )
 def test_the_headline_is_the_first_clause_of_the_comment(text, first):
-    assert headline(text) == first
+    assert first_comment(text) == first
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from analytic_study import Runners, answer
 
 from clothsim.base.errors import InputError
 from clothsim.cli import main
-from clothsim.cli.study_command import as_seconds, shown, terminated
+from clothsim.cli.study_command import as_seconds, study_progress, terminated
 from clothsim.scene.scene import scene_from_text
 from clothsim.study.evaluation import StudyProgress
 
@@ -109,7 +109,7 @@ def test_bad_times(text):
 
 
 def test_progress_lines_are_few(capsys):
-    with shown(quiet=False) as on_progress:
+    with study_progress(quiet=False) as on_progress:
         for second in range(20):
             on_progress(StudyProgress(second, 20, float(second), 120.0, "dt +1"))
     lines = capsys.readouterr().err.splitlines()

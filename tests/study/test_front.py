@@ -7,7 +7,7 @@ from clothsim.study.analysis import (
     cheapest_within,
     pareto_front,
     predicted_errors,
-    targets,
+    round_targets,
     worth_trying,
 )
 from clothsim.study.points import point
@@ -50,9 +50,9 @@ def test_what_is_worth_trying_is_few_and_on_the_front():
 
 
 def test_targets_are_round_and_enclose_the_errors():
-    assert targets([0.3, 7.0]) == [0.5, 1.0, 2.0, 5.0, 10.0]
-    assert targets([2.0]) == [2.0]
-    assert targets([0.0, 1.0]) == []
+    assert round_targets([0.3, 7.0]) == [0.5, 1.0, 2.0, 5.0, 10.0]
+    assert round_targets([2.0]) == [2.0]
+    assert round_targets([0.0, 1.0]) == []
 
 
 def test_the_cheapest_within_a_target():

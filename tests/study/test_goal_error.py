@@ -10,7 +10,7 @@ from analytic_study import SHEET, Runners
 
 from clothsim import InputError, Scene, simulate
 from clothsim.cli import main
-from clothsim.gradients.losses import Height, border_sides, hem_of
+from clothsim.gradients.losses import Height, border_sides, hem_loss
 from clothsim.gradients.state_at_rest import StateAtRest
 from clothsim.mesh.generators.shapes import disk, rectangle, tube
 from clothsim.scene.assembly.refinement import with_cells
@@ -39,7 +39,7 @@ SCENES = {
 }
 
 
-def found_in(scene, goal=hem_of):
+def found_in(scene, goal=hem_loss):
     finer = with_cells(scene, 2)
     return goal_error(scene, simulate(scene).positions(-1), finer, simulate(finer).positions(-1), goal)
 
@@ -51,7 +51,7 @@ def square():
 
 @pytest.mark.parametrize("name", ["strip from an edge", "strip that sags"])
 def test_the_parts_sum_to_the_difference(name):
-    found = found_in(SCENES[name], hem_of if "edge" in name else lambda world: Height())
+    found = found_in(SCENES[name], hem_loss if "edge" in name else lambda world: Height())
     assert abs(found.true) > 1e-6
     assert 0.9 < found.effectivity < 1.1
     assert abs(found.estimated) <= found.by_triangle.sum()
@@ -73,7 +73,7 @@ def test_point_pins_make_the_error_of_a_hem(square):
 def test_a_mesh_that_is_no_finer_has_no_error():
     scene = SCENES["strip from an edge"]
     ends = simulate(scene).positions(-1)
-    found = goal_error(scene, ends, scene, ends, hem_of)
+    found = goal_error(scene, ends, scene, ends, hem_loss)
     assert found.true == 0.0
     assert np.abs(found.by_vertex).max() < 1e-12
     assert np.isnan(found.effectivity)
@@ -110,7 +110,7 @@ def test_what_has_no_error_by_triangles(tmp_path, capsys):
     with pytest.raises(InputError, match="rigid"):
         StateAtRest.refuse_history(rigid)
     with pytest.raises(InputError, match="cells"):
-        study_accuracy(scene, tmp_path / "no", ["dt"], runners=Runners(), goal=NamedGoal("hem", hem_of))
+        study_accuracy(scene, tmp_path / "no", ["dt"], runners=Runners(), goal=NamedGoal("hem", hem_loss))
     assert not (tmp_path / "no" / "study.json").exists()
     file = tmp_path / "scene.toml"
     file.write_text('[cloth]\nmesh = "rectangle"\n[effects.membrane]\n')
@@ -127,7 +127,7 @@ def test_report_of_a_goal(tmp_path, monkeypatch):
     gatherer: Any = SimpleNamespace(
         bench=bench, outcomes=ends, good=lambda where: True, own_positions=ends.get, directory=tmp_path
     )
-    goal = goal_report(gatherer, NamedGoal("hem", hem_of))
+    goal = goal_report(gatherer, NamedGoal("hem", hem_loss))
     assert goal["failed"] == ""
     assert goal["cells"] == [4, 12]
     assert goal["believed"]
@@ -142,7 +142,7 @@ def test_report_of_a_goal(tmp_path, monkeypatch):
     assert len(goal_lines(goal)) == 2
     assert len(goal_lines(goal | {"believed": False})) == 3
     del ends[finer]
-    assert goal_report(gatherer, NamedGoal("hem", hem_of))["failed"]
+    assert goal_report(gatherer, NamedGoal("hem", hem_loss))["failed"]
 
 
 def test_a_study_with_a_goal(tmp_path, monkeypatch):
@@ -150,7 +150,7 @@ def test_a_study_with_a_goal(tmp_path, monkeypatch):
         "clothsim.study.study.goal_report", lambda gatherer, goal: {"name": goal.name, "failed": "a reason"}
     )
     scene = replace(SHEET, effects={"membrane": {}, "gravity": {}, "pins": TOP})
-    goal = NamedGoal("hem", hem_of)
+    goal = NamedGoal("hem", hem_loss)
     done = study_accuracy(scene, tmp_path, ["cells"], budget=1e9, workers=1, runners=Runners(), goal=goal)
     assert done.result["goal"] == {"name": "hem", "failed": "a reason"}
     assert "a reason" in str(done)

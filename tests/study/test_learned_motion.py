@@ -136,7 +136,7 @@ def test_a_scene_starts_from_a_model_that_is_refused_for_another(farm, learned, 
         with pytest.raises(InputError, match=what):
             MovingGarment.of_scene(with_key(mine, key, value)).model_in(file)
     (tmp_path / "torn.npz").write_bytes(file.read_bytes()[:-200])
-    with pytest.raises(InputError, match="no model"):
+    with pytest.raises(InputError, match="not a model"):
         read_model(tmp_path / "torn.npz")
 
 

@@ -90,7 +90,7 @@ def test_lines_of_vertex_numbers_belong_to_one_mesh(effects, name):
 @pytest.mark.parametrize(
     ("cloth", "sentence"),
     [
-        ({"mesh": "rectangle", "cells": [4, 5]}, "no whole numbers"),
+        ({"mesh": "rectangle", "cells": [4, 5]}, "not whole numbers"),
         ({"mesh": "sheet.obj"}, "is a file without cells"),
         ({"mesh": "skirt"}, "is a generated skirt without cells"),
     ],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.mesh.generators.shapes import disk, rectangle
-from clothsim.study.resample import at_points_of, barycentric, material_of, point_areas
+from clothsim.study.resample import at_points_of, material_of, nearest_weights, point_areas
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -40,7 +40,7 @@ def test_a_parabola_on_a_coarser_mesh_is_off_by_h2_over_8():
 
 def test_points_of_a_finer_circle_lie_outside_a_coarser_one_and_still_move_linearly():
     fine, coarse = disk(0.5, 8), disk(0.5, 4)
-    _, weights = barycentric(fine[0], *coarse)
+    _, weights = nearest_weights(fine[0], *coarse)
     assert weights.min() < -1e-3
     found = at_points_of(material_of([fine[0]], [fine[1]]), material_of([coarse[0]], [coarse[1]]), 2 * coarse[0])
     assert found == pytest.approx(2 * fine[0], abs=1e-13)

@@ -13,7 +13,7 @@ from clothsim.base.errors import InputError
 from clothsim.scene.assembly.meshes import cloth_shape
 from clothsim.scene.scene import scene_from_text
 from clothsim.study.parameters import written
-from clothsim.study.report import answer as reported
+from clothsim.study.report import answer_lines as reported
 from clothsim.study.resample import material_of, point_areas
 from clothsim.study.study import study_accuracy
 
@@ -50,7 +50,7 @@ def test_every_error_is_the_true_one(made):
 
 def test_slopes_bars_and_remainder(made):
     result = made[0].result
-    parameters = result["knobs"]
+    parameters = result["parameters"]
     assert parameters["dt"]["observed_slope"] == pytest.approx(1, abs=1e-6)
     assert parameters["cells"]["observed_slope"] == pytest.approx(2, abs=1e-6)
     assert (parameters["dt"]["expected_slope"], parameters["cells"]["expected_slope"]) == (1, 2)
@@ -154,7 +154,7 @@ def test_a_small_budget_says_how_much_is_needed(tmp_path):
     assert "it would take about" in result["left_out"]["cells +1"]
     assert result["recommended"] == result["front"] == []
     assert not (tmp_path / "study.png").exists()
-    assert "goes on from the runs so far" in (tmp_path / "study.md").read_text()
+    assert "continues from the runs so far" in (tmp_path / "study.md").read_text()
 
 
 def only(*allowed):
@@ -182,12 +182,12 @@ def test_without_any_finer_run_no_error_is_reported(tmp_path):
 def test_a_parameter_without_a_finer_run_is_reported_as_unknown(tmp_path):
     runners = only((4, 0.02), (4, 0.01), (4, 0.005))
     result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=1e9, workers=1, runners=runners).result
-    assert result["knobs"]["cells"]["adds"] is None
+    assert result["parameters"]["cells"]["adds"] is None
     headline = result["headline"]
     assert (headline["status"], headline["error"], headline["missing"]) == ("unfinished", None, ["cells"])
     assert headline["needed_seconds"] is None  # it failed: no budget helps
-    assert headline["so_far"]["dt"] == pytest.approx(result["knobs"]["dt"]["adds"])
-    assert "the finer run of cells is no data point" in " ".join(reported(result))
+    assert headline["so_far"]["dt"] == pytest.approx(result["parameters"]["dt"]["adds"])
+    assert "the finer run of cells is not a data point" in " ".join(reported(result))
 
 
 def test_a_capped_solve_is_no_data_point(tmp_path):
@@ -200,14 +200,14 @@ def test_a_capped_solve_is_no_data_point(tmp_path):
     result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=1e9, workers=1, runners=Runners(capped)).result
     assert not [each for each in result["points"] if each["settings"].get("dt") == 0.04]
     assert [each for each in result["failed"] if each["settings"].get("dt") == 0.04]
-    assert "is no data point: 2 of its steps" in (tmp_path / "study.md").read_text()
+    assert "is not a data point: 2 of its steps" in (tmp_path / "study.md").read_text()
 
 
 def test_a_scene_that_fails_itself_is_one_sentence(tmp_path):
     def fails(job):
         return {"failed": "It fell apart."}
 
-    with pytest.raises(InputError, match="The scene itself is no data point: It fell apart"):
+    with pytest.raises(InputError, match="The scene itself is not a data point: It fell apart"):
         study_accuracy(SHEET, tmp_path, PARAMETERS, workers=1, runners=Runners(fails))
 
 
@@ -262,7 +262,7 @@ def test_real_processes(tmp_path):
     assert {each["label"] for each in result["points"]} >= {"base", "dt +1", "dt -1", "tolerance +1"}
     assert all(each["seconds"] > 0 for each in result["points"])
     assert result["seconds"] < 900
-    assert 0.8 < result["knobs"]["dt"]["observed_slope"] < 1.3
+    assert 0.8 < result["parameters"]["dt"]["observed_slope"] < 1.3
 
 
 def test_values_for_people():

@@ -119,7 +119,7 @@ def test_a_study_that_goes_on_states_an_error_only_after_dt_and_cells(tmp_path):
 def test_a_start_inside_d_hat_is_one_push_and_not_several(tmp_path):
     error = true_error(RAMP, tmp_path)
     result = study_accuracy(RAMP, tmp_path, budget=1e6, workers=1, runners=InProcess(20)).result
-    headline, adds = result["headline"], sum(parameter["adds"] for parameter in result["knobs"].values())
+    headline, adds = result["headline"], sum(parameter["adds"] for parameter in result["parameters"].values())
     assert {"dt", "cells", "d_hat"} <= set(result["together"])
     together = result["reference"]["distance_of_base"]
     assert error / 2 <= together <= 2 * error

@@ -24,10 +24,13 @@ def table_world():
     return make_world([sheet], [floor])
 
 
-def unbound(name, keys=None):
-    """The effect on the table world, a step to bind it to, and positions at its end; None for a constraint."""
+def unbound(name, keys=None, **bending):
+    """The effect on the table world, with bending of these keys, a step to bind it to, and positions at its end.
+
+    None for a constraint.
+    """
     world = table_world()
-    filled = {"contacts": ("body_contact",), "built": {"bending": built("bending", world)}}
+    filled = {"contacts": ("body_contact",), "built": {"bending": built("bending", world, **bending)}}
     keys = keys or KEYS.get(name, EFFECTS[name].example().keys)
     energy = built(name, world, **keys, **filled)
     if isinstance(energy, tuple):

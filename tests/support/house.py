@@ -1,6 +1,7 @@
 """Structure of the package, read from its sources: rooms, imports between them, modules with one importer."""
 
 import ast
+import re
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import cache
@@ -36,6 +37,12 @@ def module_name(file: Path) -> str:
 def module_files() -> dict[str, Path]:
     """The files of both packages by dotted name."""
     return {module_name(file): file for top in ("clothsim", "transfer") for file in (ROOT / top).rglob("*.py")}
+
+
+@cache
+def tree(module: str) -> ast.Module:
+    """Syntax tree of a module."""
+    return ast.parse(module_files()[module].read_text(encoding="utf-8"))
 
 
 @cache
@@ -84,10 +91,43 @@ def function_imports() -> int:
     """Imports inside of functions, of anything."""
     return sum(
         isinstance(node, ast.Import | ast.ImportFrom)
-        for file in module_files().values()
-        for function in _outer_functions(ast.parse(file.read_text(encoding="utf-8")))
+        for module in module_files()
+        for function in _outer_functions(tree(module))
         for node in ast.walk(function)
     )
+
+
+def repeated_names(kind: type[ast.ClassDef] | type[ast.FunctionDef]) -> dict[str, list[str]]:
+    """Public names of classes or functions at the top of several modules, by name."""
+    homes = defaultdict(list)
+    for module in module_files():
+        for node in tree(module).body:
+            if isinstance(node, kind) and not node.name.startswith("_"):
+                homes[node.name].append(module)
+    return {name: modules for name, modules in homes.items() if len(modules) > 1}
+
+
+ELSEWHERE = {"overload_method", "jax_enable_x64", "__name__"}
+"""Names of other packages in docstrings."""
+
+
+def unknown_names() -> list[tuple[str, str]]:
+    """(module, name) of names with an underscore in back quotes of docstrings that neither package has."""
+    known = set(ELSEWHERE)
+    quoted = []
+    for module in module_files():
+        known.update(module.split("."))
+        for node in ast.walk(tree(module)):
+            known.update(getattr(node, key) for key in ("id", "attr", "arg", "name", "asname") if hasattr(node, key))
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.isidentifier():
+                known.add(node.value)  # a key of a file
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                quoted += [(module, name) for name in _QUOTED.findall(ast.get_docstring(node) or "")]
+    parts = [(module, name.rpartition(".")[2]) for module, name in quoted if not name.startswith("tests.")]
+    return [(module, name) for module, name in parts if "_" in name and name not in known]
+
+
+_QUOTED = re.compile(r"`([A-Za-z_][\w.]*)(?:\(\))?`")
 
 
 def lines() -> int:
@@ -123,5 +163,5 @@ def _imports_of(module: str) -> list[Import]:
                 typed = types or (isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test))
                 visit(child, inner, typed)
 
-    visit(ast.parse(files[module].read_text(encoding="utf-8")), within=False, types=False)
+    visit(tree(module), within=False, types=False)
     return found

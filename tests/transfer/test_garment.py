@@ -7,7 +7,7 @@ from real_data import DATA, needs_data
 
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.errors import TransferError
-from transfer.garment import followed, garment_transfer, transfer_garment
+from transfer.garment import garment_transfer, pairs_with_body, transfer_garment
 from transfer.signed_distance import body_surface
 from transfer.triangle_surface import largest_component, vertex_components, vertex_normals
 
@@ -69,7 +69,7 @@ def test_each_panel_finds_its_own_place():
 
 
 def test_a_garment_triangle_follows_triangles_that_face_its_way_with_weights_of_sum_one():
-    pairs, weights = followed((SHIRT, SHIRT_TRIANGLES), (BODY, TRIANGLES))
+    pairs, weights = pairs_with_body((SHIRT, SHIRT_TRIANGLES), (BODY, TRIANGLES))
     np.testing.assert_allclose(np.bincount(pairs[:, 1], weights), 1, atol=1e-12)
     assert (weights > 0).all()
     assert len(np.unique(pairs[:, 1])) == len(SHIRT_TRIANGLES)

@@ -5,7 +5,7 @@ import pytest
 
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.errors import TransferError
-from transfer.refine import DAMPING, Targets, clearance, normal_equations, refine, sample_weights
+from transfer.refine import DAMPING, ActiveRows, clearances, normal_equations, refine, sample_weights
 from transfer.refine import _deviation as deviation
 from transfer.signed_distance import body_surface
 from transfer.triangle_surface import convex_curvature, edges_of
@@ -58,7 +58,7 @@ def test_eps_keeps_the_middles_of_triangles_outside():
     """The closed form: the middle of a triangle of edge h on a sphere of curvature c is h^2 c / 6 below it."""
     np.testing.assert_allclose(convex_curvature(*BALL), 2.0, rtol=4e-2)
     edges = edges_of(SHIRT_TRIANGLES)
-    aims = clearance(0.5 * SHIRT, edges, body_surface(*BALL))
+    aims = clearances(0.5 * SHIRT, edges, body_surface(*BALL))
     wanted = aims.of(np.eye(len(SHIRT)), np.zeros(len(SHIRT), np.int64))
     below = 0.5 - np.linalg.norm((0.5 * SHIRT)[SHIRT_TRIANGLES].mean(axis=1), axis=1)
     assert (wanted.min() > below).all()
@@ -102,7 +102,7 @@ def test_the_equations_are_symmetric_positive_definite():
     weights = sample_weights(triangles, edges, len(sheet) + 1)
     rows = np.arange(0, weights.shape[0], 2)
     normals = np.random.default_rng(0).normal(size=(len(rows), 3))
-    targets = Targets(rows, normals / np.linalg.norm(normals, axis=1, keepdims=True), np.ones(len(rows)))
+    targets = ActiveRows(rows, normals / np.linalg.norm(normals, axis=1, keepdims=True), np.ones(len(rows)))
     for k, lam_d in enumerate((*DAMPING, DAMPING[-1])):
         matrix, _ = normal_equations(weights, targets, deviation(edges, len(sheet) + 1), k)
         dense = matrix.toarray()

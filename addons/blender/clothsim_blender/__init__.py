@@ -38,7 +38,7 @@ class ClothsimSettings(bpy.types.PropertyGroup):
     friction: bpy.props.FloatProperty(name="Friction", default=0.3, min=0.0, max=2.0)
     damping: bpy.props.FloatProperty(name="Damping [1/s]", default=2.0, min=0.0, max=100.0)
     self_contact: bpy.props.BoolProperty(name="Self contact", default=True)
-    moving: bpy.props.BoolProperty(name="Bodies move", default=False, description="Take the bodies at every frame")
+    moving: bpy.props.BoolProperty(name="Bodies move", default=False, description="Use the bodies at every frame")
 
 
 def world_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph, own: bool) -> Mesh:
@@ -89,7 +89,7 @@ def folder_of(cloth: bpy.types.Object) -> Path:
 
 
 def begin(context: bpy.types.Context) -> Simulation:
-    """Write the scene of the selection and start the process. RuntimeError for a selection that is no scene."""
+    """Write the scene of the selection and start the process. RuntimeError for a selection that is not a scene."""
     cloth, scene = context.active_object, context.scene
     if cloth is None or cloth.type != "MESH" or not len(cloth.data.polygons):
         raise RuntimeError("Make the cloth the active object: a mesh with faces.")

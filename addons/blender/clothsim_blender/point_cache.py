@@ -13,10 +13,10 @@ def read_cache(path: Path) -> np.ndarray:
     """Frames (k, n, 3). ValueError for another file."""
     data = path.read_bytes()
     if len(data) < HEADER.size:
-        raise ValueError(f"{path.name} is no point cache.")
+        raise ValueError(f"{path.name} is not a point cache.")
     signature, version, points, _, _, frames = HEADER.unpack_from(data)
     if signature != SIGNATURE or version != 1 or len(data) != HEADER.size + 12 * points * frames:
-        raise ValueError(f"{path.name} is no point cache.")
+        raise ValueError(f"{path.name} is not a point cache.")
     return np.frombuffer(data, "<f4", offset=HEADER.size).reshape(frames, points, 3)
 
 

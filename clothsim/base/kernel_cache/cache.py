@@ -98,10 +98,10 @@ def _docstrings(code: CodeType) -> int:
     return int(instructions.isdisjoint(_READ_THE_FIRST_CONSTANT))
 
 
-def names_of(code: CodeType) -> set[str]:
+def names_in_code(code: CodeType) -> set[str]:
     """Those that the code and the functions within it look up: globals, and attributes too."""
     within = (value for value in code.co_consts if isinstance(value, CodeType))
-    return set(code.co_names).union(*map(names_of, within))
+    return set(code.co_names).union(*map(names_in_code, within))
 
 
 def digest_of_types(signature: Any) -> str:
@@ -183,7 +183,7 @@ class _Walk:
     def _describe_function(self, function: FunctionType) -> str:
         """Its code, its defaults, the values of its names, and the compiler's options that numba registered for it."""
         code = function.__code__
-        names = frozenset(names_of(code))
+        names = frozenset(names_in_code(code))
         values = function.__globals__
         used = {name: self.describe(values[name], names) for name in sorted(names.intersection(values))}
         cells = [self._cell(cell) for cell in function.__closure__ or ()]

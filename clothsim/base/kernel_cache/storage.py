@@ -30,7 +30,7 @@ _SWEPT = "last-removal"
 
 
 def root(chosen: str = "") -> Path | None:
-    """The folder of all compiled kernels, which need not exist.
+    """The folder of all compiled kernels, which may not exist.
 
     Parameters
     ----------

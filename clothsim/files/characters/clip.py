@@ -72,7 +72,7 @@ class Track:
         return slerp(start, end, t) if self.path == "rotations" else (1 - t) * start + t * end
 
 
-class Motion(Protocol):
+class SkeletonMotion(Protocol):
     """Pose of a skeleton at any time from 0 to `duration` [s]."""
 
     @property
@@ -157,7 +157,7 @@ class Timeline:
     Attributes
     ----------
     skeleton : Skeleton
-    motion : Motion
+    motion : SkeletonMotion
     first : Pose
         Pose at time 0.
     lead_in : float
@@ -172,7 +172,7 @@ class Timeline:
     """
 
     skeleton: Skeleton
-    motion: Motion
+    motion: SkeletonMotion
     first: Pose
     lead_in: float
     start: float
@@ -226,7 +226,7 @@ def _run_up(line: Timeline, before: float) -> Pose:
 
 def timeline(
     skeleton: Skeleton,
-    motion: Motion,
+    motion: SkeletonMotion,
     first: Pose,
     lead_in: float,
     span: tuple[float, float],
@@ -239,7 +239,7 @@ def timeline(
     Parameters
     ----------
     skeleton : Skeleton
-    motion : Motion
+    motion : SkeletonMotion
     first : Pose
         Pose at time 0.
     lead_in : float

@@ -132,7 +132,7 @@ def _clip(name: str, skeleton: Skeleton, rate: float, turns: list[dict[str, Floa
     return uniform_clip(name, skeleton, rate, np.array(rotations), np.array(root))
 
 
-def standing(skeleton: Skeleton) -> Pose:
+def standing_pose(skeleton: Skeleton) -> Pose:
     """Arms hanging, as the walk holds them."""
     return skeleton.turned(_stride(0.0, 0.0))
 

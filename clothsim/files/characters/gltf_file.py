@@ -51,7 +51,7 @@ class GltfFile:
     def table(self, name: str) -> list[dict[str, Any]]:
         """The tables of a top-level list, "nodes" or "skins"; empty where the file has none."""
         if name in self.json and name not in self.tables:
-            raise self.fault(f"{name} is no list of tables.")
+            raise self.fault(f"{name} is not a list of tables.")
         return self.tables.get(name, [])
 
     @cached_property
@@ -149,7 +149,7 @@ class GltfFile:
     def _whole(self, table: Any, key: str, where: str, default: int | None = None) -> int:
         value = table.get(key, default) if isinstance(table, dict) else None
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 1 << 40:
-            raise self.fault(f"{where}.{key} is {value!r}, no count.")
+            raise self.fault(f"{where}.{key} is {value!r}, not a count.")
         return value
 
     def numbers(self, table: dict[str, Any], key: str, default: list[float], where: str) -> Floats:
@@ -157,7 +157,7 @@ class GltfFile:
         try:
             values = np.asarray(table.get(key, default), np.float64)
         except (TypeError, ValueError) as error:
-            raise self.fault(f"{where}.{key} is no list of numbers.") from error
+            raise self.fault(f"{where}.{key} is not a list of numbers.") from error
         if values.shape != (len(default),) or not (np.abs(values) < LARGEST).all():
             raise self.fault(f"{where}.{key} must be {len(default)} numbers below {LARGEST:g}.")
         return values
@@ -181,9 +181,9 @@ def read_gltf(path: Path) -> GltfFile:
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path.name} is no glTF file: {_short(error)}.", "Export a .glb or a .gltf.") from error
+        raise InputError(f"{path.name} is not a glTF file: {_short(error)}.", "Export a .glb or a .gltf.") from error
     if not isinstance(data, dict) or not isinstance(data.get("asset"), dict):
-        raise InputError(f"{path.name} is no glTF file: it has no asset.", "Export a .glb or a .gltf.")
+        raise InputError(f"{path.name} is not a glTF file: it has no asset.", "Export a .glb or a .gltf.")
     if not str(data["asset"].get("version", "")).startswith("2"):
         raise InputError(f"{path.name} has glTF version {data['asset'].get('version')!r}.", "Export glTF 2.0.")
     budget = Budget(path.name)
@@ -199,7 +199,7 @@ def read_gltf(path: Path) -> GltfFile:
 def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes]:
     """The JSON and the binary chunk of a .glb file."""
     if len(content) < 20 or struct.unpack_from("<I", content, 8)[0] > len(content):
-        raise InputError(f"{path.name} is cut off: it has {len(content):,} bytes.", "Copy it again.")
+        raise InputError(f"{path.name} is truncated: it has {len(content):,} bytes.", "Copy it again.")
     version, total = struct.unpack_from("<II", content, 4)
     if version != 2:
         raise InputError(f"{path.name} has glTF version {version}.", "Export glTF 2.0.")
@@ -221,12 +221,12 @@ def _buffer(file: GltfFile, number: int, entry: dict[str, Any], binary: bytes) -
     if uri is None:
         return binary
     if not isinstance(uri, str):
-        raise file.fault(f"buffers[{number}].uri is no text.")
+        raise file.fault(f"buffers[{number}].uri is not text.")
     if uri.startswith("data:"):
         try:
             return base64.b64decode(uri.partition(",")[2], validate=True)
         except (binascii.Error, ValueError) as error:
-            raise file.fault(f"buffers[{number}] is no base 64.") from error
+            raise file.fault(f"buffers[{number}] is not base 64.") from error
     name = Path(unquote(uri))
     if name.is_absolute() or ".." in name.parts or ":" in uri:
         raise file.fault(f"buffers[{number}] is {uri[:80]!r}, outside of its folder.", "Export a .glb, one file.")
@@ -236,7 +236,7 @@ def _buffer(file: GltfFile, number: int, entry: dict[str, Any], binary: bytes) -
 def broken(path: Path, error: Exception) -> InputError:
     """The error for a file whose JSON has a value of another type than glTF says."""
     return InputError(
-        f"{path.name} is no valid glTF file ({type(error).__name__}: {_short(error)}).", "Export it again."
+        f"{path.name} is not a valid glTF file ({type(error).__name__}: {_short(error)}).", "Export it again."
     )
 
 
@@ -304,8 +304,8 @@ def bound_skeleton(file: GltfFile, joints: Ints, inverse_bind: Floats) -> Skelet
     Notes
     -----
     Exporters write nodes in the pose of the moment; the bound pose is in the inverse bind matrices B_k. Where the first
-    root of the joints keeps its transform G_0, joint k rests at G_0 B_0 B_k^-1. A pose that is no rotation, scale and
-    translation stays that of the nodes.
+    root of the joints keeps its transform G_0, joint k rests at G_0 B_0 B_k^-1. A pose that is not a rotation, scale
+    and translation stays that of the nodes.
     """
     order, parents = node_order(file)
     names, pose = node_names(file, order), node_pose(file, order)
@@ -338,12 +338,12 @@ def _transform(file: GltfFile, k: int) -> tuple[Floats, Floats, Floats]:
     if "matrix" in node:
         found = _parts(file.numbers(node, "matrix", [0.0] * 16, where).reshape(4, 4).T)
         if found is None:
-            raise file.fault(f"{where}.matrix is no rotation, scale and translation.", "Apply its shear.")
+            raise file.fault(f"{where}.matrix is not a rotation, scale and translation.", "Apply its shear.")
         return found
     rotation = file.numbers(node, "rotation", [0.0, 0.0, 0.0, 1.0], where)
     length = float(np.linalg.norm(rotation))
     if length == 0:
-        raise file.fault(f"{where}.rotation is no rotation.")
+        raise file.fault(f"{where}.rotation is not a rotation.")
     translation = file.numbers(node, "translation", [0.0] * 3, where)
     return translation, np.roll(rotation, 1) / length, file.numbers(node, "scale", [1.0] * 3, where)
 

@@ -19,7 +19,7 @@ from scipy.optimize import nnls
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.files.characters.character import Character
-from clothsim.files.characters.clip import Motion, blended
+from clothsim.files.characters.clip import SkeletonMotion, blended
 from clothsim.files.characters.motion_check import LIMB_ROOTS, PartPair, part_pairs
 from clothsim.files.characters.quaternions import from_rotation_vectors, product
 from clothsim.files.characters.skeleton import Pose, joint_roles, orthonormal
@@ -44,7 +44,7 @@ class ApartMotion:
 
     Attributes
     ----------
-    motion : Motion
+    motion : SkeletonMotion
     joints : (l,) ndarray
         First joint of each limb.
     turns : callable
@@ -53,7 +53,7 @@ class ApartMotion:
         Largest turn of each limb.
     """
 
-    motion: Motion
+    motion: SkeletonMotion
     joints: Ints
     turns: Any
     largest: Floats
@@ -69,13 +69,15 @@ class ApartMotion:
         return _turned(pose, self.joints, np.asarray(self.turns(time)))
 
 
-def kept_apart(character: Character, motion: Motion, first: Pose, span: tuple[float, float], loop: bool) -> ApartMotion:
+def kept_apart(
+    character: Character, motion: SkeletonMotion, first: Pose, span: tuple[float, float], loop: bool
+) -> ApartMotion:
     """A motion whose limbs are turned outwards where they come near another part.
 
     Parameters
     ----------
     character : Character
-    motion : Motion
+    motion : SkeletonMotion
     first : Pose
         Pose in which all parts are apart; what is near another part there may be so at all times.
     span : (float, float)

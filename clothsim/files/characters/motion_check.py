@@ -119,7 +119,7 @@ class PartPair:
         return np.where(inside, -distance, distance), np.asarray(closest, np.float64).reshape(-1, 3)
 
 
-def parts_of(character: Character) -> dict[str, Ints]:
+def vertices_of_parts(character: Character) -> dict[str, Ints]:
     """Vertices of each part: "trunk", "left arm", ...; only those whose joints are found by their names."""
     names, parents = character.skeleton.names, character.skeleton.parents.tolist()
     roles = joint_roles(names, parents)
@@ -135,7 +135,7 @@ def parts_of(character: Character) -> dict[str, Ints]:
 
 def part_pairs(character: Character, first: Floats) -> tuple[PartPair, ...]:
     """Pairs of parts to look at; `first` (n, 3) [m] are the vertices of the first pose."""
-    parts = parts_of(character)
+    parts = vertices_of_parts(character)
     limit = APART * float(np.ptp(first, axis=0).max())
     pairs = []
     for one, other in combinations(reversed(parts), 2):  # limbs before the trunk
@@ -208,7 +208,7 @@ def closing_folds(
 
 def _adjacent(character: Character, first: Floats, covered: np.ndarray) -> Iterator[tuple[tuple[str, str], Ints, Ints]]:
     """Names of two parts, the covered vertices of one that are near the other, and the triangles of the other."""
-    parts = parts_of(character)
+    parts = vertices_of_parts(character)
     limit = APART * float(np.ptp(first, axis=0).max())
     for one, other in combinations(reversed(parts), 2):
         inside = np.zeros(len(first), bool)

@@ -64,11 +64,11 @@ def read_bvh(path: Path) -> Clip:
     Raises
     ------
     InputError
-        The file is missing, is no BVH file, or ends before its last frame: the sentence has the line or the frame.
+        The file is missing, is not a BVH file, or ends before its last frame: the sentence has the line or the frame.
     """
     head, motion, frames = read_regular_file(path, MOST_BYTES).decode("utf-8", "replace").partition("MOTION")
     if not motion or not head.lstrip("\ufeff \t\r\n").startswith("HIERARCHY"):
-        raise InputError(f"{path.name} is no BVH file: HIERARCHY or MOTION is missing.", "Export it as BVH.")
+        raise InputError(f"{path.name} is not a BVH file: HIERARCHY or MOTION is missing.", "Export it as BVH.")
     joints = _hierarchy(path, head)
     count, seconds, values = _bvh_frames(path, frames, sum(map(len, joints.channels)))
     Budget(path.name).spend("numbers", count, len(joints.names), 4)
@@ -283,7 +283,7 @@ def _gltf_clip(file: GltfFile, skeleton: Skeleton, name: str | None) -> Clip:
     animations = file.table("animations")
     names = [str(each.get("name", f"animation{k}")) for k, each in enumerate(animations)]
     if not animations:
-        raise file.fault("it has no animation.", "Export it with one, or take another clip.")
+        raise file.fault("it has no animation.", "Export it with one, or use another clip.")
     if name is not None and name not in names:
         raise file.fault(f"it has no animation {name!r}.", f"Known: {', '.join(names)}.")
     number = 0 if name is None else names.index(name)

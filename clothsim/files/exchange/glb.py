@@ -77,7 +77,7 @@ class GlbBuffer:
         if total > _LARGEST:
             raise InputError(
                 f"The .glb file would have {total / 2**30:.1f} GiB, and the format ends at 4.",
-                "Take fewer frames by --fps, or export USD or a point cache.",
+                "Export fewer frames with --fps, or export USD or a point cache.",
             )
         head = struct.pack("<4sII", b"glTF", 2, total) + struct.pack("<I4s", len(text), b"JSON")
         return b"".join([head, text, struct.pack("<I4s", self._length, b"BIN\0"), *self._chunks])
@@ -99,7 +99,7 @@ def write(animation: Animation, target: Path) -> None:
     if frames - 1 > MOST_TARGETS and any(part.moving for part in animation.parts):
         raise InputError(
             f"{frames:,} frames are more morph targets than a glTF file should have ({MOST_TARGETS:,}).",
-            "Take fewer by --fps, or export USD or a point cache.",
+            "Export fewer with --fps, or export USD or a point cache.",
         )
     write_atomically(target, glb_bytes(animation))
 

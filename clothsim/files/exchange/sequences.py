@@ -46,7 +46,7 @@ def files(animation: Animation, target: Path) -> list[Path]:
 
 def write(animation: Animation, target: Path) -> None:
     """Write the files."""
-    {".obj": write_obj, ".ply": write_ply}.get(target.suffix.lower(), write_caches)(animation, target)
+    {".obj": write_obj_frames, ".ply": write_ply_frames}.get(target.suffix.lower(), write_caches)(animation, target)
 
 
 def frame_files(animation: Animation, target: Path) -> list[Path]:
@@ -58,7 +58,7 @@ def frame_files(animation: Animation, target: Path) -> list[Path]:
     return [target.with_name(f"{target.stem}_{k:0{digits}d}{target.suffix}") for k in range(count)]
 
 
-def write_obj(animation: Animation, target: Path) -> None:
+def write_obj_frames(animation: Animation, target: Path) -> None:
     """Write the files."""
     for k, path in enumerate(frame_files(animation, target)):
         write_atomically(path, frame_text(animation, k).encode())
@@ -119,13 +119,13 @@ _VERTEX = np.dtype(
 )
 
 
-def write_ply(animation: Animation, target: Path) -> None:
+def write_ply_frames(animation: Animation, target: Path) -> None:
     """Write the files."""
     for k, path in enumerate(frame_files(animation, target)):
-        write_atomically(path, frame_bytes(animation, k))
+        write_atomically(path, ply_bytes(animation, k))
 
 
-def frame_bytes(animation: Animation, frame: int) -> bytes:
+def ply_bytes(animation: Animation, frame: int) -> bytes:
     """The file of a frame."""
     vertices, faces, count = [], [], 0
     for number, (part, shape) in enumerate(zip(animation.parts, animation.at(frame), strict=True)):

@@ -41,7 +41,7 @@ def read_off(path: Path, text: str) -> Polygons:
         n_vertices, n_faces = int(lines[0][0]), int(lines[0][1])
         rows, faces = lines[1 : 1 + n_vertices], lines[1 + n_vertices : 1 + n_vertices + n_faces]
         if min(n_vertices, n_faces) < 0 or len(rows) < n_vertices or len(faces) < n_faces:
-            raise InputError(f"{path} ends early: it promises {n_vertices} vertices and {n_faces} faces.")
+            raise InputError(f"{path} ends early: it declares {n_vertices} vertices and {n_faces} faces.")
         points = np.array([[float(word) for word in row[:3]] for row in rows], float).reshape(-1, 3)
         sizes = np.array([int(face[0]) for face in faces], np.int64)
         if (sizes < 0).any() or any(len(face) <= size for face, size in zip(faces, sizes, strict=True)):
@@ -106,7 +106,9 @@ LIBRARY_READERS: dict[str, Callable[[Path, bytes], Polygons]] = {
 def _refuse_promises(path: Path, counts: list[int], content: bytes) -> None:
     """InputError where a header declares more elements than the file can hold: the libraries allocate them first."""
     if max(counts, default=0) > len(content) or sum(counts) > MOST_SHARED * len(content):
-        raise InputError(f"{path} promises {max(counts):,} elements in {len(content):,} bytes.", "It is cut or broken.")
+        raise InputError(
+            f"{path} declares {max(counts):,} elements in {len(content):,} bytes.", "It is truncated or broken."
+        )
 
 
 def _convert_meshio(path: Path, mesh) -> Polygons:
@@ -269,12 +271,12 @@ def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
 def checked(file: Path, polygons: Polygons) -> Polygons:
     """The polygons. InputError for a vertex that is not finite and for a face of vertices that are not there."""
     points, corners = polygons.positions, polygons.corners
-    # Of a file that is no mesh nothing is repeated: it may be anything.
+    # Of a file that is not a mesh nothing is repeated: it may be anything.
     notes = "".join(f", {message}" for message in polygons.messages if len(points))
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{file} has vertices of shape {points.shape}, not (n, 3).")
     if not len(corners):
-        raise InputError(f"{file} holds no faces ({len(points)} vertices{notes}).")
+        raise InputError(f"{file} contains no faces ({len(points)} vertices{notes}).")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise InputError(
@@ -297,7 +299,7 @@ MOST_FRAMES, MOST_BYTES = 20_000, 8 << 30
 """Largest number of frames, and largest memory of their positions [bytes]."""
 
 
-def frame_files(directory: Path, pattern: str) -> list[Path]:
+def animation_files(directory: Path, pattern: str) -> list[Path]:
     """The files that match `pattern` ("kick/shell*.obj") in `directory`, in natural order: shell2 before shell10.
 
     InputError where there is none.
@@ -305,7 +307,7 @@ def frame_files(directory: Path, pattern: str) -> list[Path]:
     try:
         names = list(islice(iglob(pattern, root_dir=directory), MOST_FRAMES + 1))
     except (ValueError, re.error) as error:
-        raise InputError(f"frames = {pattern!r} is no pattern of file names ({error}).") from error
+        raise InputError(f"frames = {pattern!r} is not a pattern of file names ({error}).") from error
     if len(names) > MOST_FRAMES:
         raise InputError(
             f"frames = {pattern!r} matches more than {MOST_FRAMES:,} files.", "Name the frames more closely."

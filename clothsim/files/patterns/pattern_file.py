@@ -14,9 +14,9 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import refuse_unknown
+from clothsim.base.inputs import is_number, refuse_unknown
 from clothsim.files.patterns.dxf.drawing import SEW, UNITS, Drawing, Piece, read_drawing
-from clothsim.files.patterns.dxf.outline import Part, edges_of, loop_of, polygon, reflected, unfolded
+from clothsim.files.patterns.dxf.outline import Part, loop_of, outline_edges, polygon, reflected, unfolded
 from clothsim.patterns.pattern import Panel, Pattern, Side, Stitch
 from clothsim.patterns.specification import USUAL_UNITS, read_specification
 
@@ -87,7 +87,7 @@ class SewingFile:
 
 
 def read_sewing_file(path: Path) -> SewingFile:
-    """Entries of a sewing file. InputError for a file that is none, naming the key."""
+    """Entries of a sewing file. InputError for any other file, naming the key."""
     try:
         absent = "Write the seams to it, or name another file with --seams."
         data = tomllib.loads(read_regular_file(path, MOST_BYTES, absent).decode("utf-8-sig"))
@@ -125,7 +125,7 @@ def sewing_of(data: Mapping[str, Any]) -> SewingFile:
 def _panel_keys(name: str, keys: Any, notches: bool) -> PanelKeys:
     where = f"panels.{name}"
     if not isinstance(keys, Mapping):
-        raise InputError(f"{where} is no table.", f"Write [{where}] and its keys below.")
+        raise InputError(f"{where} is not a table.", f"Write [{where}] and its keys below.")
     refuse_unknown(where, keys, OF_PANEL)
     position = keys.get("position")
     return PanelKeys(
@@ -142,7 +142,7 @@ def _panel_keys(name: str, keys: Any, notches: bool) -> PanelKeys:
 def _seam(number: int, keys: Any) -> Stitch:
     where = f"seam {number}"
     if not isinstance(keys, Mapping):
-        raise InputError(f"{where} is no table.", "Write [[seam]] and from and to below.")
+        raise InputError(f"{where} is not a table.", "Write [[seam]] and from and to below.")
     refuse_unknown(where, keys, ("from", "to", "right_wrong"))
     sides = []
     for end in ("from", "to"):
@@ -163,7 +163,7 @@ def _take_value(keys: Mapping[str, Any], key: str, kind: Any, default: Any, wher
 
 
 def _number(where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+    if not is_number(value) or not np.isfinite(value):
         raise InputError(f"{where} is {value!r}.", "Give a number.")
     return float(value)
 
@@ -266,18 +266,18 @@ def _panel(name: str, keys: PanelKeys, pieces: dict[str, Piece], sewing: SewingF
             np.concatenate([points, reflected(points, piece.mirror)]) for points in (notches, curve_points)
         )
     reach = ON_CUT_LINE if piece.layer == SEW else ON_OUTLINE
-    vertices, edges = edges_of(loop, notches, curve_points, reach, sewing.corner)
+    vertices, edges = outline_edges(loop, notches, curve_points, reach, sewing.corner)
     turn = keys.turn + _upright(piece.grain)
     cosine, sine = np.cos(turn), np.sin(turn)
     matrix = np.array([[cosine, sine], [-sine, cosine]])  # rows are points
     border = polygon(loop) @ matrix
     middle = (border.min(axis=0) + border.max(axis=0)) / 2
     flat = Panel(name, vertices @ matrix - middle, edges, np.zeros(3), keys.rotation, keys.label)
-    panel = mirrored(flat) if keys.mirrored else flat
+    panel = mirrored_panel(flat) if keys.mirrored else flat
     return panel if keys.position is None else replace(panel, translation=keys.position)
 
 
-def mirrored(panel: Panel) -> Panel:
+def mirrored_panel(panel: Panel) -> Panel:
     """The reflection of a panel in x; its edges keep their numbers."""
     axis = np.array([[0.0, 0.0], [0.0, 1.0]])
     ends = [(panel.vertices[edge.start], panel.vertices[edge.end]) for edge in panel.edges]
@@ -334,7 +334,7 @@ def read_pattern(
     MissingPackageError
         A drawing, and ezdxf is not installed.
     InputError
-        A file that is no pattern, naming its panel, edge or stitch; seams for a file that names its own.
+        A file that is not a pattern, naming its panel, edge or stitch; seams for a file that names its own.
     """
     if Path(path).suffix.lower() != DXF:
         if seams is not None:

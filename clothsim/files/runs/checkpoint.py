@@ -93,10 +93,10 @@ def unpacked(data: bytes, name: str) -> Checkpoint:
     try:
         content = BytesIO(data)
         if not zipfile.is_zipfile(content):
-            raise ValueError("it is no NumPy archive, or not all of one")
+            raise ValueError("it is not a NumPy archive, or not all of one")
         with zipfile.ZipFile(content) as archive:
             if sum(entry.file_size for entry in archive.infolist()) > len(content.getvalue()):
-                raise ValueError("it would unpack to more than it holds")  # NumPy writes it uncompressed
+                raise ValueError("it would unpack to more than it should")  # NumPy writes it uncompressed
         with np.load(content, allow_pickle=False) as arrays:
             return _from_arrays(arrays)
     except Exception as error:  # zipfile, NumPy and JSON raise a dozen types of errors
@@ -119,7 +119,7 @@ def _from_arrays(arrays: Any) -> Checkpoint:
         raise ValueError(f"its time is {time} s, its step {dt} s, its counts {counts}")
     scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
     if not isinstance(counters, dict):
-        raise ValueError("its counters are no table")
+        raise ValueError("its counters are not tables")
     state = State(
         *(time, dt, step, frame, positions, velocities, blocked_at, blocked),
         memory=counters.pop("memory", {}),
@@ -171,5 +171,5 @@ def _text(text: str) -> np.ndarray:
 
 def _string(array: np.ndarray) -> str:
     if array.dtype != np.uint8:
-        raise ValueError("its text is no text")
+        raise ValueError("its text is not text")
     return array.tobytes().decode()

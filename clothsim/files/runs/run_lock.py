@@ -77,9 +77,7 @@ def _taken(path: Path, directory: Path) -> int:
             os.close(handle)
             raise
         return handle
-    raise InputError(
-        f"{directory} is locked and unlocked by other processes all the time.", "Choose another directory."
-    )
+    raise InputError(f"{directory} keeps being locked by other processes.", "Choose another directory.")
 
 
 def _exclusive(handle: int) -> bool:
@@ -125,7 +123,7 @@ def _refusal(directory: Path, holder: dict[str, Any]) -> InputError:
     known = f"process {pid} on {host}, since {started}"
     if away:
         return InputError(
-            f"{directory} is being written by {known}, which cannot be asked from here.",
+            f"{directory} is being written by {known}, which cannot be checked from here.",
             f"Choose another directory, or delete {LOCK_NAME} if that process has ended.",
         )
     return InputError(f"{directory} is being written by {known}.", "Choose another directory, or wait for its end.")

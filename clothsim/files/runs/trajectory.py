@@ -20,13 +20,13 @@ from clothsim.files.runs.vtkhdf import (
     arrays_for,
     arrays_of,
     blocks,
-    cut,
-    frame_bytes,
+    frame_size_bound,
     grow_tables,
     lay_out,
-    layout_bytes,
+    layout_size_bound,
     rows_of,
     set_frame_count,
+    truncate,
     write_frame,
 )
 from clothsim.mesh.world import NO_EDGES, SurfaceRows, check_surfaces, same_surfaces
@@ -111,7 +111,7 @@ class TrajectoryWriter(ClosingWriter):
             raise InputError(f"Frame {frame} is at {time!r} s, which is not later than the frame before it.")
         stretches = {} if principal_stretches is None else {STRETCHES.name: principal_stretches}
         parts = self._per_surface({**stretches, **(fields or {})})
-        require_space(self._path, frame_bytes(self.surfaces, self.arrays))
+        require_space(self._path, frame_size_bound(self.surfaces, self.arrays))
         with writing(self._path):
             self._write(frame, float(time), x, parts)
 
@@ -139,7 +139,7 @@ class TrajectoryWriter(ClosingWriter):
         for array in self.arrays:
             own = [surface for surface in self.surfaces if surface.role == array.role]
             rows = np.asarray(values[array.name], dtype=np.float32)
-            ends = np.cumsum([0, *(_row_count(surface, array) for surface in own)])
+            ends = np.cumsum([0, *(array.row_count(surface) for surface in own)])
             if rows.shape != (ends[-1], *array.components):
                 raise InputError(
                     f"{array.name} must have shape {(int(ends[-1]), *array.components)}, not {rows.shape}."
@@ -148,10 +148,6 @@ class TrajectoryWriter(ClosingWriter):
             for surface, start, stop in zip(own, ends[:-1], ends[1:], strict=True):
                 parts[surface.name, array.name] = flat[start:stop]
         return parts
-
-
-def _row_count(surface: SurfaceRows, array: FrameArray) -> int:
-    return surface.n_vertices if array.location == "vertex" else len(surface.triangles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +256,7 @@ def _create(path: Path, surfaces: tuple[SurfaceRows, ...], arrays: tuple[FrameAr
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error}).") from error
     try:
-        require_space(path, layout_bytes(surfaces, arrays))
+        require_space(path, layout_size_bound(surfaces, arrays))
         with writing(path):
             lay_out(file, surfaces, arrays)
             file.flush()
@@ -281,10 +277,10 @@ def _resume(path: Path, surfaces: tuple[SurfaceRows, ...], arrays: tuple[FrameAr
     wanted = {array for array in arrays if any(surface.role == array.role for surface in surfaces)}
     if stored != wanted or not same_surfaces(trajectory.surfaces, surfaces):
         raise InputError(f"{path} holds other surfaces or fields than this run.", "Write to another directory.")
-    require_space(path, frame_bytes(surfaces, arrays))
+    require_space(path, frame_size_bound(surfaces, arrays))
     with writing(path):
         file = h5py.File(path, "r+", locking=False)
-        cut(file, frames)
+        truncate(file, frames)
     return file
 
 

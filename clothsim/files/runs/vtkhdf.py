@@ -54,6 +54,10 @@ class FrameArray:
         """Path in a block of the table with the first row of each frame."""
         return f"Steps/{_GROUPS[self.location]}Offsets/{self.name}"
 
+    def row_count(self, surface: SurfaceRows) -> int:
+        """Number of its rows on a surface."""
+        return surface.n_vertices if self.location == "vertex" else len(surface.triangles)
+
 
 STRETCHES = FrameArray("principal_stretches", "triangle", (2,))
 
@@ -107,24 +111,23 @@ def grow_tables(file: h5py.File, frame: int) -> None:
             _write_offsets(block[array.offsets], rows, rows_of(block, array))
 
 
-def frame_bytes(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
+def frame_size_bound(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
     """Upper bound on the bytes that a frame adds, uncompressed, with the pieces of index and tables that it may add."""
     size = _INDEX_BYTES * (3 + len(surfaces) * (3 + 2 * len(arrays)))
     for surface in surfaces:
         size += 24 * surface.n_vertices
         for array in arrays_for(surface, arrays):
-            rows = surface.n_vertices if array.location == "vertex" else len(surface.triangles)
-            size += 4 * rows * int(np.prod(array.components))
+            size += 4 * array.row_count(surface) * int(np.prod(array.components))
     return size + size // 100  # gzip adds up to that to what it cannot compress
 
 
-def layout_bytes(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
+def layout_size_bound(surfaces: Sequence[SurfaceRows], arrays: Sequence[FrameArray]) -> int:
     """Upper bound on the bytes of `lay_out`."""
     blocks_size = _INDEX_BYTES * (3 + len(surfaces) * (10 + 2 * len(arrays)))
     return blocks_size + sum(40 * len(surface.triangles) for surface in surfaces)
 
 
-def cut(file: h5py.File, frames: int) -> None:
+def truncate(file: h5py.File, frames: int) -> None:
     """Drop the frames from number `frames` on, and the data of an incomplete one."""
     set_frame_count(file, frames, None)
     file.flush()

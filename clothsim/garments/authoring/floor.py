@@ -57,6 +57,11 @@ class Floor:
             return float("nan"), float("nan")
         return float(np.sqrt(self.start[frames].mean())), float(np.sqrt(self.stop[frames].mean()))
 
+    def at(self, frames: Collection[int]) -> Floats:
+        """Root mean square distance [m] of the farther twin in each of some frames; 0 where none came to it."""
+        squares = np.nan_to_num([self.start[list(frames)], self.stop[list(frames)]])
+        return np.asarray(np.sqrt(squares.max(axis=0)))
+
 
 def floor_of(run: "Run") -> Floor:
     """The floor of a run: of its file where it has one, else two runs of its scene, and then written there.

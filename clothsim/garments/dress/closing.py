@@ -22,7 +22,7 @@ from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_b
 from clothsim.garments.dress.welding import mean_edge, welded_where_closed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
-from clothsim.patterns import Panel, Seam
+from clothsim.patterns import MeshedSeam, Panel
 from transfer.signed_distance import BodySurface
 
 SPEED = 0.5
@@ -34,6 +34,10 @@ STIFFNESS, STIFFER = 100.0, 5.0
 folds and take twice the iterations."""
 FURTHER = 3
 """Bound on the rounds after all seams were drawn together once."""
+PROGRESS, WIDE = 0.9, 2.0
+"""Largest gap after one of these rounds, as a fraction of that before it and of the mean edge, above both of which the
+next is not tried: what is between the sides does not give way to springs that are stiffer still. Nor is it where the
+round found all within the limit, and no pair was welded after it."""
 ON_TOP = ("collar", "hood", "lapel", "strap")
 """Words in the name of a panel that is sewn to the finished torso."""
 DART, WITHIN, BELOW, ONTO = 0, 1, 2, 3
@@ -89,7 +93,7 @@ class SewingPhase:
 
     Attributes
     ----------
-    closing, closed : tuple of Seam
+    closing, closed : tuple of MeshedSeam
         Seams that are drawn together, and seams that are kept together.
     factor : float
         Factor of the stiffness.
@@ -102,8 +106,8 @@ class SewingPhase:
         torso, and a spring that ran through an arm passes below it.
     """
 
-    closing: tuple[Seam, ...]
-    closed: tuple[Seam, ...] = ()
+    closing: tuple[MeshedSeam, ...]
+    closed: tuple[MeshedSeam, ...] = ()
     factor: float = 1.0
     hold: bool = False
     friction: bool = False
@@ -130,7 +134,7 @@ class SewingPhase:
             len(self.drawn_pairs(state, seam, surface)) < len(state.pairs(seam)) for seam in self.closing
         )
 
-    def drawn_pairs(self, state: SewingState, seam: Seam, surface: BodySurface) -> Ints:
+    def drawn_pairs(self, state: SewingState, seam: MeshedSeam, surface: BodySurface) -> Ints:
         """Pairs of a seam that are drawn together, (k, 2)."""
         pairs = state.pairs(seam)
         return pairs[~crosses_body(state.positions[pairs], surface)] if self.patient and len(pairs) else pairs
@@ -164,18 +168,25 @@ MOST = 0.5
 
 
 def _ends_to_sew_later(
-    state: SewingState, within: tuple[Seam, ...], below: tuple[Seam, ...], surface: BodySurface
-) -> tuple[Seam, ...]:
-    """Seams of which most springs run through the body, as do those of all seams round the body of both their panels.
+    state: SewingState, within: tuple[MeshedSeam, ...], below: tuple[MeshedSeam, ...], surface: BodySurface
+) -> tuple[MeshedSeam, ...]:
+    """Seams of which springs run through the body, of two panels that are sewn to a piece above or below.
 
-    Nothing draws such a piece round the body; one that is sewn to a piece above or below comes round with that.
+    They come round with that piece. Such are the seams of which most springs run through the body, as do those of all
+    seams round the body of both their panels: nothing else draws these round it. And those with a spring through the
+    body of two panels that are sewn round it to one another alone, as a wide flounce of one leg that reaches past the
+    other leg: closed first, it goes round both.
     """
     joining = [seam for seam in within if order_of(seam, state) == WITHIN]
-    through = [bool(crosses_body(state.positions[state.pairs(seam)], surface).mean() > MOST) for seam in joining]
+    crossing = [crosses_body(state.positions[state.pairs(seam)], surface) for seam in joining]
     panels = [{side.panel for side in seam.stitch.sides} for seam in joining]
-    passing = set().union(*(pair for pair, crosses in zip(panels, through, strict=True) if not crosses))
+    passing = set().union(*(pair for pair, hits in zip(panels, crossing, strict=True) if hits.mean() <= MOST))
     hung = {side.panel for seam in below for side in seam.stitch.sides}
-    return tuple(seam for seam, pair in zip(joining, panels, strict=True) if not pair & passing and pair <= hung)
+    return tuple(
+        seam
+        for seam, pair, hits in zip(joining, panels, crossing, strict=True)
+        if pair <= hung and hits.any() and (not pair & passing or all(pair == each for each in panels if pair & each))
+    )
 
 
 def stiffer_phases(state: SewingState) -> list[SewingPhase]:
@@ -184,7 +195,7 @@ def stiffer_phases(state: SewingState) -> list[SewingPhase]:
     return [SewingPhase(seams, factor=STIFFER**number, friction=True) for number in range(1, FURTHER + 1)]
 
 
-def order_of(seam: Seam, state: SewingState) -> int:
+def order_of(seam: MeshedSeam, state: SewingState) -> int:
     """DART, WITHIN, BELOW or ONTO.
 
     Sleeves and collars that close while they are sewn on would drag the shoulders of the garment off the body.
@@ -263,7 +274,8 @@ def close(
     waiting, further = deque(sewing_phases(state, surface)), deque(stiffer_phases(state))
     largest, name, limit = 0.0, "", np.inf
     while waiting or (state.open_seams and further):
-        phase = waiting.popleft() if waiting else further.popleft()
+        drawn = not waiting
+        phase = further.popleft() if drawn else waiting.popleft()
         springs = phase.springs(state, surface)
         if phase.is_partial(state, surface):
             waiting.appendleft(replace(phase, patient=False))
@@ -274,16 +286,22 @@ def close(
         most = len(runs) + 1 + len(waiting) + len(further)
         label = f"close, round {len(runs) + 1} of at most {most}"
         run = simulate_stage(scene, folder / f"close{len(runs)}", named_stage(label, listener))
+        completed, moved = run.status == "completed", state.moved_to(run.positions(-1))
+        welded = welded_where_closed(moved, limit, surface) if completed else moved
+        before, gap = largest, worst_gap(welded)
+        if drawn and before <= limit and (not completed or gap[0] > limit):
+            break  # stiffer springs opened what was closed: it stays as it was
         runs.append(run)
-        state = state.moved_to(run.positions(-1))
-        if run.status != "completed":
-            between = limbs_between(state, _open_seams(state), wearer, mean_edge(state))
-            return ClosingResult(state, f"While the seams were closed: {run.reason}", "", tuple(runs), between)
-        state = welded_where_closed(state, limit, surface)
-        largest, name = worst_gap(state)
+        if not completed:
+            between = limbs_between(moved, _open_seams(moved), wearer, mean_edge(state))
+            return ClosingResult(moved, f"While the seams were closed: {run.reason}", "", tuple(runs), between)
+        idle = largest <= limit and len(welded.joined) == len(state.joined)
+        state, (largest, name) = welded, gap
+        if drawn and (idle or largest > max(WIDE * mean_edge(state), PROGRESS * before)):
+            break
     seconds = sum(float(run.times[-1]) for run in runs)
-    welded = f"pairs within {1e3 * limit:.2g} mm welded, largest gap left {1e3 * largest:.2g} mm"
-    description = f"{len(runs)} rounds, {seconds:.2g} s; {welded}"
+    closed = f"pairs within {1e3 * limit:.2g} mm welded, largest gap left {1e3 * largest:.2g} mm"
+    description = f"{len(runs)} rounds, {seconds:.2g} s; {closed}"
     failure, between = "", ()
     if largest > limit:
         own = [seam for seam in state.mesh.seams if seam.name == name]
@@ -293,7 +311,7 @@ def close(
     return ClosingResult(state, failure, description, tuple(runs), between)
 
 
-def _open_seams(state: SewingState) -> list[Seam]:
+def _open_seams(state: SewingState) -> list[MeshedSeam]:
     """Seams with a pair that is not welded."""
     return [state.mesh.seams[k] for k in state.open_seams]
 

@@ -33,13 +33,16 @@ CLEARANCE = 0.02
 """Distance that is left in front of a group of panels [m]."""
 LEAST = 0.005
 """Least displacement that is worth it [m]."""
+LEVEL = 0.5
+"""Vertical part of the unit normal beyond which a group of panels is level."""
 
 
 def approached(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, str]:
     """State whose groups of panels moved rigidly toward the body; and a description.
 
     A group of panels that touch moves against its outward normal, those nearest to the body first, until
-    `CLEARANCE` is left to the body or to another group. One with nothing before it stays.
+    `CLEARANCE` is left to the body or to another group. One with nothing before it stays, and a level one, as half a
+    collar drawn beside the shoulder, does not fall past what it is sewn to.
     """
     group = rigid_groups(state)
     outward = outward_of_groups(state, body)
@@ -51,9 +54,16 @@ def approached(state: SewingState, body: BodyMesh, surface: BodySurface) -> tupl
         if not LEAST < distance < np.inf:
             continue
         moved = state.moved_to(state.positions - (distance * (group == k))[:, None] * outward[k])
+        if abs(outward[k] @ body.up) > LEVEL and _length_of_springs(moved) > _length_of_springs(state):
+            continue
         if count_penetrations(moved.positions, moved.triangles, surface).clean:
             state, moved_by[k] = moved, moved_by[k] + distance
     return state, f"moved toward the body by at most {1e3 * moved_by.max(initial=0.0):.3g} mm"
+
+
+def _length_of_springs(state: SewingState) -> float:
+    """Sum of the gaps of all seams [m]."""
+    return float(sum(state.gaps(seam).sum() for seam in state.mesh.seams))
 
 
 def _free_distance(state: SewingState, chosen: Ints, direction: Floats, body: BodyMesh) -> float:

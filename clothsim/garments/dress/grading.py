@@ -14,7 +14,7 @@ import numpy as np
 from clothsim import Pattern
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin, is_of_arm, is_of_leg
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, PlaneMap, seams_alike
@@ -89,7 +89,7 @@ def sizes_between(source: BodyMesh, target: BodyMesh, given: Mapping[str, float]
     for name, factor in given.items():
         if name not in NAMES:
             raise InputError(
-                f"There is no factor {name!r} to grade by.", f"{nearest(name, NAMES)} Known: {', '.join(NAMES)}."
+                f"There is no factor {name!r} to grade by.", f"{did_you_mean(name, NAMES)} Known: {', '.join(NAMES)}."
             )
         as_positive(f"The factor {name}", factor)
     parts = []

@@ -16,7 +16,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import components
 from clothsim.garments.dress.sewing_state import SewingState, body_hits
 from clothsim.garments.inputs import BodyMesh
-from clothsim.patterns import PatternMesh, Seam
+from clothsim.patterns import MeshedSeam, PatternMesh
 from transfer.errors import TransferError
 from transfer.part_warp import arm_axis, part_weights
 from transfer.signed_distance import BodySurface, body_surface
@@ -37,7 +37,7 @@ TORSO = "torso"
 
 
 def limb_names(body: BodyMesh) -> np.ndarray:
-    """Name of the limb that each vertex of a body is of, (n,); "body" where it is no standing body."""
+    """Name of the limb that each vertex of a body is of, (n,); "body" where it is not a standing body."""
     names = np.full(len(body.positions), "body", dtype="<U13")
     try:
         parts = body.parts
@@ -55,7 +55,7 @@ def limb_names(body: BodyMesh) -> np.ndarray:
     return names
 
 
-def limbs_between(state: SewingState, seams: Iterable[Seam], wearer: Wearer, farther: float) -> tuple[str, ...]:
+def limbs_between(state: SewingState, seams: Iterable[MeshedSeam], wearer: Wearer, farther: float) -> tuple[str, ...]:
     """Limbs that strings of some seams run through, longer than `farther` [m], those that most run through first."""
     pairs = np.concatenate([np.zeros((0, 2), np.int64), *(state.pairs(seam) for seam in seams)])
     ends = state.positions[pairs[state.distances(pairs) > farther]]

@@ -134,7 +134,7 @@ FABRIC_WIDTH, SELVEDGE = 1.4, 0.01
 
 
 @dataclass(frozen=True)
-class Girth:
+class LevelGirths:
     """Girths at one level.
 
     Attributes
@@ -164,7 +164,7 @@ class Girth:
         return self.garment - self.body
 
 
-def girths(state: SewingState, body: BodyMesh) -> list[Girth]:
+def girths(state: SewingState, body: BodyMesh) -> list[LevelGirths]:
     """Girths at chest, waist and hip where the garment reaches, and at its hem."""
     levels, worn = body.positions @ body.up, state.positions @ body.up
     low, high, garment_low, garment_high = (
@@ -180,10 +180,10 @@ def girths(state: SewingState, body: BodyMesh) -> list[Girth]:
             if garment_low <= level <= garment_high:
                 outline = _hull_girth(section(state.positions, torso, body.up, level)[0], body)
                 along = girth_along_cloth(state, body, level, highest=name == "chest")
-                found.append(Girth(name, level - low, girth, along or outline, outline))
+                found.append(LevelGirths(name, level - low, girth, along or outline, outline))
     length, level, loop = _hem(state, body)
     around = torso_girth(body, level) or _girth_of_legs(body, level, state.positions[loop][:, across(body)])
-    return [*found, Girth("hem", level - low, around, length, _hull_girth(state.positions[loop], body))]
+    return [*found, LevelGirths("hem", level - low, around, length, _hull_girth(state.positions[loop], body))]
 
 
 def hem_of(state: SewingState, body: BodyMesh) -> tuple[float, float]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from clothsim import Body, Run
 from clothsim.base.errors import InputError
-from clothsim.base.text import length
+from clothsim.base.text import length_text
 from clothsim.garments.dress.closing import close, worst_gap
 from clothsim.garments.dress.corrections import (
     approached,
@@ -236,7 +236,7 @@ def unrest(run: Run, body: str) -> str:
     certificate = run.summary["certificate"]
     if certificate["at_rest"]:
         return ""
-    return f"not at rest on {body} (fastest vertex {length(certificate['fastest_speed'] or 0.0)}/s)"
+    return f"not at rest on {body} (fastest vertex {length_text(certificate['fastest_speed'] or 0.0)}/s)"
 
 
 STAGES = (

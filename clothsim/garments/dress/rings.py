@@ -15,7 +15,7 @@ from clothsim.garments.dress.limbs import SIDES, Wearer, limb_names, limbs_betwe
 from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_arm, middle_of
 from clothsim.garments.dress.sewing_state import SewingState, as_placed, crosses_body
 from clothsim.garments.inputs import BodyMesh
-from clothsim.patterns import PatternMesh, Seam
+from clothsim.patterns import MeshedSeam, PatternMesh
 from transfer.errors import TransferError
 
 
@@ -35,7 +35,7 @@ def rings(state: SewingState, body: BodyMesh) -> list[tuple[str, ...]]:
     return [tuple(name for name in names if label[name] == number) for number in sorted(set(label.values()))]
 
 
-def _goes_round(state: SewingState, seam: Seam, body: BodyMesh) -> bool:
+def _goes_round(state: SewingState, seam: MeshedSeam, body: BodyMesh) -> bool:
     """True for a seam from the front to the back of a garment, or one that runs upward; others join what is below."""
     if order_of(seam, state) != WITHIN:
         return False
@@ -114,7 +114,7 @@ def centred(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str,
 
 
 def _on_trouser_legs(state: SewingState, pieces: list[tuple[str, ...]], body: BodyMesh) -> set[tuple[str, ...]]:
-    """Pieces below trousers that are sewn to them, or to one another: trousers have three borders and are no bodice."""
+    """Pieces below trousers, sewn to them or to one another: trousers have three borders and are not bodices."""
     level = {names: float((state.positions[vertices_of(state, names)] @ body.up).mean()) for names in pieces}
     piece = {name: names for names in pieces for name in names}
     sewn = [tuple(piece.get(side.panel) for side in seam.stitch.sides) for seam in state.mesh.seams]
@@ -140,11 +140,11 @@ def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: 
 
     First those on the side `right`, how far they must move that way, then the others; below 0: by how much they pass.
     """
-    levels, reach = body @ up, body @ right
+    heights, sides = body @ up, body @ right
     lacking = [-np.inf, -np.inf]
     for point in at:
-        level = np.clip(point @ up, levels.min(), levels.max())
-        slice_ = reach[np.abs(levels - level) < SLICE]
+        level = np.clip(point @ up, heights.min(), heights.max())
+        slice_ = sides[np.abs(heights - level) < SLICE]
         beside = float(point @ right)
         if not len(slice_):
             continue
@@ -157,8 +157,8 @@ def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: 
 
 def _middle_at(at: Floats, body: Floats, up: Floats, right: Floats) -> float:
     """Mean of the middles of a leg (n, 3) at the levels of points (k, 3), along `right` [m]; below it of its foot."""
-    levels, reach = body @ up, body @ right
-    slices = [reach[np.abs(levels - level) < SLICE] for level in np.clip(at @ up, levels.min(), levels.max())]
+    heights, sides = body @ up, body @ right
+    slices = [sides[np.abs(heights - level) < SLICE] for level in np.clip(at @ up, heights.min(), heights.max())]
     return float(np.mean([(part.min() + part.max()) / 2 for part in slices if len(part)]))
 
 
@@ -241,7 +241,7 @@ def _inner_strings(state: SewingState, names: tuple[str, ...], body: BodyMesh) -
 def arms_between(state: SewingState, wearer: Wearer) -> tuple[str, ...]:
     """Limbs of the arms in the way of strings between panels of no arm.
 
-    Hands and forearms that any of them runs through, as those of a wide skirt. An upper arm is no obstacle to some:
+    Hands and forearms that any of them runs through, as those of a wide skirt. An upper arm is not an obstacle to some:
     strings below an armpit pass below it once their neighbours are closed. Where most strings of a seam run through it,
     as those of a short side seam, they close above it.
     """

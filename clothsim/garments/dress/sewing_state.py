@@ -10,7 +10,7 @@ from clothsim import Cloth, Pattern
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import Fabric, deformation_gradients, fabric_named, fabrics_of, mean_of_parts, principal_stretches
 from clothsim.garments.inputs import Garment
-from clothsim.patterns import PatternMesh, Seam, joined_vertices
+from clothsim.patterns import MeshedSeam, PatternMesh, joined_vertices
 from transfer.signed_distance import BodySurface
 
 
@@ -50,12 +50,12 @@ class SewingState:
         """Seams that are welded throughout."""
         return tuple(sorted(set(range(len(self.mesh.seams))) - set(self.open_seams)))
 
-    def pairs(self, seam: Seam) -> Ints:
+    def pairs(self, seam: MeshedSeam) -> Ints:
         """Pairs of different vertices of the garment that a seam joins, (k, 2)."""
         pairs = self.number[seam.pairs]
         return pairs[pairs[:, 0] != pairs[:, 1]]
 
-    def gaps(self, seam: Seam) -> Floats:
+    def gaps(self, seam: MeshedSeam) -> Floats:
         """Distance of each pair of a seam [m]; empty where it is closed."""
         return self.distances(self.pairs(seam))
 

@@ -246,9 +246,9 @@ def overlaps_at(body: BodySurface, place: Floats) -> Iterator[Overlap]:
         yield Overlap(points, body.positions + weights[:, None] * inward, depth, NONE * extent)
 
 
-def carried_rows(overlap: Overlap, positions: Floats, carried: np.ndarray) -> Ints:
-    """Rows of the vertices (n, 3) [m] that are marked as carried (n,) where the body overlaps itself."""
-    return np.flatnonzero(carried & overlap.holds(positions)).astype(np.int64)
+def flypapered_rows(overlap: Overlap, positions: Floats, flypapered: np.ndarray) -> Ints:
+    """Rows of the vertices (n, 3) [m] that are marked as flypapered (n,) where the body overlaps itself."""
+    return np.flatnonzero(flypapered & overlap.holds(positions)).astype(np.int64)
 
 
 def _connected(points: Floats, chosen: np.ndarray, distance: float) -> Floats:

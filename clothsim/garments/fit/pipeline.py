@@ -19,7 +19,7 @@ from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import facing_away, untangle
-from clothsim.garments.fit.guaranteed_path import NO_OVERLAP, Clearing, Overlap, carried_rows, clearings, overlaps_at
+from clothsim.garments.fit.guaranteed_path import NO_OVERLAP, Clearing, Overlap, clearings, flypapered_rows, overlaps_at
 from clothsim.garments.fit.moving_body import StageSettings, draped, moved_with_body, near_body
 from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, Transferred, sized, transferred, worn_positions
@@ -82,7 +82,7 @@ class DrapeOutcome(NamedTuple):
     reason: str
     run: Run | None
     stages: tuple[Stage, ...]
-    carried: Ints = NO_ROWS
+    flypapered: Ints = NO_ROWS
 
 
 @dataclass(frozen=True)
@@ -424,13 +424,13 @@ def drape_fitted(task: Task, state: FitState) -> DrapeOutcome:
         runs.append(draped(worn, start, body.positions, up, folder, progress, task.announce, opened=opened))
         return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
 
-    def carried() -> Ints:
+    def flypapered() -> Ints:
         if not len(state.overlap):
             return NO_ROWS
-        return carried_rows(state.overlap, runs[0].positions(-1), runs[0].field("carried", -1) > 0)
+        return flypapered_rows(state.overlap, runs[0].positions(-1), runs[0].field("carried", -1) > 0)
 
     try:
-        stage = staged("simulate", task.garment.triangles, body, make, task.on_stage, carried=carried)
+        stage = staged("simulate", task.garment.triangles, body, make, task.on_stage, flypapered=flypapered)
     except InputError as error:
         return DrapeOutcome("refined", f"The drape could not start: {error.sentence}", None, state.stages)
     run = runs[0]
@@ -441,7 +441,7 @@ def drape_fitted(task: Task, state: FitState) -> DrapeOutcome:
         return DrapeOutcome("refined", reason, run, state.stages if state.last.counts.clean else (*state.stages, stage))
     fallen = _falling_reason(run, task.target.name)
     stages = (*state.stages, stage)
-    return DrapeOutcome("failed" if fallen else "completed", fallen or run.reason, run, stages, carried())
+    return DrapeOutcome("failed" if fallen else "completed", fallen or run.reason, run, stages, flypapered())
 
 
 def _falling_reason(run: Run, body: str) -> str:

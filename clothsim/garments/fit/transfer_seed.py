@@ -97,7 +97,7 @@ def transferred(garment: Garment, source: BodyMesh, target: BodyMesh, markers: F
 
 
 def _parts(*bodies: BodyMesh) -> tuple[BodyParts, BodyParts] | None:
-    """Parts of both bodies; None where one is no standing body."""
+    """Parts of both bodies; None where one is not a standing body."""
     try:
         source, target = (body.parts for body in bodies)
     except TransferError:
@@ -110,7 +110,7 @@ class Size:
     """Size of a garment on the target: positions (n, 3) [m]; kind "graded", "own" or "transferred"; its factors.
 
     rest (n, 3) [m]: its rest shape, with waistbands closed where it is graded; else `positions`.
-    "transferred": one of the bodies is no standing body; the garment has the shape that the transfer gave it.
+    "transferred": one of the bodies is not a standing body; the garment has the shape that the transfer gave it.
     """
 
     positions: Floats
@@ -150,7 +150,7 @@ def sized(
 
 
 def worn_positions(garment: Floats, source: BodySurface, moved: Floats) -> Floats:
-    """Garment positions carried from one body to another with the points of the body below them, (n, 3) [m].
+    """Garment positions moved from one body to another with the points of the body below them, (n, 3) [m].
 
     Each vertex keeps its offset from the closest point of the body, turned as the body is turned there. garment (n, 3):
     positions on the source body [m]; moved (k, 3): vertices of that body in the shape and pose of the other one [m].

@@ -98,7 +98,7 @@ def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: Bo
 
 
 def _frames(source: BodyMesh, target: BodyMesh) -> tuple[BodyFrame, ...]:
-    """Frames of both bodies; none where one is no standing body."""
+    """Frames of both bodies; none where one is not a standing body."""
     try:
         return source.frame, target.frame
     except TransferError:
@@ -136,7 +136,7 @@ class Distortion:
     low, high : float
         Their 1st and 99th percentile.
     displacement : float
-        Largest distance of a vertex from where it was worn [m] (see `worn_place`).
+        Largest distance of a vertex from where it was worn [m], if known, else as given.
     """
 
     stretches: Floats

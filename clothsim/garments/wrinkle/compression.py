@@ -70,7 +70,7 @@ def ring_tensors(run: "Run", frame: int, rings: Rings) -> Floats:
     return (rings.of_vertices @ own.reshape(n, 9)).reshape(n, 3, 3)
 
 
-def followed(before: Floats | None, tensors: Floats, seconds: float) -> Floats:
+def blended_in_time(before: Floats | None, tensors: Floats, seconds: float) -> Floats:
     """Tensors (n, 3, 3) of a frame blended with those before it, `seconds` earlier."""
     if before is None:
         return tensors

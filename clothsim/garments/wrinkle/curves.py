@@ -31,7 +31,7 @@ MOST_CURVES = 400
 
 
 @dataclass(frozen=True)
-class Sheet:
+class FineSheet:
     """A finer cloth at rest, on which curves are traced.
 
     Attributes
@@ -56,7 +56,7 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class Curve:
+class Crest:
     """A crest.
 
     Attributes
@@ -78,10 +78,10 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Field:
+class CompressionField:
     """The compression of a frame at the vertices of a sheet, and their positions in space (k, 3) [m]."""
 
-    sheet: Sheet
+    sheet: FineSheet
     compression: Compression
     positions: Floats
 
@@ -140,10 +140,10 @@ class Field:
         return sides / (2 * doubled) if doubled > 1e-9 * sides ** (2 / 3) else math.inf
 
 
-def followed_curves(curves: list[Curve], field: Field, seconds: float) -> list[Curve]:
+def followed_curves(curves: list[Crest], field: CompressionField, seconds: float) -> list[Crest]:
     """The curves of the next frame, `seconds` later: those before in the new field, and new ones in the gaps."""
     gain = 1 - math.exp(-seconds / FADE)
-    kept: list[Curve] = []
+    kept: list[Crest] = []
     for curve in sorted(curves, key=lambda each: -each.strength):
         points, rows = field.trace(curve.seed)
         length = field.sheet.edge * len(points)
@@ -158,7 +158,7 @@ def followed_curves(curves: list[Curve], field: Field, seconds: float) -> list[C
     return _filled(kept, field, gain)
 
 
-def _filled(curves: list[Curve], field: Field, strength: float) -> list[Curve]:
+def _filled(curves: list[Crest], field: CompressionField, strength: float) -> list[Crest]:
     """The curves with new ones beside them, a wave apart, then where the cloth is compressed most and has none."""
     amount, sheet = field.compression.amount, field.sheet
     found, queue = list(curves), list(curves)
@@ -184,13 +184,13 @@ def _filled(curves: list[Curve], field: Field, strength: float) -> list[Curve]:
     return found
 
 
-def _cover(covered: NDArray[np.bool_], sheet: Sheet, points: Floats, distance: float) -> None:
+def _cover(covered: NDArray[np.bool_], sheet: FineSheet, points: Floats, distance: float) -> None:
     """Mark the vertices within `distance` of points (q, 3) [m]."""
     for near in sheet.tree.query_ball_point(points, distance) if len(points) else ():
         covered[near] = True
 
 
-def _beside(curve: Curve, found: list[Curve], field: Field, strength: float) -> Curve | None:
+def _beside(curve: Crest, found: list[Crest], field: CompressionField, strength: float) -> Crest | None:
     """A new curve a wave beside another one; None where there is no room."""
     sheet = field.sheet
     points = curve.points[:: max(1, round(0.5 * curve.wavelength / sheet.edge))]
@@ -204,7 +204,7 @@ def _beside(curve: Curve, found: list[Curve], field: Field, strength: float) -> 
     return next(filter(None, (_curve(seed, found, field, strength) for seed in seeds[free])), None)
 
 
-def _curve(seed: Floats, found: list[Curve], field: Field, strength: float) -> Curve | None:
+def _curve(seed: Floats, found: list[Crest], field: CompressionField, strength: float) -> Crest | None:
     """The curve through a seed, as far as others are not near; None where it is too short."""
     points, rows = field.trace(seed)
     if len(points) < 2:
@@ -218,10 +218,10 @@ def _curve(seed: Floats, found: list[Curve], field: Field, strength: float) -> C
     high = middle + int(np.argmin(np.r_[free[middle:], False]))
     if field.sheet.edge * (high - low) < SHORTEST * own:
         return None
-    return Curve(np.asarray(seed, np.float64), own, strength, points[low:high])
+    return Crest(np.asarray(seed, np.float64), own, strength, points[low:high])
 
 
-def _near(points: Floats, curves: list[Curve], distance: float) -> NDArray[np.bool_]:
+def _near(points: Floats, curves: list[Crest], distance: float) -> NDArray[np.bool_]:
     """True for each of points (q, 3) [m] that is nearer than `distance` to a curve, (q,)."""
     others = np.concatenate([np.zeros((0, 3)), *(each.points for each in curves)])
     if not len(others) or not len(points):
@@ -233,7 +233,7 @@ AT_ONCE = 4000
 """Vertices whose distances to all curves are in memory at once."""
 
 
-def _distances(points: Floats, curves: list[Curve]) -> Floats:
+def _distances(points: Floats, curves: list[Crest]) -> Floats:
     """Distance of each point (k, 3) from each curve, (curves, k) [m]."""
     others = np.concatenate([each.points for each in curves])
     first = np.cumsum([0, *(len(each.points) for each in curves)])[:-1]
@@ -242,7 +242,7 @@ def _distances(points: Floats, curves: list[Curve]) -> Floats:
     return np.concatenate(parts, axis=1)
 
 
-def heights(curves: list[Curve], field: Field) -> Floats:
+def heights(curves: list[Crest], field: CompressionField) -> Floats:
     """Displacements along the normals, (k,) [m]: sines between neighbouring crests.
 
     At the distances r1 <= r2 of the two nearest crests the phase is 2 pi r1/(r1 + r2): a crest at r1 = 0, a valley

@@ -49,7 +49,7 @@ class Subdivision:
 
         A point p on a flat triangle becomes p - a sum w (n'(p - x)) n over its corners x with normals n.
         """
-        normals, flat = vertex_normals(positions, self.coarse), self.linear(positions)
+        normals, flat = normals_or_zero(positions, self.coarse), self.linear(positions)
         pairs = self.weights.tocoo()
         n = normals[pairs.col]
         heights = pairs.data * ((flat[pairs.row] - positions[pairs.col]) * n).sum(axis=1)
@@ -103,6 +103,6 @@ def subdivision(triangles: Ints, n: int, parts: int) -> Subdivision:
     return Subdivision(parts, triangles, weights, number[:, pieces].reshape(-1, 3), corners)
 
 
-def vertex_normals(positions: Floats, triangles: Ints) -> Floats:
-    """Unit normals of the vertices, the means of their triangles by area, (n, 3)."""
+def normals_or_zero(positions: Floats, triangles: Ints) -> Floats:
+    """Unit normals of the vertices, the means of their triangles by area, (n, 3); 0 where there is none."""
     return unit(vertex_area_vectors(positions, triangles))

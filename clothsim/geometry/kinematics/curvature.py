@@ -249,7 +249,7 @@ def sides_of_hinges(edges: TriangleEdges, n_hinges: int) -> tuple[Sides, Sides]:
     return (found[0, 0], found[0, 1]), (found[1, 0], found[1, 1])
 
 
-def alike(law: PlateLaw, stiffness: Floats, edges: TriangleEdges, first: Sides, second: Sides) -> NDArray[np.bool_]:
+def same_law(law: PlateLaw, stiffness: Floats, edges: TriangleEdges, first: Sides, second: Sides) -> NDArray[np.bool_]:
     """True where triangles (k,) and their neighbours over the edges at these places have one plate law."""
     roots = np.sqrt(stiffness)[:, None, None] * law.roots()
     turn1, turn2 = (rotation_of_curvature(edges.directions[side]) for side in (first, second))

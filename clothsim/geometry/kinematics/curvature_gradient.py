@@ -40,8 +40,8 @@ from clothsim.geometry.kinematics.curvature import (
     ROOT2,
     PlateLaw,
     TriangleEdges,
-    alike,
     plate_law,
+    same_law,
     sides_of_hinges,
     triangle_edges,
 )
@@ -134,7 +134,7 @@ def _patches(
     found = sides_of_hinges(edges, len(hinges.vertices))
     inside = found[0][0] >= 0
     same = np.zeros(len(inside), bool)
-    same[inside] = alike(law, stiffness, edges, *((t[inside], i[inside]) for t, i in found))
+    same[inside] = same_law(law, stiffness, edges, *((t[inside], i[inside]) for t, i in found))
     crossed = edges.kinds == INTERIOR
     beyond, across = (
         np.where(crossed, np.where(sides == 0, found[1][k][edges.hinges], found[0][k][edges.hinges]), -1)

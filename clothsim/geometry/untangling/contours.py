@@ -221,7 +221,7 @@ class Region:
     is_old: bool
 
 
-def sides(mesh: FilledMesh, found: EdgeTriangleIntersections, graph: Contours, inside_before: Flags) -> InsideEnds:
+def inner_ends(mesh: FilledMesh, found: EdgeTriangleIntersections, graph: Contours, inside_before: Flags) -> InsideEnds:
     """Return the inside end of each intersection's edge: of one curve for each contour."""
     n = len(mesh.areas)
     rows = np.searchsorted(mesh.edges[:, 0] * n + mesh.edges[:, 1], found.edges[:, 0] * n + found.edges[:, 1])
@@ -268,7 +268,7 @@ def _region(
 
 
 def _chosen(candidates: list[Region]) -> Region:
-    """The old of two regions, else the one that is no disc, else the smaller.
+    """The old of two regions, else the one that is not a disc, else the smaller.
 
     An end of a tube can pass through the disc that it cuts out of a sheet, the disc cannot pass through the tube.
     """

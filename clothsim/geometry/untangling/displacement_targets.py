@@ -22,7 +22,7 @@ from clothsim.geometry.untangling.contours import (
     Flags,
     contours,
     edge_triangle_intersections,
-    sides,
+    inner_ends,
 )
 from clothsim.mesh.topology import half_edges
 
@@ -62,7 +62,7 @@ class DisplacementTargets:
 NO_TARGETS = DisplacementTargets(np.zeros((0, 1), np.int64), np.zeros((0, 1)), np.zeros((0, 3)))
 
 
-class Sheet:
+class SheetOperators:
     """Rest shape of the sheet: its Laplacian and gradients.
 
     x (n, 3) [m]: start; material (m, 3, 2) [m]: corners of each triangle at rest; fixed (n,) bool: vertices that do not
@@ -237,7 +237,7 @@ def _cloth_targets(
     x = _leave_planes(x, mesh.triangles, own, JITTER * step)
     found = edge_triangle_intersections(x, mesh.triangles, own)
     graph = contours(found, len(own))
-    chosen = sides(mesh, found, graph, inside_before)
+    chosen = inner_ends(mesh, found, graph, inside_before)
     inner, is_open = chosen.inner.copy(), chosen.is_open.copy()
     if layers is not None:
         below, above = layers[found.edges[:, 0]], layers[mesh.triangles[found.faces, 0]]

@@ -1,9 +1,10 @@
 """Untangling of cloth from itself and from a body: intersection contours shrink until the exact check finds no pair.
 
 In each round, for each intersection contour, the surface whose region is to pass through the other is chosen
-(`regions`; Baraff, Witkin & Kass 2003), and the ends of its edges just inside the contour are drawn through what they
-pierce; contours without a region shrink along the gradient of their length (`contour_gradient`; Volino &
-Magnenat-Thalmann 2006). The sheets take the smallest smooth motion that does so (`motion`).
+(`contours`; Baraff, Witkin & Kass 2003), and the ends of its edges just inside the contour are drawn through what they
+pierce; contours without a region shrink along the gradient of their length (`contour_gradients`; Volino &
+Magnenat-Thalmann 2006). The sheets take the smallest smooth motion that does so
+(`displacement_targets`).
 
 An attempt ends where the intersecting pairs do not fall; the next starts again with shorter steps.
 """
@@ -16,7 +17,7 @@ from clothsim.base.arrays import Floats, Ints, as_points, as_triangles
 from clothsim.base.errors import InputError
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.geometry.untangling.contours import FilledMesh, Flags, make_mesh
-from clothsim.geometry.untangling.displacement_targets import NO_TARGETS, Sheet, displacement_targets
+from clothsim.geometry.untangling.displacement_targets import NO_TARGETS, SheetOperators, displacement_targets
 from clothsim.mesh.cloth import triangle_planes
 
 ATTEMPTS = ((0.4, 2.5), (0.2, 1.5), (0.2, 2.5), (0.1, 1.5), (0.1, 2.5))
@@ -26,7 +27,7 @@ PATIENCE = 25
 GROWTH, FEW = 1.5, 20
 """Growth of the number of pairs, as a factor and a number, at which an attempt ends."""
 WIDENING = 5
-"""Rounds in which the spread of the motion grows by its first value: what takes long is no local matter."""
+"""Rounds in which the spread of the motion grows by its first value: what takes long is not a local matter."""
 RELAXATIONS, SHORTEST = 30, 0.04
 """Largest number of steps that relieve strain at the end, and the smallest fraction of one."""
 
@@ -85,7 +86,7 @@ class UntanglingSearch:
     """
 
     x: Floats
-    sheet: Sheet
+    sheet: SheetOperators
     mesh: FilledMesh
     obstacle: Floats
     solid: Ints
@@ -205,7 +206,7 @@ def untangle(
     x, faces, fixed, obstacle, solid = _checked(positions, triangles, fixed, layers, body)
     rest = x if rest_positions is None else as_points("rest_positions", rest_positions)
     shape = triangle_planes(rest, faces) if material is None else np.asarray(material, np.float64)
-    sheet = Sheet(x, faces, shape, fixed, limits)
+    sheet = SheetOperators(x, faces, shape, fixed, limits)
     mesh = make_mesh(faces, sheet.areas, len(x))
     step = float(np.median(np.linalg.norm(shape - np.roll(shape, 1, axis=1), axis=2)))
     apart = 0.1 * step if gap is None else float(gap)

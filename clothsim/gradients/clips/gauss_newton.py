@@ -22,7 +22,7 @@ ENOUGH = 0.5
 """Length of a step in standard errors, and drop of the sum, at which the search ends."""
 
 
-class Outcome(Protocol):
+class TrialRun(Protocol):
     """A run with the sum that is minimised.
 
     at: numbers (k,); total: the sum, inf where the run failed; positions: what the sum is of, empty where it failed;
@@ -39,7 +39,7 @@ class Outcome(Protocol):
     def failure(self) -> str: ...  # noqa: D102
 
 
-S = TypeVar("S", bound=Outcome)
+S = TypeVar("S", bound=TrialRun)
 
 
 def halved_until_lower(
@@ -65,7 +65,7 @@ def broyden_update(moves: Floats, before: S, after: S) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Search(Generic[S]):
+class GaussNewton(Generic[S]):
     """A sum over numbers, and how it is searched.
 
     Parameters
@@ -74,7 +74,7 @@ class Search(Generic[S]):
         Numbers (k,) and the outcome that they follow to their run: of a step, and of a difference.
     linearised : callable
         An outcome and derivatives of its positions (p, k) to the gradient (k,) and the Hessian (k, k) of the sum.
-    steps, reach, low, high : (k,) ndarray
+    steps, largest, low, high : (k,) ndarray
         Differences that are taken, largest steps, and limits of the numbers.
     tell : callable
         Called with each run.
@@ -86,7 +86,7 @@ class Search(Generic[S]):
     beside: Callable[[Floats, S], S]
     linearised: Callable[[S, Floats], tuple[Floats, Floats]]
     steps: Floats
-    reach: Floats
+    largest: Floats
     low: Floats
     high: Floats
     tell: Callable[[S], None] = lambda seen: None
@@ -104,7 +104,7 @@ class Search(Generic[S]):
                     break
             else:
                 why = f"The runs beside those of the numbers {seen.at.tolist()} fail: {beside.failure}"
-                raise ClothsimError(why, f"Leave out the number {k}, counted from 0, or begin from other numbers.")
+                raise ClothsimError(why, f"Leave out the number {k}, counted from 0, or start from other numbers.")
         return np.array(columns).T
 
     def descended(self, seen: S, moves: Floats | None = None) -> tuple[S, S, Floats, int]:
@@ -118,7 +118,7 @@ class Search(Generic[S]):
         for _ in range(MOST_ITERATIONS):
             gradient, hessian = self.linearised(seen, moves)
             step: Floats = -np.asarray(np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0], np.float64)
-            step *= min(1.0, float((self.reach / np.maximum(np.abs(step), 1e-12)).min()))
+            step *= min(1.0, float((self.largest / np.maximum(np.abs(step), 1e-12)).min()))
             step = np.clip(seen.at + step, self.low, self.high) - seen.at
             done = float(step @ hessian @ step) < max(ENOUGH**2, self.least * seen.total)
             better, tried = (None, 0) if done else halved_until_lower(self.run, seen, step, self.tell)

@@ -43,7 +43,7 @@ class Kind:
 
     prior: float
     step: float
-    reach: float
+    largest: float
     limit: float
 
 
@@ -73,7 +73,7 @@ class ClipNumber:
 
 
 @dataclass(frozen=True, eq=False)
-class Panel:
+class RestPanel:
     """Part of a rest shape: its points among those of the shape (k,), their centre, and the axis of its height."""
 
     name: str
@@ -100,7 +100,7 @@ class RestShape:
 
     shape: tuple[int, ...]
     points: Floats
-    panels: tuple[Panel, ...]
+    panels: tuple[RestPanel, ...]
     count: Floats = field(repr=False)
 
     @classmethod
@@ -115,7 +115,7 @@ class RestShape:
             corners = (3 * np.asarray(faces)[:, None] + np.arange(3)).ravel()
             rows = corners if rest.ndim == 3 else np.unique(cloth.triangles.ravel()[corners])
             own = points[rows]
-            panels.append(Panel(name, rows, 0.5 * (own.min(axis=0) + own.max(axis=0)), _axis(own)))
+            panels.append(RestPanel(name, rows, 0.5 * (own.min(axis=0) + own.max(axis=0)), _axis(own)))
         count = np.bincount(np.concatenate([each.rows for each in panels]), minlength=len(points)).astype(np.float64)
         return cls(rest.shape, points, tuple(panels), np.maximum(count, 1.0)[:, None])
 
@@ -272,7 +272,7 @@ def clip_numbers(scene: Scene, free: Sequence[str] = ()) -> ClipNumbers:
         raise InputError(f"The clip has no number {unknown[0]!r}.", f"Known: {known}.")
     chosen = tuple(each for each in found if not free or any(_names(name, each.name) for name in free))
     if not chosen:
-        raise InputError("Nothing of the scene can explain an edit.", "Give it a membrane, bending or friction.")
+        raise InputError("No parameter of the scene can explain an edit.", "Give it a membrane, bending or friction.")
     added = tuple(np.zeros(shape.shape) for shape in shapes)
     return ClipNumbers(_with_vertices_by_number(scene, world) if shapes else scene, chosen, values, shapes, added)
 

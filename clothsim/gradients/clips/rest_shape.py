@@ -25,6 +25,8 @@ MOST_RUNS = 12
 """Bound on the runs for a rest shape."""
 MEMORY = 3
 """Displacements that are mixed."""
+UNSURE = 0.5
+"""Fraction of what is left that counts as noise of each key in the next step."""
 LEAST_GAIN = 0.03
 """Relative drop of what is left below which two runs in a row end the search."""
 
@@ -42,7 +44,8 @@ class RestPrice:
     angle : float
         Largest change of the angle at an edge [rad].
     before, after : float
-        Root mean square distance at the edited frames without it and with it [m].
+        Root mean square distance at the edited frames, each by the inverse square of its noise, without it and with
+        it [m].
     runs : int
         Runs that it took.
     """
@@ -57,7 +60,7 @@ class RestPrice:
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class RestMesh:
     """Triangles (m, 3) and rest positions (n, 3) [m] of all cloths, and how displacements of them are smoothed."""
 
     rest: Floats
@@ -114,25 +117,26 @@ class Sheet:
 
 
 def fitted_rest(
-    sheet: Sheet,
+    sheet: RestMesh,
     keys: Sequence[Floats],
     start: Floats,
     run: Callable[[Floats], Sequence[Floats]],
-    enough: float,
+    noise: Floats,
 ) -> tuple[Floats, RestPrice]:
     """Displacements of a rest shape that bring runs nearer to edited frames.
 
     Parameters
     ----------
-    sheet : Sheet
+    sheet : RestMesh
     keys : sequence of (n, 3) ndarray [m]
         The edited frames.
     start : (k n, 3) ndarray [m]
         Positions of the run at them, one after the other.
     run : callable
         Displacements (n, 3) [m] to the positions of the run with them, one for each key; none where it fails.
-    enough : float
-        Root mean square distance [m] at which the search ends.
+    noise : (k,) ndarray
+        Root mean square distance [m] that each key is known to: it counts by the inverse square of that, and the search
+        ends where all are as near.
 
     Returns
     -------
@@ -141,17 +145,19 @@ def fitted_rest(
     price : RestPrice
     """
     at, found = np.zeros_like(sheet.rest), list(np.split(start, len(keys)))
-    before = best = _left(found, keys)
+    known = noise**-2.0
+    before = best = _left(found, keys, known)
     tried: list[tuple[Floats, Floats]] = []
     runs, poor, scale = 0, 0, 1.0
-    while runs < MOST_RUNS and best > enough and poor < 2:
+    while runs < MOST_RUNS and best > known.mean() ** -0.5 and poor < 2:
         offsets = [sheet.turned_back(x, key - x) for x, key in zip(found, keys, strict=True)]
-        step = sheet.smooth(np.mean(offsets, axis=0))
+        weights = np.maximum(noise, UNSURE * best) ** -2.0
+        step = sheet.smooth(np.average(offsets, axis=0, weights=weights))
         tried = [*tried, (at, step)][-MEMORY:]
         trial = sheet.bounded(_mixed(tried) if scale == 1.0 else at + scale * step)
         places = run(trial)
         runs += 1
-        left = _left(places, keys) if len(places) else float("inf")
+        left = _left(places, keys, known) if len(places) else float("inf")
         if left < best:
             poor = poor + (1 if scale == 1.0 else 2) if left > (1 - LEAST_GAIN) * best else 0
             at, found, best, scale = trial, list(places), left, 1.0
@@ -176,8 +182,9 @@ def _mixed(tried: Sequence[tuple[Floats, Floats]]) -> Floats:
     return np.asarray(out)
 
 
-def _left(places: Sequence[Floats], keys: Sequence[Floats]) -> float:
-    return float(np.sqrt(np.mean([((x - key) ** 2).sum(axis=1).mean() for x, key in zip(places, keys, strict=True)])))
+def _left(places: Sequence[Floats], keys: Sequence[Floats], weights: Floats) -> float:
+    squares = [((x - key) ** 2).sum(axis=1).mean() for x, key in zip(places, keys, strict=True)]
+    return float(np.sqrt(np.average(squares, weights=weights)))
 
 
 def _lengths(positions: Floats, edges: Ints) -> Floats:

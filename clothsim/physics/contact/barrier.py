@@ -107,9 +107,8 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
             step.dt,
             step.contact_time_scale or step.dt,
         )
-        load = sum(
-            body.load(step) for body in self.heavy
-        )  # the lowest of a pile, or the first link of a chain, bears all
+        # the lowest of a pile, or the first link of a chain, bears all
+        load = sum(body.load(step) for body in self.heavy)
         stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
         before = float(step.memory.get(self.name, stiffness))
         if stiffness > before and "inertia" in step.bound:

@@ -11,7 +11,7 @@ from clothsim.physics.contact.barrier_kernels import pairs_within
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.filter import follows_path
 from clothsim.physics.contact.pair_list import Pairs
-from clothsim.physics.contact.search import Search
+from clothsim.physics.contact.search import CandidateSearch
 
 RADIUS_IN_SKINS = 3.0
 """Radius of validity of one list, in skins of the whole surface's list."""
@@ -116,13 +116,13 @@ class ExclusionMask:
 class _MaskedSearch:
     """A search that leaves out excluded pairs."""
 
-    whole: Search
+    whole: CandidateSearch
     exclusion: ExclusionMask
 
     def pairs(
         self, before: Floats, after: Floats, distance: float, only: np.ndarray | None = None
     ) -> tuple[Pairs, Floats]:
-        """As `Search.pairs`."""
+        """As `CandidateSearch.pairs`."""
         pairs, distances = self.whole.pairs(before, after, distance, only)
         is_self = self.whole.surface.is_self_contact
         left = np.flatnonzero(~self.exclusion.mask(pairs.elements, pairs.n_points, is_self))

@@ -6,7 +6,7 @@ reference, or from the point of the path at one common fraction, it therefore ho
 activation_distance + 4 skin - 2 m. Beyond that the list is updated: where most vertices have left the skin, all pairs
 are searched; where few have (a growing buckle), only the pairs incident to them. Those are removed from the list, the
 new path of the vertices is searched against the reference positions of all others, and the pairs found are merged. So
-the reference is no configuration that ever occurred, only one for which the list is complete.
+the reference is not a configuration that ever occurred, only one for which the list is complete.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from clothsim.physics.contact.filter import (
     retained_pairs,
 )
 from clothsim.physics.contact.pair_list import NO_PAIRS, Pairs, merged
-from clothsim.physics.contact.search import Search
+from clothsim.physics.contact.search import CandidateSearch
 from clothsim.physics.contact.surface import ContactSurface
 
 MAX_FRACTION_OUTSIDE = 0.25
@@ -75,7 +75,7 @@ class Candidates:
         self.builds = 0
         self.searched_vertices = 0
         self.pairs = 0
-        self.search = Search(surface)
+        self.search = CandidateSearch(surface)
         self.clear()
 
     @property

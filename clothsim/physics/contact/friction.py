@@ -43,7 +43,7 @@ from clothsim.physics.energies.protocols import (
 NAME = "friction"
 
 MIN_GAP_FRACTION = 0.25
-"""Fraction of d_hat below which a gap counts as that in the first step: a start is no equilibrium, and a pair that
+"""Fraction of d_hat below which a gap counts as that in the first step: a start is not an equilibrium, and a pair that
 happens to be a millionth of d_hat apart there would stick by a normal force that no load balances."""
 
 
@@ -328,9 +328,9 @@ class FrictionEnergy(
 
     def defaults_used(self) -> tuple[str, ...]:
         """Elastic slip or eps_v, and the number of lagged solves a step."""
-        times = f"{self.lag_iterations} time{'s' * (self.lag_iterations > 1)}"
+        times = f"{self.lag_iterations} times" if self.lag_iterations > 1 else "once"
         how = f"elastic slip {self.elastic_slip:g} m" if self.elastic_slip else f"eps_v = {self.eps_v:g} m/s"
-        return (f"{how}, normal forces lagged {times} a step",)
+        return (f"{how}, normal forces lagged {times} per step",)
 
     def counts(self) -> dict[str, float]:
         """Number of lagged pairs."""

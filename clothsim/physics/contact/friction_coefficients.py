@@ -75,7 +75,7 @@ def _scales(size: float, keys: Friction, two: bool) -> tuple[float, float]:
 
 
 def coefficient_tables(world: World, keys: Friction) -> tuple[Floats, Floats]:
-    """mu_static and mu_kinetic of each pair of objects, (L, L). InputError for a value or name that is none.
+    """mu_static and mu_kinetic of each pair of objects, (L, L). InputError for an invalid value or name.
 
     A coefficient that is "auto" is `coefficient`; mu_kinetic is then at most mu_static.
     """

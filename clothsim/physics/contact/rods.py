@@ -18,7 +18,7 @@ D_HAT = 0.1
 
 
 def with_offset_of_rods(world: World, keys: Keys, radii: int) -> Keys:
-    """The keys of a contact with the offset of the rods of the world; as they are where there is none.
+    """The keys of a contact with the offset of the rods of the world; unchanged where there is none.
 
     radii: number of radii between the centre lines, 2 of rods and 1 of a rod and a body.
 

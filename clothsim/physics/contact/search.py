@@ -264,7 +264,7 @@ INDEX = (1 << 30) - 1
 NO_PAIRS_FOUND: FoundPairs = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
 
 
-class Search:
+class CandidateSearch:
     """Trees of one surface: built at the first search, refitted where something has moved."""
 
     def __init__(self, surface: ContactSurface) -> None:

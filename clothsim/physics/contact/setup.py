@@ -63,7 +63,7 @@ def _resolved_d_hat(name: str, world: World, surface: ContactSurface, d_hat: flo
     if d_hat < LEAST_D_HAT * coordinate:
         raise InputError(
             f"effects.{name}.d_hat is {d_hat:g} m, below {LEAST_D_HAT * coordinate:.2g} m: at coordinates of "
-            f"{coordinate:.3g} m double precision does not carry the changes of such gaps.",
+            f"{coordinate:.3g} m double precision cannot resolve changes of such gaps.",
             f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
         )
     size = float(np.ptp(world.moved(), axis=0).max())

@@ -108,7 +108,7 @@ class Energy(abc.ABC):
     """True where `begin` reads `Step.gradient` or `Step.bound`: such energies are bound after all others."""
 
     incremental: ClassVar[bool] = False
-    """True where the value belongs to the step (inertia, dissipation) and is no energy of the state."""
+    """True where the value belongs to the step (inertia, dissipation) and is not an energy of the state."""
 
     exact_in_newton: ClassVar[bool] = True
     """False where Newton's exact model takes the projected Hessian too: the exact one costs more than it saves."""

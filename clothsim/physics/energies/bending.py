@@ -43,7 +43,8 @@ def bending(world: World, keys: Bending) -> Energy | Off:
         For an angle, short_waves, bending_slope or bending_hysteresis that the model does not take.
     """
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
-    for key, given in {"angle_degrees": turned, "short_waves": keys.short_waves != Bending().short_waves}.items():
+    weighted = keys.short_waves not in (0.0, Bending().short_waves)
+    for key, given in {"angle_degrees": turned, "short_waves": weighted}.items():
         if given and keys.model != "midedge":
             raise InputError(
                 f'effects.bending.{key} has no effect with model = "{keys.model}".', 'It is for "midedge".'

@@ -209,8 +209,8 @@ def past_of(step: Step, quantity: Callable[[Floats], Floats]) -> Floats:
     docs/theory.md#time-integration.
 
     Backward Euler: q(x_n). BDF2: ((1+r)^2 q(x_n) - r^2 q(x_(n-1))) / (1+2r), with the weights that `step.past` has for
-    the positions. q of the weighed positions would be wrong: they are no state of the cloth, and a rotating cloth would
-    seem to stretch.
+    the positions. q of the weighted positions would be wrong: they are not a state of the cloth, and a rotating cloth
+    would seem to stretch.
     """
     past = step.past
     ratio = past.dt / step.dt  # b = (1+r) / (1+2r)

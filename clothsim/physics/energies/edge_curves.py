@@ -66,7 +66,7 @@ def edge_curves(where: str, world: World, select: Selection) -> tuple[EdgeCurve,
     Raises
     ------
     InputError
-        Where the selection has no edge, a line branches, or neighbouring numbers are no edge of the cloth.
+        Where the selection has no edge, a line branches, or neighbouring numbers are not an edge of the cloth.
     """
     if isinstance(select, Mapping) and set(select) == {"panel"}:
         raise InputError(f"{where} names a whole panel.", "Name an edge of it: { panel = ..., edge = ... }.")

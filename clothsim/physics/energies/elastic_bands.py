@@ -1,4 +1,4 @@
-"""Elastic bands sewn along edges of the cloth, as of a waist or a cuff: the effect `elastic_bands`.
+"""Elastic bands sewn along edges of the cloth, such as a waist or a cuff: the effect `elastic_bands`.
 
     E = sum k/2 (|e| / (s l0) - 1)^2 s l0   over the edges with |e| > s l0        [J]
 

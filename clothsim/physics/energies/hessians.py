@@ -23,7 +23,7 @@ class ElementHessian:
     Parameters
     ----------
     elements : (m, k) int array
-        Rows of x, the vertices of each element. Rows that are no unknowns (bodies, ghosts) are allowed: the assembly
+        Rows of x, the vertices of each element. Rows that are not unknowns (bodies, ghosts) are allowed: the assembly
         drops them.
     blocks : (m, 3k, 3k) array
         Second derivatives [N/m], the coordinates of a vertex side by side.

@@ -1,6 +1,6 @@
 """Element loops over hinges: angles, and gradient and Hessian of moments about them.
 
-vertices (h, 4): a, b, c, d of `kinematics.hinge`; moments M (h,) [N m], 0 where a hinge has no angle.
+vertices (h, 4): a, b, c, d of `kinematics.hinge_angle`; moments M (h,) [N m], 0 where a hinge has no angle.
 """
 
 import numpy as np

@@ -30,7 +30,7 @@ def cloth_number(where: str, world: World, name: object) -> int:
     if name is None and len(names) == 1:
         return 0
     if name not in names:
-        problem = "needs the name of a cloth" if name is None else f"names {name!r}, which is no cloth"
+        problem = "needs the name of a cloth" if name is None else f"names {name!r}, which is not a cloth"
         raise InputError(f"{where} {problem}.", f"Cloths: {', '.join(names)}.")
     return names.index(str(name))
 
@@ -76,7 +76,7 @@ def vertex_numbers(where: str, numbers: Any, n_vertices: int) -> Ints:
     bad = np.flatnonzero((indices < 0) | (indices >= n_vertices))
     if bad.size:
         raise InputError(
-            f"{where}[{bad[0]}] = {indices[bad[0]]} is no cloth vertex.",
+            f"{where}[{bad[0]}] = {indices[bad[0]]} is not a cloth vertex.",
             f"The cloth has the vertices 0..{n_vertices - 1}.",
         )
     return indices.astype(np.int64)
@@ -245,7 +245,7 @@ def schedule(name: str, value: Any, least: float = -math.inf) -> Schedule:
     times, values = np.empty(len(value)), np.empty(len(value))
     for k, frame in enumerate(value):
         if not isinstance(frame, list | tuple | np.ndarray) or len(frame) != 2:
-            raise InputError(f"{name}[{k}] is {frame!r}, no key frame.", "Give [[time, value], ...].")
+            raise InputError(f"{name}[{k}] is {frame!r}, not a key frame.", "Give [[time, value], ...].")
         times[k] = _bounded(f"{name}[{k}][0]", frame[0], -math.inf)
         values[k] = _bounded(f"{name}[{k}][1]", frame[1], least)
         if k and times[k] <= times[k - 1]:
@@ -310,7 +310,7 @@ def _read_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[
         panels = sorted({panel for cloth in world.cloths for panel in cloth.groups})
         has = f"Cloths: {', '.join(names)}; or other."
         raise InputError(
-            f"{name} names {unknown!r}, which is no cloth.", f"{has} Panels: {', '.join(panels)}." if panels else has
+            f"{name} names {unknown!r}, which is not a cloth.", f"{has} Panels: {', '.join(panels)}." if panels else has
         )
     silent = next((cloth for cloth in names if cloth not in table and OTHER not in table), None)
     if silent is not None:

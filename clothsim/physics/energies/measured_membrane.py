@@ -37,7 +37,7 @@ SHEET = 0.1
 
 
 @dataclass(frozen=True)
-class Curve:
+class StressCurve:
     """Stress over strain from 0 to `last`, linear outside, with its integral and slope.
 
     Parameters
@@ -122,9 +122,9 @@ class MeasuredThreads:
         Of a stretch along the warp, and along the weft; None: the other direction does not heed it.
     """
 
-    warp: Curve
-    weft: Curve
-    shear: Curve
+    warp: StressCurve
+    weft: StressCurve
+    shear: StressCurve
     mu: float
     narrowings: tuple[Narrowing | None, Narrowing | None] = (None, None)
 
@@ -206,7 +206,7 @@ def measured(
             f"effects.membrane.shear has the sine {steepest:g}.",
             "Give sines of angles, not degrees: 0.087 is 5 degrees.",
         )
-    curves = {name: Curve.through(*table.T) for name, table in tables.items()}
+    curves = {name: StressCurve.through(*table.T) for name, table in tables.items()}
     mu = SHEET * min(float(table[1, 1] / table[1, 0]) for table in tables.values())
     notes = tuple(
         f"the table of {name} ends at {100 * curves[name].last:g} %, beyond it continues with the slope "
@@ -232,7 +232,7 @@ def _narrowing(key: str, given: ArrayLike) -> Narrowing | None:
     table = _table(f"effects.membrane.{key}", given, "narrowing", "")
     if table[-1, 1] >= 1:
         raise InputError(
-            f"effects.membrane.{key} takes {table[-1, 1]:g} of the width, the whole.", "Give rows below 1."
+            f"effects.membrane.{key} takes {table[-1, 1]:g} of the width, which is all of it.", "Give rows below 1."
         )
     return Narrowing.through(*table.T)
 

@@ -76,7 +76,7 @@ def _relaxed(membrane: Energy, compression: float) -> Energy:
     """The membrane with a fraction of its stiffness in compression; itself where that is 1."""
     if compression == 1:
         return membrane
-    made: Energy = import_module("clothsim.physics.energies.tension_field").relaxed(membrane, compression)
+    made: Energy = import_module("clothsim.physics.energies.tension_field").with_tension_field(membrane, compression)
     return made
 
 
@@ -88,7 +88,7 @@ def _refuse_negative(world: World) -> None:
                 raise InputError(
                     f'effects.membrane.material = "neo_hookean" does not take the poisson_ratio '
                     f"{fabric.poisson_ratio:g} of {name!r}.",
-                    'Take material = "orthotropic", or leave it out.',
+                    'Use material = "orthotropic", or leave it out.',
                 )
 
 

@@ -15,7 +15,7 @@ from clothsim.physics.energies.protocols import Elementwise
 
 @dataclass(frozen=True)
 class NeoHookeanMembrane(Elementwise, Energy):
-    """E = sum over triangles of A psi(F); +inf where a triangle has lost its area.
+    """E = sum of A psi(F), psi = mu/2 (tr F'F - 2 - 2 ln J) + lam/2 (ln J)^2, J^2 = det F'F; +inf where an area is 0.
 
     Parameters
     ----------

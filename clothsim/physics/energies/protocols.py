@@ -280,7 +280,7 @@ class StartDerivatives:
 class PastSensitivity(abc.ABC):
     """An energy with a closed form of its derivative by the start of the step, for differentiable runs.
 
-    For others that differ from step to step it is found by differences (`adjoint.past_differences`).
+    For others that differ from step to step it is found by differences (`backward_pass.past_by_differences`).
     """
 
     @abc.abstractmethod

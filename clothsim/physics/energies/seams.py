@@ -168,7 +168,7 @@ def seam_line(name: str, world: World, keys: SeamLine, fewest: int) -> Line:
         line = vertex_numbers(f"{name}.vertices", keys.vertices, len(rest))
     if len(line) < fewest or (fewest > 1 and not np.ptp(rest[line], axis=0).any()):
         where = " in one place" if len(line) > 1 else ""
-        raise InputError(f"{name} is no line: it has {len(line)} vertices{where}.", "Give two or more, in order.")
+        raise InputError(f"{name} is not a line: it has {len(line)} vertices{where}.", "Give two or more, in order.")
     return line_of(line + rows.start, rest[line])
 
 

@@ -173,7 +173,7 @@ class SlackThreads:
         return rest + factors * (measured - rest), factors
 
 
-def relaxed(membrane: NeoHookeanMembrane | ThreadedMembrane, compression: float) -> Energy:
+def with_tension_field(membrane: NeoHookeanMembrane | ThreadedMembrane, compression: float) -> Energy:
     """A membrane with a fraction `compression` of its stiffness in compression."""
     if isinstance(membrane, ThreadedMembrane):
         law = membrane.threads.law

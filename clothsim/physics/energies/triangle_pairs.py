@@ -40,15 +40,11 @@ def _rest(world: World) -> tuple[np.ndarray, Floats]:
     return flat, np.concatenate([cloth.rest_positions for cloth in world.cloths])
 
 
-def _material(world: World) -> Floats:
-    """The corners of all triangles at rest, each triangle in its own frame, (m, 3, 2) [m]."""
-    return np.concatenate([cloth.material_coordinates for cloth in world.cloths])
-
-
 def _positions(world: World, corners: Ints, triangles: Ints) -> Floats:
     """Rest positions of the vertices `corners` (p, k) in the frames of `triangles` (p,), (p, k, 2) [m]."""
     where = (world.triangles[triangles][:, None, :] == corners[:, :, None]).argmax(axis=2)
-    return np.asarray(np.take_along_axis(_material(world)[triangles], where[:, :, None], axis=1), np.float64)
+    material = np.concatenate([cloth.material_coordinates for cloth in world.cloths])
+    return np.asarray(np.take_along_axis(material[triangles], where[:, :, None], axis=1), np.float64)
 
 
 def _cosines(world: World, corners: Ints, triangles: Ints, opposite: int) -> Floats:

@@ -91,7 +91,7 @@ class CheckedSurfaces:
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
-        """The joint that moves each vertex of the first body most; () where it is no mannequin."""
+        """The joint that moves each vertex of the first body most; () where it is not a mannequin."""
         if not self.mannequin:
             return ()
         return tuple(JOINTS[j].replace("_", " ") for j in template().weights.argmax(axis=1))

@@ -43,7 +43,7 @@ def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: 
         *_frictionless(scene, energies),
         *_skipped_frames(world, dt),
         *_fast_spins(world, dt),
-        *_starts_inside(world, energies),
+        *held_sentences(held_inside(world, world.start()), "starts", "body_contact" in energies),
         *_nested_bodies(world, energies),
         *_wide_activation(world, energies),
         *_close_starts(world, energies, dt),
@@ -51,7 +51,7 @@ def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: 
 
 
 def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) -> tuple[str, ...]:
-    """Meshes whose unit or vertical axis looks wrong, each with the key that mends it.
+    """Meshes whose unit or vertical axis looks wrong, each with the key that corrects it.
 
     world: cloths and bodies at the start; scene: their tables. Of generated bodies a slab is taken for a floor, and
     none has a vertical axis of its own; energies: the effects that are on.
@@ -84,7 +84,7 @@ def _implausible(world: World, scene: Scene) -> list[str]:
     size = float(np.ptp(world.start(), axis=0).max())
     if (scene.solver_settings.error or 0.0) > 0.1 * size:
         error = f"{scene.solver_settings.error:g} m"
-        sentences.append(f"solver.error is {error}, in a scene of {size:.3g} m: millimetres are 1e-3 (--error 1mm).")
+        sentences.append(f"solver.error is {error}, in a scene of {size:.3g} m: a millimetre is 1e-3 (--error 1mm).")
     return sentences
 
 
@@ -94,8 +94,8 @@ def size_doubts(name: str, positions: Floats) -> list[str]:
     if SMALLEST <= longest <= LARGEST or not np.isfinite(longest):
         return []
     factor = next((factor for factor in (1e-2, 1e-3, 10.0, 100.0, 1e3) if 0.1 <= factor * longest <= 3), None)
-    hint = "scale (metres per unit) mends a file in another unit"
-    hint += f": scale = {factor:g} makes it {factor * longest:.3g} m" if factor else ""
+    hint = "if its unit is not the metre, set scale, the metres per unit"
+    hint += f" (scale = {factor:g} makes it {factor * longest:.3g} m)" if factor else ""
     return [f"{name} is {longest:.3g} m long; {hint}."]
 
 
@@ -156,11 +156,6 @@ def _skipped_frames(world: World, dt: float) -> list[str]:
     return sentences
 
 
-def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
-    """Pieces of cloth that start inside a body without intersecting it: contact keeps them there, or they pass out."""
-    return held_sentences(held_inside(world, world.start()), "starts", "body_contact" in energies)
-
-
 def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
     """Raise an InputError where all of a cloth starts inside a body: contact would keep it there."""
     if "body_contact" not in energies:
@@ -169,7 +164,7 @@ def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
         if each.pieces == each.of:
             raise InputError(
                 f"{each.cloth} starts inside {each.body}, {each.where}: contact would keep it in.",
-                f"Look at the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
+                f"Check the scale, up and position of both; `clothsim fit` frees a garment; where {each.body} is "
                 "meant to hold it, give run.allow_inside = true, or --force.",
             )
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.base.arrays import Floats, as_vector, write_arrays
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import shown
+from clothsim.base.inputs import is_number, shown
 from clothsim.scene import paths
 from clothsim.scene.assembly.checked_garment import CheckedSurfaces, Prediction
 from clothsim.scene.assembly.meshes import body_of, mesh_shape
@@ -151,7 +151,7 @@ def read_model(path: Path) -> DrapeModel | MotionModel:
     except TransferError as error:
         raise InputError(f"{path}: {error.sentence}", error.remedy) from error
     except Exception as error:  # zipfile, zlib and NumPy's header raise a dozen types of errors
-        raise InputError(f"{path} is no model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
+        raise InputError(f"{path} is not a model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
     return DrapeModel(**{**content, "family": str(content["family"])})
 
 
@@ -168,7 +168,7 @@ def _refuse_other_shapes(content: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _number(key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not is_number(value):
         raise InputError(f"The model needs {key}, which is not a number in the scene.", f"Write {key} in the scene.")
     return float(value)
 

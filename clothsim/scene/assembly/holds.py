@@ -88,24 +88,24 @@ def holds(
     driven = any(isinstance(energy, Driven) for energy in energies.values())
     loads = [_load(forces[rows]) for rows in pieces]
     margin = DRIVEN_MARGIN if driven else MARGIN
-    reaches = [_Reach.of(start[rows], load, margin) for rows, load in zip(pieces, loads, strict=True)]
+    swept = [_SweptBox.of(start[rows], load, margin) for rows, load in zip(pieces, loads, strict=True)]
     friction = ", with friction" if "friction" in energies else ""
     rigid = {body.name for body in world.rigid}
     found, ways = list[list[str]](), list[tuple[str, ...]]()
-    for rows, reach in zip(pieces, reaches, strict=True):
+    for rows, box in zip(pieces, swept, strict=True):
         tied = [f"{name} ({number:,})" for name, by in held.items() if (number := int(np.isin(rows, by).sum()))]
-        met = [(name, points) for name, points in bodies if reach.meets(points)]
+        met = [(name, points) for name, points in bodies if box.meets(points)]
         fixed = [each for each in met if each[0] not in rigid]
         under = [name for name, _ in fixed or met]
         if not tied and under and "self_contact" in energies and len(pieces) <= MANY:
-            top = min((reach.depth(points)[0] for _, points in fixed), default=np.inf)
-            between = reach.nearest([start[each] for each in pieces if each is not rows], top)
+            top = min((box.depth(points)[0] for _, points in fixed), default=np.inf)
+            between = box.nearest([start[each] for each in pieces if each is not rows], top)
             others = [each for each in pieces if each is not rows]
             under = [Hold(*_place(world, others[j]), (), np.zeros(3)).name for j in between] or under
         found.append(tied or [f"{_listed(under)} under it{friction}"] * bool(under))
         ways.append(tuple(name for name, _ in fixed) if tied else ())
     if "self_contact" in energies:
-        _add_held_pieces(world, start, pieces, reaches, found)
+        _add_held_pieces(world, start, pieces, swept, found)
     return tuple(
         Hold(*_place(world, rows), tuple(holders), load, way)
         for rows, holders, load, way in zip(pieces, found, loads, ways, strict=True)
@@ -164,7 +164,7 @@ def hold_notes(found: Sequence[Hold]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Reach:
+class _SweptBox:
     """What a piece could meet on its way along a load: `low` and `high` (3,) in `axes`, of which the last is the load.
 
     Everything where there is no load. deepest: end of the piece itself along the load [m].
@@ -176,7 +176,7 @@ class _Reach:
     deepest: float
 
     @staticmethod
-    def of(points: Floats, load: Floats, margin: float) -> "_Reach":
+    def of(points: Floats, load: Floats, margin: float) -> "_SweptBox":
         down = load / np.linalg.norm(load) if load.any() else np.array([0.0, 0.0, -1.0])
         axes = np.linalg.svd(down[None])[2][[1, 2, 0]]  # rows: two across, one along
         axes[2] = down
@@ -184,7 +184,7 @@ class _Reach:
         aside = margin * float(np.linalg.norm(high - low)) if load.any() else np.inf
         back = aside if np.isinf(aside) else 0.0
         far = np.array([high[0] + aside, high[1] + aside, np.inf])
-        return _Reach(axes, low - [aside, aside, back], far, float(high[2]))
+        return _SweptBox(axes, low - [aside, aside, back], far, float(high[2]))
 
     def meets(self, points: Floats) -> bool:
         """Whether the box of points overlaps."""
@@ -212,7 +212,7 @@ def _box(points: Floats) -> tuple[Floats, Floats]:
 
 
 def _add_held_pieces(
-    world: World, start: Floats, pieces: list[Ints], reaches: "list[_Reach]", found: list[list[str]]
+    world: World, start: Floats, pieces: list[Ints], swept: "list[_SweptBox]", found: list[list[str]]
 ) -> None:
     """Give each piece that nothing holds those that are held and in its way, until none is added."""
     names = [Hold(*_place(world, rows), (), np.zeros(3)).name for rows in pieces]
@@ -223,7 +223,7 @@ def _add_held_pieces(
         return
     for _ in pieces:
         met = {
-            k: next((j for j, by in enumerate(found) if by and j != k and reaches[k].meets(start[pieces[j]])), None)
+            k: next((j for j, by in enumerate(found) if by and j != k and swept[k].meets(start[pieces[j]])), None)
             for k in todo
         }
         for k, j in met.items():

@@ -9,7 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import InputError
-from clothsim.files.meshes.mesh_file import frame_files, read_frames, read_mesh
+from clothsim.files.meshes.mesh_file import animation_files, read_frames, read_mesh
 from clothsim.files.meshes.polygons import MeshPart
 from clothsim.keys.effect_tables import Motion
 from clothsim.keys.fabric import BENDINGS, CURLS, HYSTERESES, SLOPES, Fabric
@@ -37,7 +37,7 @@ from clothsim.mesh.rod import Rod, make_rod
 from clothsim.mesh.topology import flat_triangles
 from clothsim.physics.energies.key_values import Schedule, schedule
 from clothsim.scene import cloth_arrays
-from clothsim.scene.assembly.shapes import PART, Shape, examined, existing_file, name_of, placed, sewn, wound_alike
+from clothsim.scene.assembly.shapes import PART, Shape, checked_notes, existing_file, name_of, placed, sewn, wound_alike
 from clothsim.scene.scene import Scene
 
 # Animated bodies: the frames of a sequence of files or of an array.
@@ -47,7 +47,7 @@ def body_of_files(keys: Any, where: str, directory: Path) -> tuple[Body, tuple[s
     """The body of a table whose `frames` name a sequence of files, and notes for the user."""
     if not keys.frames:
         raise InputError(f"{where}.frames must name files, not ''.", 'Write it as frames = "kick/shell*.obj".')
-    files = frame_files(directory, keys.frames)
+    files = animation_files(directory, keys.frames)
     part = MeshPart(**{key: getattr(keys, key) for key in PART})
     mesh, frames = read_frames(files, part, keys.frames_per_second)
     shape = Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages)
@@ -77,7 +77,7 @@ def _animated(
     else:
         note = f"{len(frames)} frames, {rate:g} a second: it moves for {motion.duration:g} s, then rests"
     label = name_of(keys, where)
-    notes = examined(label, Shape(shape.positions, shape.triangles, shape.texture, (*shape.notes, note)), "body")
+    notes = checked_notes(label, Shape(shape.positions, shape.triangles, shape.texture, (*shape.notes, note)), "body")
     return make_body(label, frames[0], shape.triangles, motion), notes
 
 
@@ -170,7 +170,7 @@ def cloth_of(shape: Shape, keys: ClothTable, where: str, start: Floats | None = 
     if keys.weld:
         shape, start = sewn(label, shape, start, keys.weld, at_start=in_plane)
         shape = wound_alike(shape)  # panels wound the other way than their neighbours
-    warnings = examined(label, shape, "sewn cloth" if keys.weld or keys.sewn else "cloth")
+    warnings = checked_notes(label, shape, "sewn cloth" if keys.weld or keys.sewn else "cloth")
     cloth = make_cloth(
         label,
         shape.positions,
@@ -212,7 +212,7 @@ def body_of(keys: BodyTable | FramesTable | ModelTable, where: str, directory: P
     shape = mesh_shape(keys, where, directory)
     if isinstance(keys.mesh, MeshArrays) and keys.mesh.frames is not None:
         return body_of_frames(keys, where, shape)
-    notes = examined(name_of(keys, where), shape, "body")
+    notes = checked_notes(name_of(keys, where), shape, "body")
     positions = placed(keys, shape.positions)
     motion: Any = keys.motion or Motion()
     centre: Any = keys.position if motion.centre is None else motion.centre
@@ -272,10 +272,10 @@ def fabric_of(keys: ClothTable, where: str) -> tuple[Fabric, str]:
 
 
 def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
-    """The rigid body of a [[rigid]] table, and notes for the user. InputError for a mesh that is no solid."""
+    """The rigid body of a [[rigid]] table, and notes for the user. InputError for a mesh that is not a solid."""
     shape = mesh_shape(keys, where, scene.directory)
     label = name_of(keys, where)
-    notes = examined(label, shape, "body")
+    notes = checked_notes(label, shape, "body")
     body = rigid_body(
         label,
         placed(keys, shape.positions),
@@ -290,7 +290,7 @@ def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody
 
 
 def rod_of(keys: RodTable, where: str) -> tuple[Rod, tuple[str, ...]]:
-    """The rod of a [[rod]] table, and notes for the user. InputError for points that are no line."""
+    """The rod of a [[rod]] table, and notes for the user. InputError for points that are not a line."""
     label = name_of(keys, where)
     points = placed(keys, keys.scale * as_points(f"{where}.points", keys.points))
     if keys.edge is not None and len(points) > 1:

@@ -9,9 +9,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import table
+from clothsim.base.inputs import as_table, is_number
 from clothsim.files.characters.character import Character, mannequin_character, smpl_character
-from clothsim.files.characters.clip import Motion, Timeline, timeline
+from clothsim.files.characters.clip import SkeletonMotion, Timeline, timeline
 from clothsim.files.characters.gait import CLIPS, KINDS, is_packaged, packaged_clip
 from clothsim.files.characters.gltf_character import read_character
 from clothsim.files.characters.keep_apart import kept_apart
@@ -22,7 +22,7 @@ from clothsim.keys.mesh_keys import ClipKeys, ModelTable, PlacedKeys
 from clothsim.mesh.body import Body, PosedMotion, make_body
 from clothsim.mesh.generators.mannequin.generator import Proportions, turns_of
 from clothsim.scene import paths
-from clothsim.scene.assembly.shapes import Shape, examined, existing_file, name_of, placed
+from clothsim.scene.assembly.shapes import Shape, checked_notes, existing_file, name_of, placed
 from clothsim.scene.scene import Scene
 from transfer.body_model import PosedBody
 
@@ -58,7 +58,9 @@ def motion_of_model(
     )
 
 
-def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, character: Character) -> tuple[Motion, str]:
+def _motion(
+    clip: ClipKeys, keys: ModelTable, where: str, directory: Path, character: Character
+) -> tuple[SkeletonMotion, str]:
     """The motion of the character's skeleton that a clip is, and its name."""
     if is_packaged(clip.clip):
         own = keys.model == "mannequin" and not keys.shape
@@ -79,7 +81,7 @@ def _motion(clip: ClipKeys, keys: ModelTable, where: str, directory: Path, chara
     )
 
 
-def _read_motion(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
+def _read_motion(path: Path, model: Path, character: Character, scale: float | None) -> SkeletonMotion:
     """The motion of a .bvh or an AMASS .npz file; that of AMASS moves a model of the SMPL family joint by joint."""
     if path.suffix.lower() == ".bvh":
         return retargeted(read_bvh(path), character.skeleton, scale)
@@ -156,7 +158,7 @@ class PlacedCharacter:
         character, pose = self.character, self.pose(time)
         if character.positions.shape != reference.shape:
             found, wanted = len(character.positions), len(reference)
-            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Take the same model.")
+            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Use the same model.")
         matrices = character.matrices(pose)
         linear = self.linear @ matrices[:, :3, :3]
         moves = matrices[:, :3, 3] @ self.linear.T + self.shift
@@ -173,7 +175,7 @@ def body_of_model(keys: ModelTable, where: str, directory: Path) -> tuple[Body, 
     made = placed_character(keys, where, directory)
     first = made.character.vertices(made.first)
     positions = first @ made.linear.T + made.shift
-    notes = examined(label, Shape(positions, made.character.triangles, np.zeros((0, 3, 2)), ()), "body")
+    notes = checked_notes(label, Shape(positions, made.character.triangles, np.zeros((0, 3, 2)), ()), "body")
     if made.timeline is None:
         return make_body(label, positions, made.character.triangles), notes
     displacement = PosedDisplacement(made.character, made.timeline, first, made.linear)
@@ -260,7 +262,8 @@ def first_pose(keys: ModelTable, where: str, character: Character) -> Pose:
             raise InputError(f"{where}.pose is {pose!r}.", "Give a table of joints with rotation vectors [degrees].")
         return skeleton.turned(dict(turns_of(pose, None)))
     turns = {
-        name: np.radians(as_vector(f"{where}.pose.{name}", turn)) for name, turn in table(f"{where}.pose", pose).items()
+        name: np.radians(as_vector(f"{where}.pose.{name}", turn))
+        for name, turn in as_table(f"{where}.pose", pose).items()
     }
     try:
         return skeleton.turned(turns)
@@ -275,6 +278,6 @@ def _by_name(where: str, shape: Any) -> dict[str, float]:
     if not isinstance(shape, Mapping):
         raise InputError(f"{where} is a list.", 'Give numbers by name: { height = 1.8 } or { "morph target" = 1.0 }.')
     for name, value in shape.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if not is_number(value) or not np.isfinite(value):
             raise InputError(f"{where}.{name} is {value!r}.", "Give a number.")
     return {str(name): float(value) for name, value in shape.items()}

@@ -31,7 +31,7 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
     factor : Fraction
         Factor of the cells.
     nearest : bool
-        True: cells that are no whole numbers are rounded, to one at least.
+        True: cells that are not whole numbers are rounded, to one at least.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
     Raises
     ------
     InputError
-        For a cloth of a file, for cells that are no whole numbers, and where pins, springs, seams, creases, an array
+        For a cloth of a file, for cells that are not whole numbers, and where pins, springs, seams, creases, an array
         over the cloth or a seed file belong to the vertices or triangles of one mesh.
 
     Examples
@@ -78,7 +78,7 @@ def _scaled(keys: ClothTable, factor: Fraction, nearest: bool) -> dict[str, Any]
     cells = cells_of(keys)
     counts = [count * factor for count in (cells if isinstance(cells, list | tuple) else [cells])]
     if not nearest and any(count.denominator != 1 or count < 1 for count in counts):
-        raise InputError(f"cells {cells} times {factor} are no whole numbers.", "Choose cells that are powers of two.")
+        raise InputError(f"cells {cells} times {factor} are not whole numbers.", "Choose cells that are powers of two.")
     whole = [max(1, round(count)) for count in counts]
     return {**keys, "cells": whole if isinstance(cells, list | tuple) else whole[0]}
 

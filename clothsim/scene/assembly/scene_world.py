@@ -76,7 +76,6 @@ def build(scene: Scene, affordable: bool = False) -> Built:
     Parameters
     ----------
     scene : Scene
-        The scene.
     affordable : bool
         True: what a machine cannot be expected to run is refused before anything is built.
 
@@ -226,7 +225,7 @@ def _changing(
         now = with_material(world, (*sheets, *world.cloths[len(cloths) :]))
         made = effect.build(now, keys, {"at_start": at_start})
         if not isinstance(made, Energy):  # no key frame is 0, but a function of time may be
-            raise InputError(f"{where} has no stiffness at a time.", "Keep what changes over time above 0.")
+            raise InputError(f"{where} has no stiffness at some time.", "Keep what changes over time above 0.")
         return made
 
     def numbers_at(time: float) -> tuple[tuple[float, ...], ...]:
@@ -236,7 +235,7 @@ def _changing(
     if all(each.is_constant for schedules in changes for each in schedules.values()):
         return first
     if any(world.per_triangle(f"hysteresis_along_{way}").any() for way in ("warp", "weft")):
-        raise InputError("bending_hysteresis does not go with a material that changes.", "Set it to 0.")
+        raise InputError("bending_hysteresis is not supported with a material that changes.", "Set it to 0.")
     return ChangingMaterial(first, numbers_at, of)
 
 

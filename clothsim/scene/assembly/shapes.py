@@ -83,7 +83,7 @@ def existing_file(where: str, directory: Path, name: str) -> Path:
     return path
 
 
-def examined(label: str, shape: Shape, role: Role) -> tuple[str, ...]:
+def checked_notes(label: str, shape: Shape, role: Role) -> tuple[str, ...]:
     """The notes of a shape and the warnings of the mesh check, each with its name. InputError for its errors."""
     report = examine(label, shape.positions, shape.triangles, role)
     refuse(report)

@@ -136,7 +136,7 @@ NO_DEPENDENT_ROWS = DependentRows()
 class _Expansion:
     """Elements `chosen` (p,) with dependent rows: unknowns (p, 8), derivatives (p, k, 8), whether of two bodies (p,).
 
-    The unknowns are those of a body, then those of a second one, or the vertices of the element that are no body's.
+    The unknowns are those of a body, then those of a second one, or the vertices of the element that are not on it.
     """
 
     chosen: Ints

@@ -116,7 +116,7 @@ def make_solver(name: str, pattern: SparsityPattern, threads: int = 0, dissected
     except (ImportError, OSError) as error:
         raise MissingPackageError(
             f"solver.linear = {name!r} needs a library that is not installed.",
-            f"Run: pip install '{REMEDIES[name]}', or take linear = \"auto\".",
+            f"Run: pip install '{REMEDIES[name]}', or use linear = \"auto\".",
         ) from error
 
 

@@ -162,7 +162,7 @@ def _failure(code: int, rows: int) -> ClothsimError:
     if code == NO_MEMORY:
         return ClothsimError(
             f"There is not enough memory to factorise the Newton matrix of {rows // 3:,} vertices.",
-            "Take fewer cells, or close other programs.",
+            "Use fewer cells, or close other programs.",
         )
     return ClothsimError(
         f"PARDISO failed on the Newton matrix of {rows // 3:,} vertices with its error {code}.",

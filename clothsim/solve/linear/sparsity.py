@@ -216,7 +216,7 @@ def _pattern(n: int, keys: Ints) -> SparsityPattern:
     return SparsityPattern(n, starts, columns)
 
 
-def times(hessians: list[Explicit], vector: Floats) -> Floats:
+def hessian_product(hessians: list[Explicit], vector: Floats) -> Floats:
     """Return (sum of Hessians) vector, (N, 3), over all rows: also those of bodies and ghosts."""
     product = np.zeros_like(vector)
     for hessian in hessians:

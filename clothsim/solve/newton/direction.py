@@ -13,7 +13,7 @@ from clothsim.base.vectors import taken
 from clothsim.physics.energies.hessians import Hessian, ImplicitHessian, explicit, split
 from clothsim.solve.linear.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.linear.sparsity import times
+from clothsim.solve.linear.sparsity import hessian_product
 from clothsim.solve.newton.lanczos import saddle_free_solve
 from clothsim.solve.newton.outcome import Ending, Outcome, outcome
 from clothsim.solve.newton.potential import Potential
@@ -26,7 +26,7 @@ MAX_SHIFTS = 12
 SINGULAR = 2.0**12 * float(np.finfo(float).eps)
 """Curvature along a solution, over that of the diagonal alone, below which it is the rounding of the matrix. Whether a
 matrix that is singular but for that can be factorised is chance (Higham 2002, theorem 10.7): it differs from processor
-to processor. A factor that came about so is no preconditioner: of a strip without bending it makes steps of 1e6 m, and
+to processor. Such a factor is not a preconditioner: for a strip without bending it makes steps of 1e6 m, and
 Lanczos' method finds its smallest pivots and nothing else."""
 PRECONDITIONER_ERROR = 1e-2
 """Relative error, in the norm of the matrix, that a preconditioner may leave."""
@@ -112,7 +112,9 @@ class QuadraticModel:
                 first = cached.solver.back_solve(right)
             return self._curved(data, implicit, right, first, gradient, trust, replace(cached, age=cached.age + 1))
         hessians = self.potential.hessians(x)
-        right = -self._free(gradient + times(explicit(hessians), displacement) if displacement.any() else gradient)
+        right = -self._free(
+            gradient + hessian_product(explicit(hessians), displacement) if displacement.any() else gradient
+        )
         exact: list[Hessian] = []
 
         def formed_beside() -> list[Hessian]:

@@ -79,7 +79,7 @@ def lowest_mode(model: StaticModel, seed: int, along: Floats | None = None) -> M
     return Mode(shape, curvature, float(np.sqrt(-curvature / mass)))
 
 
-def way_down(model: StaticModel, mode: Mode, amplitude: float, longest: float = 1.0) -> Floats | None:
+def descent_from_saddle(model: StaticModel, mode: Mode, amplitude: float, longest: float = 1.0) -> Floats | None:
     """Return a displacement along a mode that lowers the static energy and is free of collision.
 
     Downhill where the state has a slope along the mode, else to the side of the mode's shape if that is admissible.

@@ -55,7 +55,7 @@ class StaticModel:
 
     @cached_property
     def potential(self) -> Potential:
-        """The stored energies, and friction, whose force at the end of the step holds the cloth and is kept."""
+        """The stored energies, and friction, whose force at the end of the step holds the cloth and is included."""
         return replace(self.bound, energies={n: e for n, e in self.bound.acting.items() if _is_static(e)})
 
     @cached_property

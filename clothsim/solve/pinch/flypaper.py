@@ -332,7 +332,7 @@ class PinchRecord:
 
 
 def record_from(fields: Mapping[str, Any]) -> PinchRecord:
-    """Return the record that a checkpoint kept."""
+    """Return the record in a checkpoint."""
     plain: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
     return PinchRecord(**plain)
 

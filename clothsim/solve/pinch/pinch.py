@@ -37,8 +37,8 @@ from clothsim.solve.pinch.pinch_gaps import (
     LEAST,
     Faces,
     faces_of,
-    first_hits,
-    nearest,
+    line_hits,
+    nearest_faces,
     normals,
     pinched,
     sides,
@@ -143,7 +143,7 @@ def _find_flypapered(integrator: Integrator, state: State, end: float, attempt: 
     # cloth rows that the scene prescribes
     held = [constraint.at(state.time).vertices for constraint in integrator.constraints.values()]
     fixed = np.concatenate([NONE, *held])
-    near = nearest(faces, x, np.arange(world.n_cloth), reach)
+    near = nearest_faces(faces, x, np.arange(world.n_cloth), reach)
     found = pinched(faces, near, x, after, limit, reach).without(np.concatenate([known.vertices, fixed]))
     ahead = after.copy()
     ahead[: world.n_cloth] += (end - state.time) * state.velocities[: world.n_cloth]
@@ -211,7 +211,7 @@ def gaps_of(flypapered: Flypapered, faces: Faces, world: World, x: Floats, limit
     front of it within `reach` [m].
     """
     points, along = flypapered.points(x), normals(x, flypapered.triangles)
-    gaps = first_hits(faces, x, flypapered.vertices, (points, along), (LEAST * limit, reach), entering=True)
+    gaps = line_hits(faces, x, flypapered.vertices, (points, along), (LEAST * limit, reach), entering=True)
     wide = np.flatnonzero(gaps >= limit)
     inside = sides(x, points[wide], along[wide], world.body_triangles, LEAST * limit) == INSIDE
     gaps[wide[inside]] = -np.inf
@@ -293,7 +293,7 @@ def _crossing_edges(held: np.ndarray, released: Ints, opening: Opening) -> Ints:
     edges = edges[np.isin(edges, released).any(axis=1) & ~held[edges].any(axis=1)]
     ends = np.concatenate([edges, edges[:, ::-1]])
     lines = x[ends[:, 0]], x[ends[:, 1]] - x[ends[:, 0]]
-    hits = first_hits(opening.faces, x, np.ascontiguousarray(ends[:, 0]), lines, (0.0, 1.0), entering=False)
+    hits = line_hits(opening.faces, x, np.ascontiguousarray(ends[:, 0]), lines, (0.0, 1.0), entering=False)
     return np.unique(ends[np.isfinite(hits)])
 
 

@@ -95,7 +95,7 @@ def closest(faces: Faces, x: Floats, rows: Ints, reach: float) -> tuple[Ints, Fl
     return _closest(x, rows, faces.triangles, faces.numbers, faces.boxes(x), faces.labels, faces.allowed, reach)
 
 
-def first_hits(
+def line_hits(
     faces: Faces, x: Floats, rows: Ints, lines: tuple[Floats, Floats], span: tuple[float, float], entering: bool
 ) -> Floats:
     """Least t [1] of a span at which the line o + t d of each row of x meets a triangle, (k,); inf where none does.
@@ -163,7 +163,7 @@ def _first_hits(
     high: float,
     entering: bool,
 ) -> Floats:
-    """Compiled part of `first_hits`."""
+    """Compiled part of `line_hits`."""
     hits = np.full(len(rows), np.inf)
     for k in range(len(rows)):
         o = (origins[k, 0], origins[k, 1], origins[k, 2])
@@ -274,7 +274,7 @@ class Nearest:
         return type(self)(self.vertices[chosen], self.triangles[chosen], self.weights[chosen])
 
 
-def nearest(faces: Faces, x: Floats, rows: Ints, reach: float) -> Nearest:
+def nearest_faces(faces: Faces, x: Floats, rows: Ints, reach: float) -> Nearest:
     """The closest body triangle within `reach` [m] of rows of x (N, 3) [m]."""
     indices, weights, _ = closest(faces, x, rows, reach)
     found = indices >= 0

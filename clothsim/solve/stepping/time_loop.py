@@ -12,7 +12,7 @@ from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.protocols import ChangingMaterial
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.newton.stability import Mode, lowest_mode, way_down
+from clothsim.solve.newton.stability import Mode, descent_from_saddle, lowest_mode
 from clothsim.solve.newton.statics import StaticModel
 from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.state import Previous, Rest, State, Switch
@@ -63,7 +63,7 @@ def next_step(integrator: Integrator, state: State, duration: float, frames_per_
         report = advance(integrator, state, until)
     if report.converged and report.state.time == until:
         report = replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
-    return with_rest(integrator, state, report, duration)
+    return with_rest_state(integrator, state, report, duration)
 
 
 def finished(state: State, duration: float, frames_per_second: float, until: str = "time") -> bool:
@@ -95,7 +95,7 @@ ROUNDING = 1e-9
 """Relative change of a load or a position below which it is none."""
 
 
-def with_rest(integrator: Integrator, before: State, report: StepReport, until: float) -> StepReport:
+def with_rest_state(integrator: Integrator, before: State, report: StepReport, until: float) -> StepReport:
     """Return the report of a step with the `rest` of its state, which is displaced where it was found unstable.
 
     Parameters
@@ -169,7 +169,7 @@ def _varies(integrator: Integrator, state: State, energy: Energy, later: list[fl
     """True where the force of an energy on the cloth without velocities varies over time."""
 
     def force(t: float) -> Floats:
-        return energy.begin(standing(integrator, state, t)).gradient(state.positions)
+        return energy.begin(step_from_rest(integrator, state, t)).gradient(state.positions)
 
     now = force(0.0)
     return any(_differ(force(t), now) for t in later)
@@ -210,7 +210,7 @@ COMPRESSED = 1 - 1e-9
 
 @dataclass(frozen=True)
 class ModeDisplacement:
-    """A displacement dx (N, 3) [m] along a mode; 0 where the state is kept."""
+    """A displacement dx (N, 3) [m] along a mode; 0 where the state is left unchanged."""
 
     mode: Mode
     dx: Floats
@@ -224,18 +224,18 @@ class ModeDisplacement:
 def static_model(integrator: Integrator, report: StepReport, only: np.ndarray | None = None) -> StaticModel:
     """Return the static model at the end of a step; only (n_cloth,) bool: all other vertices are fixed.
 
-    Rigid bodies are held where they are: one that may roll has no stiffness, and is no instability of the cloth.
+    Rigid bodies are held where they are: one that may roll has no stiffness, and is not an instability of the cloth.
     """
     world, state = integrator.world, report.state
     fixed = np.ones(world.n_unknowns, bool)
     fixed[: world.n_cloth] = False if only is None else ~only
     rows = prescribed(world, integrator.constraints.values(), state.time).vertices
     fixed[rows[rows < world.n_cloth]] = True
-    rest = standing(integrator, state, 0.0)
+    rest = step_from_rest(integrator, state, 0.0)
     return StaticModel(report.potential, integrator.system, world.inertial_masses, fixed, rest)
 
 
-def standing(integrator: Integrator, state: State, later: float) -> Step:
+def step_from_rest(integrator: Integrator, state: State, later: float) -> Step:
     """Return a step from the positions of `state` without velocities, with the loads of `later` [s] from then."""
     end, h = state.time + later, state.dt
     zero = np.zeros_like(state.positions)
@@ -270,7 +270,7 @@ def stabilised(integrator: Integrator, before: State, report: StepReport) -> Ste
 
 
 def _repeated(integrator: Integrator, before: State, report: StepReport, dx: Floats) -> StepReport | None:
-    """The report of a step repeated from its end displaced by dx; None where it fails, as a shorter one is no use."""
+    """The report of a step repeated from its end displaced by dx; None where it fails: a shorter one is of no use."""
     displaced_start = replace(before, positions=report.state.positions + dx)
     again = advance(integrator, displaced_start, report.state.time, retries=False)
     return again if again.converged and again.state.time == report.state.time else None
@@ -308,7 +308,7 @@ def unstable_side(
     model : StaticModel
         The state.
     amplitude, longest, along
-        As of `way_down` and `lowest_mode`; without an amplitude one that grows as fast as `rest_speed`.
+        As of `descent_from_saddle` and `lowest_mode`; without an amplitude one that grows as fast as `rest_speed`.
     """
     if not model.is_conservative or model.is_stable:
         return None
@@ -318,7 +318,7 @@ def unstable_side(
     if amplitude is None:
         most = LARGEST_AMPLITUDE * _extent(model.rest.positions[: len(model.masses)])
         amplitude = min(most, integrator.rest_speed / mode.growth_rate)
-    dx = way_down(model, mode, amplitude, longest)
+    dx = descent_from_saddle(model, mode, amplitude, longest)
     if dx is None:
         return None
     return ModeDisplacement(mode, dx if integrator.leaves_unstable else np.zeros_like(dx))

@@ -15,8 +15,8 @@ from clothsim.study.error_control.resolution import (
     another_shape,
     distance_at,
     has_cells_for,
-    pilot,
     refinable_scene,
+    trial_at,
     with_estimate,
     written_run,
 )
@@ -47,7 +47,7 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
     trials = [own]
     for resolution in coarser.resolutions if coarser.parameters else ():
         message(f"pilot run for the error: {refinable.text(resolution)}")
-        trials.append(pilot(refinable.at(resolution, scene.solver_settings.stop_fraction), resolution))
+        trials.append(trial_at(refinable.at(resolution, scene.solver_settings.stop_fraction), resolution))
         if trials[-1].reason:
             break
     newton = run.summary["certificate"]["error_estimate"]["newton"]

@@ -3,7 +3,7 @@
 With an error A s^p a refinement by f moves the result by D = A s^p (1 - f^-p) and leaves D / (f^p - 1) of it
 (Richardson 1911). Orders are assumed, not observed: with contact, buckling or flutter the differences of three runs
 give orders between 0 and 3, which predict the next difference worse than one fixed order (docs/notes/tried.md). A scene
-with contact has lower ones: an impact is no smooth function of time, nor the edge of a contact region of the cells.
+with contact has lower ones: an impact is not a smooth function of time, nor the edge of a contact region of the cells.
 
 Three runs tell whether an order may be assumed at all. Coarser by two and by four in all (dt, cells, d_hat), two runs
 move the result by D2 and D4 - D2. Where an error falls with an order p, the second difference is 2^p times the first;

@@ -29,7 +29,7 @@ from clothsim.study.error_control.resolution import (
     with_estimate,
     written_run,
 )
-from clothsim.study.error_control.search import TWIN, Found, Message, ResolutionSearch, parts_of, repeated, searched
+from clothsim.study.error_control.search import TWIN, Found, Message, ResolutionSearch, error_parts, repeated, searched
 from clothsim.study.parameters import CELLS, D_HAT, TIME, d_hats
 
 
@@ -150,7 +150,7 @@ def confirmed(search: ResolutionSearch, found: Found) -> Found:
         if run.status != "completed":
             found = repeated(search, found)
             return found if reason else _compared_with_twins(search, found)
-        found = Found(run, trial, parts_of(run, {"all": expected}), True)
+        found = Found(run, trial, error_parts(run, {"all": expected}), True)
     return replace(found, known=False)
 
 
@@ -207,5 +207,5 @@ def _compared_with_twins(search: ResolutionSearch, found: Found) -> Found:
         if run.status != "completed":
             return replace(repeated(search, found), known=False)
         of_resolution = {name: part for name, part in before.parts.items() if name != "newton"}
-        found = Found(run, trial, parts_of(run, of_resolution), True)
+        found = Found(run, trial, error_parts(run, of_resolution), True)
     return found

@@ -186,7 +186,7 @@ ANOTHER_SHAPE = 0.1
 """Distance of two runs over the size of the cloth from which no order of convergence holds between them."""
 
 
-def pilot(scene: Scene, resolution: Resolution) -> Trial:
+def trial_at(scene: Scene, resolution: Resolution) -> Trial:
     """Run a scene at a resolution without writing anything."""
     started = process_time()
     world, positions, reason = last_positions(scene)

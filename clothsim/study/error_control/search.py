@@ -23,8 +23,8 @@ from clothsim.study.error_control.resolution import (
     Trial,
     another_shape,
     distance_at,
-    pilot,
     refinable_scene,
+    trial_at,
 )
 from clothsim.study.parameters import CELLS, D_HAT, PARAMETERS, TIME
 
@@ -122,7 +122,7 @@ class ResolutionSearch:
         scene = self.refinable.at(resolution, TWIN * self.newton_error_fraction)
         if self.keeps_tolerance:
             scene = engine.replace(scene, "solver.tolerance", TWIN * scene.solver_settings.tolerance)
-        self.trials.append(pilot(scene, resolution))
+        self.trials.append(trial_at(scene, resolution))
         return self.trials[-1]
 
     def pilot(self, resolution: Resolution) -> Trial:
@@ -131,7 +131,7 @@ class ResolutionSearch:
             if trial.resolution == resolution and not trial.reason:
                 return trial
         self.message(f"pilot run: {self.refinable.text(resolution)}")
-        self.trials.append(pilot(self.refinable.at(resolution, self.newton_error_fraction), resolution))
+        self.trials.append(trial_at(self.refinable.at(resolution, self.newton_error_fraction), resolution))
         return self.trials[-1]
 
     def run(self, resolution: Resolution, expected: float | None = None) -> tuple[Run, Trial]:
@@ -155,12 +155,12 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Reso
         run, first = search.run(finer)
         distance = distance_at(coarsest.material)
         if run.status != "completed":
-            failed = Found(run, first, parts_of(run, {"all": 0.0}), False)
+            failed = Found(run, first, error_parts(run, {"all": 0.0}), False)
             return search, failed if earlier is None else repeated(search, earlier)
         moved = distance(coarsest, first)
         same = not another_shape(first, moved)
         left = from_all(moved, 2.0, search.refinable.parameters, search.refinable.dt(coarsest.resolution))
-        found = Found(run, first, parts_of(run, {"all": left}), same)
+        found = Found(run, first, error_parts(run, {"all": left}), same)
         if same or search.spent > search.budget / 2:
             break
         earlier = found
@@ -168,7 +168,7 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Reso
     if not found.known or found.met(search.asked):
         return search, found
     errors = _estimate_by_parameter(search, coarsest, first, distance).not_below(found.parts["all"])
-    found = Found(run, first, parts_of(run, errors.errors), True)
+    found = Found(run, first, error_parts(run, errors.errors), True)
     return search, _refined(search, found, errors, distance)
 
 
@@ -219,26 +219,27 @@ def _refined(search: ResolutionSearch, found: Found, errors: ParameterErrors, di
         before, errors = errors.total, errors.after(sizes, distance(last, trial))
         stalled, last = stalled + 1 if errors.total > STALLED * before else 0, trial
         if run is not None:
-            found = Found(run, trial, parts_of(run, errors.errors), errors.understood)
+            found = Found(run, trial, error_parts(run, errors.errors), errors.understood)
     if last is not found.trial:
         run, trial = search.run(last.resolution, errors.total)
         if run.status != "completed":
             return replace(repeated(search, found), known=False)
-        found = Found(run, trial, parts_of(run, errors.errors), errors.understood)
+        found = Found(run, trial, error_parts(run, errors.errors), errors.understood)
     return found if found.met(search.asked) or stalled < MOST_STALLED else replace(found, known=False)
 
 
 def _leaves_room(search: ResolutionSearch, following: Resolution, last: Trial) -> bool:
     """True where a pilot run leaves enough of the budget to run that resolution into the output directory."""
     vertices = search.coarsest_vertices
-    more = work(search.refinable, following, vertices) / work(search.refinable, last.resolution, vertices)
+    more = work_of(search.refinable, following, vertices) / work_of(search.refinable, last.resolution, vertices)
     return search.spent + 2 * more * last.seconds <= search.budget
 
 
 def repeated(search: ResolutionSearch, found: Found) -> Found:
     """The last run that came to its end, once more: a failed one has taken its place in the output directory."""
     run, trial = search.run(found.trial.resolution)
-    return Found(run, trial, parts_of(run, {key: part for key, part in found.parts.items() if key != "newton"}), False)
+    others = {key: part for key, part in found.parts.items() if key != "newton"}
+    return Found(run, trial, error_parts(run, others), False)
 
 
 def _following(search: ResolutionSearch, found: Found, errors: ParameterErrors, last: Trial) -> Resolution | None:
@@ -247,12 +248,12 @@ def _following(search: ResolutionSearch, found: Found, errors: ParameterErrors, 
         search.newton_error_fraction *= FINER
     vertices = search.coarsest_vertices
     done = [trial.resolution for trial in search.trials]
-    unit = last.seconds / work(search.refinable, last.resolution, vertices)
+    unit = last.seconds / work_of(search.refinable, last.resolution, vertices)
     most = (search.budget - search.spent) / max(unit, 1e-9)
     return chosen(search.refinable, errors, done, search.asked, vertices, most)
 
 
-def parts_of(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
+def error_parts(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
     """Return the parts of an error: those of the parameters, and the sum of Newton's own estimates."""
     newton = run.summary["certificate"]["error_estimate"]["newton"]
     return {**errors, "newton": newton if isinstance(newton, float) else 0.0}
@@ -271,7 +272,7 @@ FACTORS = tuple(Fraction(count, 2) for count in HALVES)
 """Factors of the coarsest resolution."""
 
 
-def work(refinable: RefinableScene, resolution: Resolution, vertices: int) -> float:
+def work_of(refinable: RefinableScene, resolution: Resolution, vertices: int) -> float:
     """Expected work of a run relative to the coarsest: Newton iterations times vertices, counted so that it repeats.
 
     vertices: of the coarsest mesh.
@@ -296,13 +297,13 @@ def chosen(
     none within reach is accurate enough: one of those that come nearest. None where none is new.
     """
     candidates = [each for each in _list_candidates(refinable, done) if each not in done]
-    candidates = [each for each in candidates if work(refinable, each, vertices) <= most]
+    candidates = [each for each in candidates if work_of(refinable, each, vertices) <= most]
     if not candidates:
         return None
     expected = {each: errors.at(refinable.sizes(each)).total for each in candidates}
     bar = max(AIM * asked, 1.2 * min(expected.values()))
     enough = [each for each in candidates if expected[each] <= bar]
-    return min(enough, key=lambda each: work(refinable, each, vertices))
+    return min(enough, key=lambda each: work_of(refinable, each, vertices))
 
 
 def _list_candidates(refinable: RefinableScene, done: Sequence[Resolution]) -> list[Resolution]:

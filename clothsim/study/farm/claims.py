@@ -2,7 +2,7 @@
 
 A claim is a file that is created exclusively; its time of change is the heartbeat. Whoever finds one without a
 heartbeat renames it away, which succeeds for one process only, and claims the drape again. A process that was suspended
-finds another token in its claim when it wakes up (`holds`): then it publishes and removes nothing.
+finds another token in its claim when it wakes up (`owns_claim`): then it publishes and removes nothing.
 """
 
 import json
@@ -62,11 +62,11 @@ def claimed(folder: Path, name: str, worker: Worker) -> Iterator[bool]:
     finally:
         ended.set()
         heart.join()
-        if holds(folder, name, worker):
+        if owns_claim(folder, name, worker):
             _removed(path, worker.token, worker)
 
 
-def holds(folder: Path, name: str, worker: Worker) -> bool:
+def owns_claim(folder: Path, name: str, worker: Worker) -> bool:
     """True where the claim of a drape is the worker's own: no other has taken it over while it was suspended."""
     return bool(_content(folder / name).get("token") == worker.token)
 

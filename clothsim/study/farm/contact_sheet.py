@@ -1,4 +1,4 @@
-"""Contact sheets: pictures of some drapes of a farm side by side, the failed ones with their sentence."""
+"""Contact sheets: pictures of some drapes of a farm side by side, the failed ones with the reason."""
 
 import tempfile
 import textwrap
@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from clothsim.base.file_writing import write_atomically
 from clothsim.render import Surface, draw
 from clothsim.study.farm.plan import Farm
-from clothsim.study.farm.reading import positions_of, read_mesh
+from clothsim.study.farm.reading import positions_of, read_stored_mesh
 from clothsim.study.farm.status import manifest, verdict_text
 
 TILE, CAPTION, COLUMNS = (300, 340), 44, 4
@@ -93,7 +93,7 @@ def surfaces(farm: Farm, row: Mapping[str, Any]) -> list[Surface]:
     made, begin = [], 0
     for role in ("cloth", "body"):
         for name, digest in row["meshes"].get(role, {}).items():
-            mesh = read_mesh(farm.directory, digest)
+            mesh = read_stored_mesh(farm.directory, digest)
             start, triangles = mesh["start"].astype(np.float64), mesh["triangles"].astype(np.int64)
             points = last[begin : begin + len(start)] if role == "cloth" else start
             begin += len(start) if role == "cloth" else 0

@@ -103,7 +103,7 @@ def work_with_dask(
             if fruitless >= FRUITLESS:
                 raise LostWorkersError(
                     f"{FRUITLESS} times in a row no drape came from the workers ({error or 'they do not answer'}).",
-                    f"Look at their messages; `clothsim farm work {farm.directory}` goes on.",
+                    f"Check their messages; `clothsim farm work {farm.directory}` continues.",
                 )
             if fruitless:
                 sleep(PAUSE)
@@ -145,7 +145,7 @@ def _connected(address: str, farm: Farm) -> "Iterator[Client]":
                 left = len(farm.unpublished())
                 raise LostWorkersError(
                     f"The scheduler {address} is gone: {left} of {len(farm.jobs)} drapes are left.",
-                    "Start it and its workers again, then the same command goes on.",
+                    "Start it and its workers again, then run the same command again.",
                 ) from error
             sleep(PAUSE)
     try:
@@ -254,7 +254,7 @@ class OwnWorkers:
         )
 
     def end(self) -> None:
-        """End all; an attempt that is stopped so is no attempt."""
+        """End all; an attempt that is stopped so is not an attempt."""
         for each in self.processes:
             each.terminate()
         limit = monotonic() + GRACE

@@ -19,7 +19,7 @@ from clothsim.study.farm.reading import array_hash
 from clothsim.study.farm.rules import broken_rule, checked_rules
 from clothsim.study.workers import jittered
 
-KEPT = (
+SUMMARY_KEYS = (
     "status",
     "reason",
     "end",
@@ -57,7 +57,7 @@ def drape(
 
     folder: of the files of the run, which are deleted; farm: where the meshes are stored; frames: "last" or "all", what
     is kept; rules: what is usable, besides what every drape must be (`checked_rules`; without them, at rest where the
-    scene runs until rest). OSError, MemoryError, MachineError and KeyboardInterrupt are no verdict on the drape, and
+    scene runs until rest). OSError, MemoryError, MachineError and KeyboardInterrupt are not a verdict on the drape, and
     are raised.
     """
     started, cpu = perf_counter(), process_time()
@@ -97,7 +97,7 @@ def _simulated(
         run = simulate(scene, folder / "run", announce=sessions.append, overwrite=True)
     kept = range(len(run)) if frames == "all" else [len(run) - 1]
     shapes = [np.concatenate(list(run[k].positions.values())).astype(np.float32) for k in kept]
-    content = {key: run.summary[key] for key in KEPT if key in run.summary}
+    content = {key: run.summary[key] for key in SUMMARY_KEYS if key in run.summary}
     certificate = content["certificate"]
     content["measured"] = {
         "time": float(run[-1].time),

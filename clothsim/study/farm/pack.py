@@ -23,7 +23,7 @@ from clothsim.study.farm.reading import (
     array_hash,
     mesh_file,
     positions_of,
-    read_mesh,
+    read_stored_mesh,
     whole_files,
 )
 from clothsim.study.farm.rules import RULES
@@ -183,12 +183,12 @@ def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Seque
         topologies: dict[str, list[Mapping[str, Any]]] = {}
         names: dict[str, None] = {}
         for row in used:
-            own = [read_mesh(farm.directory, name)["triangles"] for name in _mesh_names(row, "cloth")]
+            own = [read_stored_mesh(farm.directory, name)["triangles"] for name in _mesh_names(row, "cloth")]
             topology = "|".join([array_hash(*own), str(positions_of(farm.directory, row["id"]).shape)])
             topologies.setdefault(topology, []).append(row)
             names |= dict.fromkeys([*_mesh_names(row, "cloth"), *_mesh_names(row, "body")])
         for name in names:
-            for key, array in read_mesh(farm.directory, name).items():
+            for key, array in read_stored_mesh(farm.directory, name).items():
                 file[f"meshes/{name}/{key}"] = array
         for number, group in enumerate(topologies.values()):
             whole = (len(group), *positions_of(farm.directory, group[0]["id"]).shape)

@@ -82,7 +82,7 @@ class Farm:
         for number, line in enumerate(content.splitlines()):
             job = _job(line, file)
             if job is None or not (whole or self._is_planned(job)):
-                faults.append(f"{file}, line {number + 1}, is no drape of the plan.")
+                faults.append(f"{file}, line {number + 1}, is not a drape of the plan.")
             else:
                 jobs.append(job)
         if not whole and not faults:
@@ -158,7 +158,7 @@ def refuse_other_plan(recipe: Recipe, directory: str | Path, settings: Mapping[s
     elif not (folder / FOLDERS[-1]).is_dir():  # else a plan that was stopped
         refuse_replacing([folder / JOBS_NAME], overwrite=False)
         if any((folder / name).is_file() for name in (RECORD_NAME, SUMMARY_NAME)):
-            raise InputError(f"{folder} holds a run, and no farm.", "Choose another folder with -o.")
+            raise InputError(f"{folder} holds a run, not a farm.", "Choose another folder with -o.")
 
 
 def _planned(recipe: Recipe) -> tuple[dict[str, Any], bytes]:
@@ -204,20 +204,20 @@ def refuse_unbuildable(recipe: Recipe) -> None:
 
 
 def open_farm(directory: str | Path) -> Farm:
-    """The farm in a folder. InputError where there is none, it is not as it was planned, or a link leads out of it."""
+    """The farm in a folder. InputError where there is none, it differs from its plan, or a link leads out of it."""
     folder = Path(directory)
     if not (folder / FARM_NAME).exists():
-        raise InputError(f"{folder} is no farm.", "Make one: `clothsim farm plan RECIPE -o DIR`.")
+        raise InputError(f"{folder} is not a farm.", "Make one: `clothsim farm plan RECIPE -o DIR`.")
     for name in FOLDERS:
         if (folder / name).is_symlink():
             raise InputError(f"{folder / name} is a link, which is not followed.", "Put the whole farm where it leads.")
         if not (folder / name).is_dir():
-            raise InputError(f"{folder / name} is no folder.", "Plan the recipe again in another folder.")
+            raise InputError(f"{folder / name} is not a folder.", "Plan the recipe again in another folder.")
     try:
         settings = json.loads(read_file(folder, FARM_NAME))
         whole = settings["sha256"] == _settings_hash(settings)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(f"{folder / FARM_NAME} is no plan.", REWRITE) from error
+        raise InputError(f"{folder / FARM_NAME} is not a plan.", REWRITE) from error
     if not whole:
         raise InputError(f"{folder / FARM_NAME} is not what was planned.", REWRITE)
     return Farm(folder, settings)
@@ -229,7 +229,7 @@ def _settings_hash(settings: Mapping[str, Any]) -> str:
 
 
 def _job(line: bytes, file: Path) -> DrapeJob | None:
-    """The drape of a line of the plan; None where the line is none. InputError where it names what is no id."""
+    """The drape of a line of the plan; None where the line is none. InputError where it names what is not an id."""
     try:
         entry = json.loads(line)
         index, name, values = entry["index"], entry["id"], entry["values"]
@@ -249,7 +249,7 @@ def _entries(recipe: Recipe) -> Iterator[dict[str, Any]]:
         if own in first:
             raise InputError(
                 f"Drapes {first[own]} and {index} of the recipe are the same.",
-                "Vary a number, or give a count not above that of the combinations.",
+                "Vary a number, or give a count no larger than the number of combinations.",
             )
         first[own] = index
         yield {"index": index, "id": own, "values": values}

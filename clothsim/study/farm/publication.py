@@ -19,11 +19,11 @@ from clothsim import Scene, __version__
 from clothsim.base.errors import InputError, MachineError
 from clothsim.engine import by_content
 from clothsim.study.farm.claims import Worker
-from clothsim.study.farm.reading import HASHES, LETTERS, file_hash, mesh_file, mesh_hash, read_file, read_mesh
+from clothsim.study.farm.reading import HASHES, LETTERS, file_hash, mesh_file, mesh_hash, read_file, read_stored_mesh
 
 
 def content_id(scene: Scene, version: int) -> str:
-    """The first 16 hexadecimal digits of sha256 of the resolved scene, the recipe's version and the package's.
+    """First 16 hexadecimal digits of the sha256 of the resolved scene, the recipe's version and the package's.
 
     Files count by their content, not by their name, and the folder of the scene does not count.
     """
@@ -79,13 +79,13 @@ def publish(farm: Path, name: str, worker: Worker, files: Mapping[str, bytes]) -
                 raise
             set_aside(farm, target)
     else:
-        raise MachineError(f"{target} cannot be made.", "Look at what is there.")
+        raise MachineError(f"{target} cannot be made.", "Check what is there.")
     _flush(farm / "drapes")
     return True
 
 
 def is_published(farm: Path, name: str) -> bool:
-    """True where the folder of a drape is there; a link or a file in its place is none."""
+    """True where the folder of a drape is there; False for a link or a file in its place."""
     path = farm / "drapes" / name
     return path.is_dir() and not path.is_symlink()
 
@@ -107,7 +107,7 @@ def store_mesh(farm: Path, arrays: Mapping[str, NDArray[Any]]) -> str:
     digest = mesh_hash(arrays)
     file = mesh_file(farm, digest)
     with suppress(InputError):
-        read_mesh(farm, digest)
+        read_stored_mesh(farm, digest)
         return digest
     if file.is_dir():
         set_aside(farm, file)
@@ -141,7 +141,7 @@ def note_attempt(farm: Path, name: str, event: str) -> None:
 
 
 def attempts(farm: Path, name: str) -> int:
-    """Attempts that began and were not withdrawn; none where the file is no file."""
+    """Attempts that began and were not withdrawn; none where the file is not a file."""
     try:
         events = read_file(farm / "attempts", name).split()
     except InputError:

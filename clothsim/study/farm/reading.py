@@ -41,7 +41,7 @@ def checked_id(name: Any, where: Path) -> str:
     if is_id(name):
         return str(name)
     raise InputError(
-        f"{where} names {name!r}, which is no id of a farm: an id is {LETTERS} hexadecimal digits.",
+        f"{where} names {name!r}, which is not an id of a farm: an id is {LETTERS} hexadecimal digits.",
         "Take the file from where the farm was planned, or plan the recipe again in another folder.",
     )
 
@@ -99,7 +99,7 @@ def _checked_file(file: str) -> str:
     """The name of a file of a drape. InputError for another one, such as a path that leads out of its folder."""
     if file in (CLOTH, SUMMARY, PARAMETERS):
         return file
-    raise InputError(f"{HASHES} names {file!r}, which is no file of a drape.", REPAIR)
+    raise InputError(f"{HASHES} names {file!r}, which is not a file of a drape.", REPAIR)
 
 
 def positions_of(farm: Path, name: str) -> NDArray[np.float32]:
@@ -109,11 +109,11 @@ def positions_of(farm: Path, name: str) -> NDArray[np.float32]:
 
 
 def mesh_file(farm: Path, digest: Any) -> Path:
-    """The file of a stored mesh. InputError where a summary names what is no hash."""
+    """The file of a stored mesh. InputError where a summary names what is not a hash."""
     return farm / "meshes" / f"{checked_id(digest, farm / 'drapes')}.npz"
 
 
-def read_mesh(farm: Path, digest: Any) -> dict[str, NDArray[Any]]:
+def read_stored_mesh(farm: Path, digest: Any) -> dict[str, NDArray[Any]]:
     """The arrays of a stored mesh. InputError where they do not have the hash that is its name."""
     file = mesh_file(farm, digest)
     try:

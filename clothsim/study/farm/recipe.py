@@ -14,7 +14,7 @@ import numpy as np
 from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
-from clothsim.base.inputs import refuse_unknown, shown, table
+from clothsim.base.inputs import as_table, is_number, refuse_unknown, shown
 from clothsim.study.farm.rules import checked_rules
 
 # Random draws of scene keys: one stream for each seed, index and key.
@@ -30,7 +30,7 @@ class Draw(Protocol):
 
     @property
     def box(self) -> tuple[float, float] | None:
-        """Least and largest value; None where the values are no numbers."""
+        """Least and largest value; None where the values are not numbers."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Choice:
     @property
     def box(self) -> tuple[float, float] | None:
         """Least and largest of the numbers."""
-        numbers = [each for each in self.values if isinstance(each, int | float) and not isinstance(each, bool)]
+        numbers = [each for each in self.values if is_number(each)]
         return (min(numbers), max(numbers)) if len(numbers) == len(self.values) else None
 
 
@@ -89,7 +89,7 @@ class DrawnClip:
 
     @property
     def box(self) -> None:
-        """None: it is no number."""
+        """None: it is not a number."""
         return None
 
 
@@ -138,7 +138,9 @@ def draw_of(key: str, given: Any) -> Draw:
             raise InputError(f"{where}: the deviation is {b:g}.", "Give a positive one.")
         return Interval(kind, a - 2.5 * b, a + 2.5 * b, a, b)
     if not a < b or (kind == "log_uniform" and a <= 0):
-        raise InputError(f"{where}: {kind} = [{a:g}, {b:g}] is no interval.", "Give the lower end, then the upper one.")
+        raise InputError(
+            f"{where}: {kind} = [{a:g}, {b:g}] is not an interval.", "Give the lower end, then the upper one."
+        )
     return Interval(kind, a, b)
 
 
@@ -249,7 +251,7 @@ def load_recipe(path: str | Path) -> Recipe:
     Raises
     ------
     InputError
-        For a file that is no recipe, with the key.
+        For a file that is not a recipe, with the key.
     """
     file = Path(path)
     try:
@@ -259,9 +261,9 @@ def load_recipe(path: str | Path) -> Recipe:
         raise InputError(f"{file} is not a TOML file: {error}.", "Write key = value, as in toml.io.") from error
     if "cloth" in data and "farm" not in data:
         remedy = f'Write a recipe that names it: [farm] with scene = "{file.name}", and [vary].'
-        raise InputError(f"{file} is a scene, and no recipe.", remedy)
+        raise InputError(f"{file} is a scene, not a recipe.", remedy)
     refuse_unknown("The recipe", data, ("farm", "set", "usable", "vary"))
-    farm = table("farm", data.get("farm", {}))
+    farm = as_table("farm", data.get("farm", {}))
     refuse_unknown("farm", farm, FARM_KEYS)
     named = farm.get("scene")
     if not isinstance(named, str):
@@ -270,7 +272,7 @@ def load_recipe(path: str | Path) -> Recipe:
         )
     beside = file.parent / named
     scene = load_scene(beside if beside.is_file() else named)
-    fixed, varied, usable = (table(name, data.get(name, {})) for name in ("set", "vary", "usable"))
+    fixed, varied, usable = (as_table(name, data.get(name, {})) for name in ("set", "vary", "usable"))
     return make_recipe(scene, farm, fixed, varied, file.parent, usable)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import refuse_unknown, shown
+from clothsim.base.inputs import is_number, refuse_unknown, shown
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,13 @@ def checked_rules(given: Mapping[str, Any], until: str) -> dict[str, Any]:
         raise InputError(f"usable.at_rest is {shown(at_rest)}.", "Give true or false.")
     bounds = {key: value for key, value in given.items() if key != "at_rest"}
     for key, value in bounds.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        if not is_number(value) or not 0 < value < math.inf:
             raise InputError(f"usable.{key} is {shown(value)}.", "Give a positive number.")
     return {"at_rest": at_rest, **{key: float(value) for key, value in bounds.items()}}
 
 
 def broken_rule(rules: Mapping[str, Any], at_rest: bool, measured: Mapping[str, float | None]) -> tuple[str, str]:
-    """The first rule that a drape breaks and a sentence on it; both empty where it keeps all.
+    """The first rule that a drape breaks and a sentence on it; both empty where it meets all.
 
     measured: by the name of what is measured; None where it is not known, which breaks the rule.
 

@@ -25,7 +25,7 @@ from clothsim.study.farm.reading import (
     positions_of,
     read_drape,
     read_file,
-    read_mesh,
+    read_stored_mesh,
     whole_files,
 )
 
@@ -65,7 +65,7 @@ class Verified:
 
     @property
     def good(self) -> bool:
-        """True where nothing is torn or gone and nothing differs: then the farm is signed off."""
+        """True where nothing is torn or missing and nothing differs: then the farm is verified."""
         return not self.torn and not self.plan and not self.different
 
 
@@ -195,7 +195,7 @@ def _own_meshes(farm: Farm, job: DrapeJob) -> list[str]:
 
 def _mesh_fault(farm: Path, digest: str) -> str:
     try:
-        read_mesh(farm, digest)
+        read_stored_mesh(farm, digest)
     except InputError as error:
         return error.sentence
     return ""

@@ -13,7 +13,7 @@ from time import sleep
 
 from clothsim.base.errors import MachineError
 from clothsim.base.interruption import interruption
-from clothsim.study.farm.claims import Worker, claimed, holds
+from clothsim.study.farm.claims import Worker, claimed, owns_claim
 from clothsim.study.farm.drape import Drape, drape, failed
 from clothsim.study.farm.plan import DrapeJob, Farm
 from clothsim.study.farm.publication import (
@@ -102,7 +102,7 @@ def make(farm: Farm, job: DrapeJob, worker: Worker, most_attempts: int = ATTEMPT
         set_aside(folder, claims / job.id)
     with claimed(claims, job.id, worker) as own:
         left = list((folder / "tmp").glob(f"{job.id}.*"))
-        if not own or is_published(folder, job.id) or not holds(claims, job.id, worker):
+        if not own or is_published(folder, job.id) or not owns_claim(claims, job.id, worker):
             return None
         for each in left:  # of killed attempts: the claim was this process's own after they were listed
             shutil.rmtree(each, ignore_errors=True)
@@ -113,17 +113,17 @@ def make(farm: Farm, job: DrapeJob, worker: Worker, most_attempts: int = ATTEMPT
             try:
                 made = _attempted(farm, job, worker)
             except (OSError, MachineError):
-                if holds(claims, job.id, worker):
+                if owns_claim(claims, job.id, worker):
                     raise
                 return None  # its folder went to the process that took over
-        if not holds(claims, job.id, worker):
+        if not owns_claim(claims, job.id, worker):
             note_attempt(folder, job.id, "withdrawn")
             return None
         return made if _published(farm, job, worker, made) else None
 
 
 def _attempted(farm: Farm, job: DrapeJob, worker: Worker) -> Drape:
-    """Make a drape; an attempt that its user stops is no attempt."""
+    """Make a drape; an attempt that its user stops is not an attempt."""
     folder = farm.directory
     note_attempt(folder, job.id, "started")
     try:

@@ -49,7 +49,7 @@ def lay(cloth: Mapping[str, Any], size: float, seed: int, fall: float = FALL) ->
     Parameters
     ----------
     cloth : mapping
-        Keys of the section [cloth] that are no mesh: fabric, density, ...
+        Keys of the section [cloth] that are not about its mesh: fabric, density, ...
     size : float
         Distance of neighbouring vertices [m].
     seed : int

@@ -34,7 +34,7 @@ def bending_length(cloth: Mapping[str, Any], degrees: float, seed: int = 0) -> f
     Parameters
     ----------
     cloth : mapping
-        Keys of the section [cloth] that are no mesh.
+        Keys of the section [cloth] that are not about its mesh.
     degrees : float
         Direction of the strip in the plane of the fabric, from the warp.
     seed : int

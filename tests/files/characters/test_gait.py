@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.files.characters.gait import KINDS, SECONDS, is_packaged, packaged_clip, standing
+from clothsim.files.characters.gait import KINDS, SECONDS, is_packaged, packaged_clip, standing_pose
 
 
 def ankles(clip, time):
@@ -34,7 +34,7 @@ def test_the_lower_foot_stays_on_the_ground(kind):
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("gait", "turn")])
 def test_it_begins_and_ends_in_standing(kind):
     clip = packaged_clip(f"{kind}:3")
-    still = standing(clip.skeleton).rotations
+    still = standing_pose(clip.skeleton).rotations
     for time in (0.0, clip.duration):
         assert np.abs(np.abs((clip.pose(time).rotations * still).sum(axis=1)) - 1).max() < 1e-9
     assert np.abs(clip.pose(clip.duration / 2).rotations - still).max() > 0.02 or kind == "jump"

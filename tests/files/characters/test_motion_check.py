@@ -5,7 +5,7 @@ import pytest
 
 from clothsim.cli import main
 from clothsim.files.characters.character import mannequin_character
-from clothsim.files.characters.motion_check import closing_folds, fastest_turn, meetings, part_pairs, parts_of
+from clothsim.files.characters.motion_check import closing_folds, fastest_turn, meetings, part_pairs, vertices_of_parts
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ TIMES = np.linspace(0, 1, 11).tolist()
 
 
 def test_the_parts_cover_the_body(character):
-    parts = parts_of(character)
+    parts = vertices_of_parts(character)
     assert set(parts) == {"trunk", "left arm", "right arm", "left leg", "right leg"}
     assert sum(map(len, parts.values())) == len(character.positions)
     for name, rows in parts.items():

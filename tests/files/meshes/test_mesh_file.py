@@ -13,7 +13,7 @@ from meshes import irregular_grid
 from real_data import DATA, needs_data
 
 from clothsim.base.errors import InputError
-from clothsim.files.meshes.mesh_file import ENDINGS, frame_files, read_frames, read_mesh
+from clothsim.files.meshes.mesh_file import ENDINGS, animation_files, read_frames, read_mesh
 from clothsim.files.meshes.polygons import MeshFile, MeshPart
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.shapes import slab, sphere
@@ -217,9 +217,9 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 BROKEN_OBJ = {
     "empty": ("", "is empty"),
     "blank": (" \n\n", "is empty"),
-    "no faces": (TRIANGLE, "holds no faces"),
+    "no faces": (TRIANGLE, "contains no faces"),
     "no vertices": ("f 1 2 3\n", "line 1: index 1 is out of range"),
-    "page": ("<html>\n<body>v</body>\n", "holds no faces"),
+    "page": ("<html>\n<body>v</body>\n", "contains no faces"),
     "short vertex": ("v 0 0\n", "line 1: 'v 0 0' cannot be read .3 numbers expected"),
     "word": ("v 0 0 zero\n", "line 1: 'v 0 0 zero' cannot be read"),
     "nan": ("v 0 0 0\nv 0 nan 0\nf 1 2 1\n", "line 2: .* is not finite"),
@@ -384,18 +384,18 @@ def test_files_are_in_natural_order(tmp_path):
     for name in names:
         two_quads(tmp_path, name)
     (tmp_path / "other1.obj").write_text("")
-    found = [file.name for file in frame_files(tmp_path, "shell*.obj")]
+    found = [file.name for file in animation_files(tmp_path, "shell*.obj")]
     assert found == ["shell1.obj", "shell02.obj", "shell2.obj", "shell10.obj", "shell.obj"]
 
 
 def test_a_pattern_may_be_a_path_of_its_own(tmp_path):
     file = two_quads(tmp_path, "a1.obj")
-    assert frame_files(tmp_path / "elsewhere", str(tmp_path / "a*.obj")) == [file]
+    assert animation_files(tmp_path / "elsewhere", str(tmp_path / "a*.obj")) == [file]
 
 
 def test_no_file_is_an_error(tmp_path):
     with pytest.raises(InputError, match=r"'kick\*.obj'"):
-        frame_files(tmp_path, "kick*.obj")
+        animation_files(tmp_path, "kick*.obj")
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,22 @@
-"""Rounds of closing: the distance at which the cloth begins to touch itself."""
+"""Rounds of closing: the distance at which the cloth begins to touch itself, and rounds that bring nothing nearer."""
+
+from unittest.mock import Mock
 
 import pytest
+from sewing_patterns import panel, specification, stitch
 
 from clothsim import Scene
 from clothsim.engine import build
-from clothsim.garments.dress.closing import contact_gap
+from clothsim.garments.dress import closing as closing_rounds
+from clothsim.garments.dress.closing import FURTHER, NEAR, WIDE, close, contact_gap, worst_gap
+from clothsim.garments.dress.limbs import Wearer
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
+from clothsim.garments.dress.welding import mean_edge
+from clothsim.garments.inputs import BodyMesh
+from clothsim.mesh.generators.shapes import slab
+from clothsim.patterns.pattern_mesh import mesh_pattern
+from clothsim.patterns.specification import pattern_of
+from transfer.signed_distance import body_surface
 
 
 @pytest.mark.parametrize("keys", [{}, {"d_hat": 2e-3}], ids=["of the mesh", "given"])
@@ -15,3 +27,49 @@ def test_the_gap_is_that_of_the_scene_with_its_body(keys):
     assert contact_gap(scene) == build(scene).energies["self_contact"].activation_distance
     if keys:
         assert contact_gap(scene) == pytest.approx(2e-3)
+
+
+def on_both_sides_of_a_slab(thickness: float) -> tuple[SewingState, Wearer]:
+    """Two squares of 30 cm, a seam between their lower edges, and a slab 2 m wide between them."""
+    square = [[-15, 0], [15, 0], [15, 30], [-15, 30]]
+    depth = 50 * thickness + 5
+    panels = {name: panel(square, translation=[0, 0, z]) for name, z in (("front", depth), ("back", -depth))}
+    seam = stitch(("front", 0), ("back", 0), "right_wrong")
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, [seam])), 0.075))
+    positions, triangles = slab((2.0, 2.0, thickness))
+    positions = positions - positions.mean(axis=0)
+    return state, Wearer(BodyMesh("slab", positions, triangles, 1.0, ()), body_surface(positions, triangles))
+
+
+def test_a_seam_that_stiffer_springs_do_not_bring_nearer_is_given_up(tmp_path):
+    state, wearer = on_both_sides_of_a_slab(0.2)
+    closing = close(state, wearer, Fabrics("cotton"), tmp_path, None)
+    assert closing.between == ("body",)
+    assert len(closing.runs) == 2 < 1 + FURTHER
+    assert worst_gap(closing.state)[0] > WIDE * mean_edge(closing.state)
+
+
+def test_stiffer_rounds_end_where_one_welds_nothing(tmp_path):
+    state, wearer = on_both_sides_of_a_slab(0.02)
+    closing = close(state, wearer, Fabrics("cotton"), tmp_path, None)
+    assert (closing.failure, len(closing.runs)) == ("", 2)
+    assert len(closing.state.open_seams) == 1
+
+
+@pytest.mark.parametrize("status", ["completed", "stopped"])
+def test_a_stiffer_round_that_opens_a_seam_is_not_taken(tmp_path, monkeypatch, status):
+    state, wearer = on_both_sides_of_a_slab(0.02)
+    real, rounds = closing_rounds.simulate_stage, []
+
+    def simulated(*given):
+        rounds.append(
+            real(*given) if not rounds else Mock(**{"status": status, "positions.return_value": state.positions})
+        )
+        return rounds[-1]
+
+    monkeypatch.setattr(closing_rounds, "simulate_stage", simulated)
+    closing = close(state, wearer, Fabrics("cotton"), tmp_path, None)
+    assert closing.failure == ""
+    assert closing.runs == (rounds[0],)
+    assert len(rounds) == 2
+    assert 0 < worst_gap(closing.state)[0] <= NEAR * mean_edge(state)

@@ -294,6 +294,20 @@ def test_panels_approach_the_body(body):
     assert np.abs(moved).max() > 0.3
 
 
+@pytest.mark.parametrize(("x", "y", "falls"), [(-10, 175, True), (40, 140, False)], ids=["over", "past"])
+def test_half_a_collar_does_not_fall_past_the_shoulder(body, x, y, falls):
+    panels = shirt()["pattern"]["panels"]
+    half = panel([[0, 0], [20, 0], [20, 20], [0, 20]], translation=[x, y, 0], rotation=[-90, 0, 0])
+    panels = {"front": panels["front"], "collar": half}
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, [stitch(("front", 3), ("collar", 0))])), SPACING))
+    nearer, _ = approached(state, body, body_surface(body.positions, body.triangles))
+    rows = state.mesh.vertices["collar"]
+    lowered = np.unique((state.positions - nearer.positions)[rows, 1].round(9))
+    assert len(lowered) == 1
+    assert (lowered[0] > 0.05) == falls
+    assert falls or lowered[0] == 0
+
+
 def test_springs_through_the_body_wait_for_a_second_phase(body):
     surface = body_surface(body.positions, body.triangles)
     state = as_placed(placed_on(mesh_pattern(pattern_of(shirt()), SPACING), body)[0])
@@ -331,6 +345,24 @@ def test_a_flounce_whose_ends_lie_before_the_legs_is_sewn_to_its_skirt_first(bod
     assert [len(phase.closing) for phase in phases] == ([2, 2, 2] if later else [4, 2])
     if later:
         assert all(side.panel.startswith("flounce") for seam in phases[-1].closing for side in seam.stitch.sides)
+
+
+@pytest.mark.parametrize(("inner", "later"), [(-20, 1), (0, 0)])
+def test_a_flounce_of_one_leg_that_reaches_past_the_other_is_sewn_to_its_leg_first(body, inner, later):
+    """A trouser leg and its flounce, whose inner edge is at x = `inner`: the other leg is at -20 cm."""
+    panels, sides = {}, []
+    for name, outline, level in (
+        ("leg", [[2, 0], [40, 0], [40, 15], [2, 15]], 35),
+        ("flounce", [[inner, 0], [50, 0], [45, 15], [inner + 5, 15]], 15),
+    ):
+        for part, depth in (("front", 15), ("back", -15)):
+            panels[f"{name}_{part}"] = panel(outline, translation=[0, level, depth])
+        sides += [stitch((f"{name}_front", k), (f"{name}_back", k), "right_wrong") for k in (1, 3)]
+    onto = [stitch((f"leg_{part}", 0), (f"flounce_{part}", 2)) for part in ("front", "back")]
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, [*sides, *onto])), SPACING))
+    phases = sewing_phases(state, body_surface(body.positions, body.triangles))
+    last = [seam.name for phase in phases[2:] for seam in phase.closing]
+    assert last == ["flounce_front.3 to flounce_back.3"] * later
 
 
 def test_low_shoulders_are_lifted(body):

@@ -1,14 +1,17 @@
 """A body that overlaps itself: two capsules whose walls cross, and tubes around them that have no room between."""
 
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
+import pytest
 from fitting_cases import capsule_figure, task, tube_garment
 from scipy.spatial import cKDTree
 
 from clothsim.garments.fit import pipeline
-from clothsim.garments.fit.guaranteed_path import NO_OVERLAP, OPENING_DEPTHS, carried_rows, overlaps_at
+from clothsim.garments.fit.guaranteed_path import NO_OVERLAP, OPENING_DEPTHS, flypapered_rows, overlaps_at
 from clothsim.garments.fit.pipeline import drape_fitted, seed_fit
+from clothsim.garments.fitted import Fit
 from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.garments.penetration import count_penetrations
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
@@ -58,7 +61,7 @@ def test_nothing_is_carried_without_an_overlap():
     assert not len(NO_OVERLAP)
     found = next(overlaps_at(BODY, np.zeros(3)))
     positions = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.01, 0.0]])
-    assert carried_rows(found, positions, np.array([True, True, False])).tolist() == [0]
+    assert flypapered_rows(found, positions, np.array([True, True, False])).tolist() == [0]
 
 
 def test_what_is_carried_is_not_counted_and_all_else_is():
@@ -70,7 +73,7 @@ def test_what_is_carried_is_not_counted_and_all_else_is():
     between = np.flatnonzero(np.abs(garment.positions[:, 0]) < 0.03)
     held = count_penetrations(garment.positions, garment.triangles, BODY, between)
     assert held.clean
-    assert held.carried == len(between)
+    assert held.flypapered == len(between)
     assert f"{len(between)} vertices carried" in str(held)
     moved = garment.positions.copy()
     moved[np.argmax(moved[:, 0])] -= [0.02, 0.0, 0.0]
@@ -106,8 +109,14 @@ def test_cloth_between_the_legs_is_carried_and_all_other_is_free(tmp_path, monke
     ended = drape_fitted(task(garment, legs, legs, tmp_path), found)
     assert ended.status == "completed", ended.reason
     assert ended.stages[-1].counts.clean
-    assert 0 < len(ended.carried) < 16
-    assert np.abs(ended.stages[-1].positions[ended.carried, :2]).max() < 0.05
-    assert ended.run.summary["certificate"]["carried"]["now"] == len(ended.carried)
+    assert 0 < len(ended.flypapered) < 16
+    assert np.abs(ended.stages[-1].positions[ended.flypapered, :2]).max() < 0.05
+    assert ended.run.summary["certificate"]["carried"]["now"] == len(ended.flypapered)
     bare = count_penetrations(ended.stages[-1].positions, garment.triangles, found.body)
     assert bare.body_pairs + bare.self_pairs > 0
+
+
+def test_the_earlier_name_of_flypapered_vertices_warns():
+    rows = np.array([3])
+    with pytest.warns(DeprecationWarning, match="flypapered"):
+        assert Fit.carried.fget(SimpleNamespace(flypapered=rows)) is rows

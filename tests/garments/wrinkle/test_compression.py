@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.garments.wrinkle.compression import MEMORY, Rings, compression_of, followed, ring_tensors
+from clothsim.garments.wrinkle.compression import MEMORY, Rings, blended_in_time, compression_of, ring_tensors
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.geometry.kinematics.kabsch_frames import vertex_frames
 from clothsim.geometry.kinematics.stretch import polar_decomposition
@@ -62,8 +62,8 @@ def test_a_rolled_sheet_is_not_compressed():
 
 def test_memory_forgets():
     first, second = np.eye(3)[None], 2 * np.eye(3)[None]
-    assert followed(None, first, 0.0) is first
-    np.testing.assert_allclose(followed(first, second, MEMORY), (2 - np.exp(-1)) * np.eye(3)[None])
+    assert blended_in_time(None, first, 0.0) is first
+    np.testing.assert_allclose(blended_in_time(first, second, MEMORY), (2 - np.exp(-1)) * np.eye(3)[None])
 
 
 def test_a_vertex_has_half_of_the_weight_and_its_ring_the_other():

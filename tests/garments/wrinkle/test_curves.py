@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.garments.wrinkle.compression import Compression
-from clothsim.garments.wrinkle.curves import FADE, LEAST, Field, Sheet, followed_curves, heights
+from clothsim.garments.wrinkle.curves import FADE, LEAST, CompressionField, FineSheet, followed_curves, heights
 from clothsim.garments.wrinkle.waves import Waves, amplitude
 from clothsim.mesh.generators.shapes import rectangle
 
@@ -16,10 +16,10 @@ WAVES = Waves(1e-4, 0.0, fine_edge=1 / 40)
 
 def field_of(amount, least_radius=0.03):
     """A sheet compressed along y by `amount`, a number or one at each vertex."""
-    sheet = Sheet(POINTS, UP, 1 / 40, Waves(1e-4, 1.0, 1 / 40, least_radius))
+    sheet = FineSheet(POINTS, UP, 1 / 40, Waves(1e-4, 1.0, 1 / 40, least_radius))
     s2 = 1 - np.broadcast_to(amount, len(POINTS))
     along, across = np.tile([1.0, 0, 0], (len(POINTS), 1)), np.tile([0, 1.0, 0], (len(POINTS), 1))
-    return Field(sheet, Compression(np.column_stack([np.ones(len(POINTS)), s2]), along, across), POINTS)
+    return CompressionField(sheet, Compression(np.column_stack([np.ones(len(POINTS)), s2]), along, across), POINTS)
 
 
 def test_crests_run_across_the_compression_a_wave_apart():
@@ -76,7 +76,7 @@ def test_a_crest_through_a_direction_that_turns_is_followed():
     along = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     sign = np.where(np.arange(len(POINTS)) % 2, 1, -1)[:, None]  # axes have no sign
     across = np.cross([0.0, 0, 1], along)
-    turning = Field(field.sheet, Compression(field.compression.stretches, sign * along, across), POINTS)
+    turning = CompressionField(field.sheet, Compression(field.compression.stretches, sign * along, across), POINTS)
     points, rows = turning.trace(np.zeros(3))
     np.testing.assert_allclose(points[:, 1], -np.log(np.cos(points[:, 0])), atol=0.02)
     assert len(rows) == len(points) > 35

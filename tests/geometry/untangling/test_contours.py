@@ -4,7 +4,7 @@ import numpy as np
 from tangles import crossing_sheets, joined, sleeve_through_sheet
 
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.geometry.untangling.contours import contours, edge_triangle_intersections, make_mesh, sides
+from clothsim.geometry.untangling.contours import contours, edge_triangle_intersections, inner_ends, make_mesh
 from clothsim.geometry.untangling.displacement_targets import contour_gradients, slides
 from clothsim.mesh.generators.shapes import rectangle
 
@@ -14,7 +14,7 @@ def analysed(x, triangles):
     found = edge_triangle_intersections(x, triangles, pairs)
     mesh = make_mesh(triangles, np.ones(len(triangles)), len(x))
     graph = contours(found, len(pairs))
-    return pairs, found, graph, sides(mesh, found, graph, np.zeros(len(x), bool))
+    return pairs, found, graph, inner_ends(mesh, found, graph, np.zeros(len(x), bool))
 
 
 def test_piercings_lie_on_both_surfaces():

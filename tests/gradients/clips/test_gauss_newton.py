@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim import ClothsimError
-from clothsim.gradients.clips.gauss_newton import HALVINGS, Search, broyden_update, halved_until_lower
+from clothsim.gradients.clips.gauss_newton import HALVINGS, GaussNewton, broyden_update, halved_until_lower
 
 TARGET = np.array([np.exp(0.6), np.exp(-0.4), 2.0])
 
@@ -30,7 +30,7 @@ def linearised(one, moves):
 
 def search(run=seen, limit=3.0, **others):
     k = np.ones(2)
-    return Search(run, run, linearised, 0.01 * k, 0.5 * k, -limit * k, limit * k, **others)
+    return GaussNewton(run, run, linearised, 0.01 * k, 0.5 * k, -limit * k, limit * k, **others)
 
 
 def test_it_ends_at_the_minimum_and_counts_its_runs():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.gradients.clips.rest_shape import LONGEST, Sheet, _mixed, fitted_rest
+from clothsim.gradients.clips.rest_shape import LONGEST, RestMesh, _mixed, fitted_rest
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import rectangle
 
@@ -12,7 +12,7 @@ TURN = rotation_matrix(np.array([0.4, -0.9, 0.3]))
 
 def sheet():
     points, triangles = rectangle(size=(1.0, 1.0), cells=(8, 8))
-    return Sheet(points, triangles)
+    return RestMesh(points, triangles)
 
 
 def bump(points, height=0.05):
@@ -33,7 +33,7 @@ def test_cloth_that_follows_its_rest_shape_by_half_comes_to_the_key():
         return [(own.rest + 0.5 * displacements) @ TURN.T + 0.2]
 
     key = (own.rest + 0.5 * wanted) @ TURN.T + 0.2
-    moved, price = fitted_rest(own, [key], run(np.zeros_like(own.rest))[0], run, 1e-6)
+    moved, price = fitted_rest(own, [key], run(np.zeros_like(own.rest))[0], run, np.array([1e-6]))
     assert price.before == pytest.approx(0.5 * np.sqrt((wanted**2).sum(axis=1).mean()))
     assert price.after < 0.05 * price.before
     np.testing.assert_allclose(moved, wanted, atol=0.1 * wanted.max())
@@ -60,10 +60,10 @@ def test_two_steps_along_a_line_end_where_the_third_one_would_have_to():
 
 def test_nothing_is_added_where_runs_get_no_nearer():
     own = sheet()
-    moved, price = fitted_rest(own, [own.rest + bump(own.rest)], own.rest, lambda d: [own.rest - d], 1e-6)
+    moved, price = fitted_rest(own, [own.rest + bump(own.rest)], own.rest, lambda d: [own.rest - d], np.array([1e-6]))
     assert not moved.any()
     assert price.after == price.before
-    failing = fitted_rest(own, [own.rest + bump(own.rest)], own.rest, lambda d: [], 1e-6)[0]
+    failing = fitted_rest(own, [own.rest + bump(own.rest)], own.rest, lambda d: [], np.array([1e-6]))[0]
     assert not failing.any()
 
 
@@ -80,3 +80,16 @@ def test_edges_are_bounded():
     rough = 0.2 * np.random.default_rng(0).normal(size=own.rest.shape)
     assert own.price(rough, 1.0, 1.0, 0).length > LONGEST
     assert own.price(own.bounded(rough), 1.0, 1.0, 0).length <= LONGEST + 1e-9
+
+
+def test_a_key_that_is_hardly_known_draws_little():
+    own = sheet()
+    near, far = own.rest + own.smooth(bump(own.rest)), own.rest - own.smooth(bump(own.rest))
+
+    def run(displacements):
+        return [own.rest + displacements] * 2
+
+    start = np.concatenate(run(np.zeros_like(own.rest)))
+    moved, price = fitted_rest(own, [near, far], start, run, np.array([1e-4, 1.0]))
+    np.testing.assert_allclose(own.rest + moved, near, atol=3e-3)
+    assert price.after < 0.1 * price.before

@@ -315,7 +315,7 @@ def test_the_separated_fraction_of_one_term_is_its_root(order, span):
 
 
 def test_a_gap_that_round_off_hides_is_no_way_through():
-    """In a press for rubbish (B26b) a wall went through a vertex 1.4e-16 m before it: its fraction was 1."""
+    """In a trash compactor (B26b) a wall went through a vertex 1.4e-16 m before it: its fraction was 1."""
     x = np.array([[-0.08, 0.08, 5e-4], [0, -0.165, 0.195], [0, 0.165, -0.135], [0, 0.165, 0.195]])
     gap = np.array([1.5e-16, 1.5e-16, 1.2e-16])
     x[1:, 0] = x[0, 0] - gap

@@ -78,7 +78,7 @@ def test_without_cloth_nothing_is_selected(select):
     [
         ([], "p has no key frame"),
         ([[0.0, 1.0], [0.0, 2.0]], r"p\[1\] is at 0 s, not after 0 s"),
-        ([[0.0, 1.0], 2.0], r"p\[1\] is 2.0, no key frame"),
+        ([[0.0, 1.0], 2.0], r"p\[1\] is 2.0, not a key frame"),
         ([[0.0, 1.0], [1.0, -1.0]], r"p\[1\]\[1\] must be at least 0, not -1"),
         ([[0.0, "1"]], r"p\[0\]\[1\] must be a number"),
         ([[float("nan"), 1.0]], r"p\[0\]\[0\] is nan"),
@@ -140,7 +140,7 @@ def test_a_table_by_cloth():
         ([0.0] * 7 + [-1.0] + [0.0] * 8, r"c\[7\] must be at least 0, not -1"),
         ([0.0] * 7 + [float("inf")] + [0.0] * 8, r"c\[7\] is inf"),
         ({"small": 1}, "c .*'large'"),
-        ({"smal": 1, "large": 2}, "c names 'smal', which is no cloth"),
+        ({"smal": 1, "large": 2}, "c names 'smal', which is not a cloth"),
         ({"small": [1, 2, 3], "large": 2}, "c.small has 3 numbers"),
         ("x", "c must be a number"),
         (["x"] * 16, "c must be numbers"),
@@ -196,7 +196,7 @@ def test_panels_go_with_the_part_of_the_file_and_with_sewing(tmp_path):
         ({"back": 2}, "c .* 2 triangles of the cloth 'shirt', .* 0"),
         ({"back": -2, "other": 1}, "c.back must be at least 0, not -2"),
         ({"back": [1, 2], "other": 1}, "c.back must be a number"),
-        ({"bakc": 2, "other": 1}, "'bakc', which is no cloth. Cloths: shirt; or other. Panels: back, front"),
+        ({"bakc": 2, "other": 1}, "'bakc', which is not a cloth. Cloths: shirt; or other. Panels: back, front"),
     ],
 )
 def test_a_bad_value_by_panel_is_refused_by_name(value, message, tmp_path):

@@ -10,7 +10,7 @@ from small_scenes import SHEET, SOLVER
 
 from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
-from clothsim.physics.energies.measured_membrane import Curve, Narrowing
+from clothsim.physics.energies.measured_membrane import Narrowing, StressCurve
 
 WARP = [[0.02, 4.0], [0.05, 20.0], [0.10, 60.0]]
 WEFT = [[0.10, 3.0], [0.30, 30.0]]
@@ -83,7 +83,7 @@ class TestAPulledStrip:
         effects = {"membrane": keys, "bending": {}, "gravity": {}, "pins": {"select": "top"}}
         run = simulate(Scene(cloth=strip, effects=effects, solver=SOLVER | {"tolerance": 1e-8}), tmp_path)
         assert run.status == "completed", run.reason
-        curve = Curve.through(*np.array([[0, 0], [0.02, 1.0], [0.1, 3.0]]).T)
+        curve = StressCurve.through(*np.array([[0, 0], [0.02, 1.0], [0.1, 3.0]]).T)
         levels = weight * 0.1 * (np.arange(6) + 0.5)  # of each row the weight below its middle, as masses are lumped
         strains = [np.interp(level, curve.at(e := np.linspace(0, 0.3, 100001))[1], e) for level in levels]
         longer = np.ptp(run.positions(-1)[:, 2]) - 0.6
@@ -109,7 +109,7 @@ class TestNarrowing:
     def test_a_strip_whose_width_is_held_has_the_stress_of_what_it_cannot_lose(self):
         """W2'(g) across, and g' of it along besides the table."""
         world, energy = sheet(**NARROWING)
-        weft = Curve.through(*np.array([[0, 0], *WEFT]).T)
+        weft = StressCurve.through(*np.array([[0, 0], *WEFT]).T)
         law = Narrowing.through(*np.array([[0, 0], *NARROWING["narrowing_warp"]]).T)
         g, slope, _ = law.at(np.array([0.1]))
         across = weft.at(g)[1]

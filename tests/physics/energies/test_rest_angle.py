@@ -150,7 +150,7 @@ def test_nothing_to_fold_is_off():
         (MIDDLE | {"angle_degrees": [[0, 0], [1, -200]]}, "is -200 at 1 s"),
         (MIDDLE | {"angle_degrees": 20.0, "angel": 3}, "no key 'angel'"),
         (MIDDLE | {"angle_degrees": 20.0, "vertices": [1, 2]}, r"crease\[0\] .*through.*vertices"),
-        (MIDDLE | {"angle_degrees": 20.0, "cloth": "skirt"}, "names 'skirt', which is no cloth"),
+        (MIDDLE | {"angle_degrees": 20.0, "cloth": "skirt"}, "names 'skirt', which is not a cloth"),
         ({"angle_degrees": 20.0}, r"crease\[0\] .*through.*vertices"),
         ({"angle_degrees": 20.0, "vertices": [0, 99]}, r"vertices\[1\] = 99"),
         ({"angle_degrees": 20.0, "vertices": [0, 1]}, r"crease\[0\] .*edge"),

@@ -7,7 +7,7 @@ from scipy import sparse
 
 from clothsim.base.jit import LANES
 from clothsim.physics.energies.hessians import AT_ONCE, ByElement, ElementHessian, LanesHessian, LowRankHessian
-from clothsim.solve.linear.sparsity import couplings, extended, make_pattern, times
+from clothsim.solve.linear.sparsity import couplings, extended, hessian_product, make_pattern
 
 
 def random_blocks(elements, seed):
@@ -217,7 +217,7 @@ def test_times_covers_all_rows():
     parts = hessians()
     vector = np.random.default_rng(8).standard_normal((ROWS, 3))
     expected = dense(parts, ROWS) @ vector.ravel()
-    assert np.abs(times(parts, vector).ravel() - expected).max() < 1e-12 * np.abs(expected).max()
+    assert np.abs(hessian_product(parts, vector).ravel() - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_products_with_translations_have_the_bits_of_single_ones():

@@ -12,7 +12,7 @@ from clothsim.keys.fabric import Fabric
 from clothsim.mesh.world import make_world
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.newton.stability import lowest_mode, way_down
+from clothsim.solve.newton.stability import descent_from_saddle, lowest_mode
 from clothsim.solve.newton.statics import HORIZON, StaticModel
 from clothsim.solve.timers import EffectCounters, Timers
 
@@ -130,11 +130,11 @@ def test_every_force_counts_but_that_of_inertia():
 # --- the way down ---------------------------------------------------------------------------------------------------
 
 
-def test_the_way_down_lowers_the_energy_by_the_curvature():
+def test_a_descent_lowers_the_energy_by_the_curvature():
     model = pressed(1 - 100 * euler_strain())
     mode = lowest_mode(model, 0)
     amplitude = 1e-4
-    dx = way_down(model, mode, amplitude)
+    dx = descent_from_saddle(model, mode, amplitude)
     assert np.array_equal(dx, amplitude * mode.shape)
     x = model.rest.positions
     fallen = model.potential.value(x + dx) - model.potential.value(x)
@@ -151,25 +151,25 @@ def test_a_slope_along_the_mode_decides_the_side():
         loads["bending"] = bending(world)
         model = model_at(world, loads, world.start() * [1 - 100 * euler_strain(), 1, 1], ends)
         for seed in (0, 1):
-            dx = way_down(model, lowest_mode(model, seed), 1e-5)
+            dx = descent_from_saddle(model, lowest_mode(model, seed), 1e-5)
             assert dot(dx[:, 2], np.full(len(dx), push)) > 0
 
 
 def test_a_longer_way_ends_where_the_energy_would_rise():
     model = pressed(0.8)
     mode = lowest_mode(model, 0)
-    short, long = way_down(model, mode, 1e-4), way_down(model, mode, 1e-4, longest=1e6)
+    short, long = descent_from_saddle(model, mode, 1e-4), descent_from_saddle(model, mode, 1e-4, longest=1e6)
     x = model.rest.positions
     assert np.abs(long).max() > 100 * np.abs(short).max()
     assert model.potential.value(x + long) < model.potential.value(x + short) < model.potential.value(x)
     assert model.potential.value(x + 2 * long) >= model.potential.value(x + long)
 
 
-def test_a_saddle_whose_sides_are_both_closed_has_no_way_down():
+def test_a_saddle_whose_sides_are_both_closed_has_no_descent():
     """Springs that resist every finite displacement, though their exact Hessian is made to look soft, stay."""
     model = pressed(1 - 100 * euler_strain())
     mode = lowest_mode(model, 0)
     world = make_world([cloth(*grid(CELLS, 2, LENGTH, 0.1), STRIP)])
     tie = springs(world, spring=[{"select": list(range(world.n_cloth)), "stiffness": 1e9}])
     stiff = model_at(world, {"springs": tie}, world.start(), np.flatnonzero(model.fixed))
-    assert way_down(stiff, mode, 1e-3) is None
+    assert descent_from_saddle(stiff, mode, 1e-3) is None

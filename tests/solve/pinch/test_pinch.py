@@ -22,7 +22,17 @@ from clothsim.solve.newton.outcome import Ending, outcome
 from clothsim.solve.pinch import pinch
 from clothsim.solve.pinch.flypaper import Flypapered, PinchRecord, attached, flypapered_in
 from clothsim.solve.pinch.pinch import _contacts
-from clothsim.solve.pinch.pinch_gaps import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, nearest, pinched, sides
+from clothsim.solve.pinch.pinch_gaps import (
+    CHUNK,
+    INSIDE,
+    OUTSIDE,
+    Faces,
+    closest,
+    line_hits,
+    nearest_faces,
+    pinched,
+    sides,
+)
 
 EFFECTS = {
     "inertia": {},
@@ -233,7 +243,7 @@ def test_queries_of_faces_find_what_all_triangles_have():
     assert np.allclose(np.linalg.norm(on - points[near], axis=1), distances[near], atol=1e-12)
     along = 0.3 * random.normal(size=(40, 3)) - points  # most towards the middle
     for entering in (True, False):
-        hits = first_hits(faces(x, triangles), x, rows, (points, along), (-0.5, 2.0), entering)
+        hits = line_hits(faces(x, triangles), x, rows, (points, along), (-0.5, 2.0), entering)
         assert np.allclose(hits, [least_hit(corners, o, d, entering) for o, d in zip(points, along, strict=True)])
         assert 5 < np.isfinite(hits).sum() < 40
     none = closest(faces(x, triangles[:0]), x, rows, 1.0)[0]
@@ -255,7 +265,7 @@ def test_vertices_of_objects_that_may_not_touch_are_passed_over():
     own = Faces(np.array([[2, 3, 4]]), np.zeros(1, np.int64), np.array([0, 1, 2, 2, 2]), np.eye(3, k=2, dtype=bool))
     assert closest(own, x, np.array([0, 1]), 1.0)[0].tolist() == [0, -1]
     lines = x[:2], np.tile([0.0, 0.0, -1.0], (2, 1))
-    assert first_hits(own, x, np.array([0, 1]), lines, (0.0, 1.0), entering=True).tolist() == [0.1, np.inf]
+    assert line_hits(own, x, np.array([0, 1]), lines, (0.0, 1.0), entering=True).tolist() == [0.1, np.inf]
 
 
 @pytest.mark.parametrize("numbers", [[0, 1], [1, 0]])
@@ -277,7 +287,7 @@ def test_the_gap_of_two_plates(first, last, gap):
     corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
     start, end = (np.concatenate([[[0.0, 0.0, 0.005]], corners, corners[[0, 2, 1]] + [0, 0, z]]) for z in (first, last))
     plates = faces(start, np.array([[1, 2, 3], [4, 5, 6]]))
-    found = pinched(plates, nearest(plates, start, np.array([0]), 0.03), start, end, 0.006, 0.03)
+    found = pinched(plates, nearest_faces(plates, start, np.array([0]), 0.03), start, end, 0.006, 0.03)
     assert len(found.vertices) == (gap is not None)
     if gap is not None:
         assert abs(found.gaps[0] - gap) < 1e-15
@@ -293,7 +303,8 @@ def test_a_vertex_beside_a_plate_by_more_than_the_limit_is_not_in_its_gap(beside
     vertex = [[0.0, -1.0 - beside * limit, 0.005]]
     start, end = (np.concatenate([vertex, corners, above + np.array([0, 0, z])]) for z in (0.02, 0.001))
     plates = faces(start, np.array([[1, 2, 3], [4, 5, 6]]))
-    assert len(pinched(plates, nearest(plates, start, np.array([0]), 0.03), start, end, limit, 0.03).vertices) == count
+    near = nearest_faces(plates, start, np.array([0]), 0.03)
+    assert len(pinched(plates, near, start, end, limit, 0.03).vertices) == count
 
 
 def test_pairs_are_excluded_by_their_definition():

@@ -15,7 +15,7 @@ from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.solve.newton.statics import HORIZON
 from clothsim.solve.stepping.state import Rest, first_state
 from clothsim.solve.stepping.stepping import advance
-from clothsim.solve.stepping.time_loop import SLOW_STEPS, static_model, with_rest
+from clothsim.solve.stepping.time_loop import SLOW_STEPS, static_model, with_rest_state
 
 STIFFNESS = 40.0
 
@@ -32,7 +32,7 @@ def after_slow_steps(integrator, until=1.0, **changes):
     """The report of one step from a state that was slow for many, at the end of a frame."""
     state = replace(first_state(integrator.world, integrator.dt), slow_steps=SLOW_STEPS, **changes)
     report = replace(advance(integrator, state, state.time + integrator.dt), frame_done=True, fastest=0.0)
-    return with_rest(integrator, state, report, until)
+    return with_rest_state(integrator, state, report, until)
 
 
 def test_displacement_to_equilibrium_of_a_tied_weight():
@@ -79,7 +79,7 @@ def test_a_free_sheet_that_drifts_slowly_is_as_its_speed():
         state = first_state(world, 0.01)
         state = replace(state, velocities=np.full_like(state.positions, speed), slow_steps=SLOW_STEPS)
         report = replace(advance(integrator, state, 0.01), frame_done=True)
-        assert with_rest(integrator, state, report, 1.0).state.rest is wanted
+        assert with_rest_state(integrator, state, report, 1.0).state.rest is wanted
 
 
 # --- what still changes ---------------------------------------------------------------------------------------------
@@ -100,7 +100,7 @@ def test_a_body_that_moves_later_prevents_rest_and_one_that_has_stopped_does_not
     stood = replace(first_state(moving.world, 0.01), time=stops_at, slow_steps=SLOW_STEPS)
     stood.positions[moving.world.n_cloth :] += [0, 0, 1e-3]
     report = replace(advance(moving, stood, stops_at + 0.01), frame_done=True)
-    assert with_rest(moving, stood, report, 1.0).state.rest is Rest.REACHED
+    assert with_rest_state(moving, stood, report, 1.0).state.rest is Rest.REACHED
 
 
 def test_a_full_turn_a_frame_is_a_motion():

@@ -13,7 +13,7 @@ from clothsim.scene import paths
 from clothsim.study.error_control import resolution, search
 from clothsim.study.error_control.parameter_errors import ParameterErrors
 from clothsim.study.error_control.resolution import Resolution, refinable_scene
-from clothsim.study.error_control.search import chosen, work
+from clothsim.study.error_control.search import chosen, work_of
 
 STRIP = {"mesh": "rectangle", "size": [0.3, 0.1], "cells": [6, 2], "density": 0.15, "thickness": 3e-4}
 STRIP |= {"youngs_modulus": 1e6, "poisson_ratio": 0.3, "bending_stiffness": 2e-4}
@@ -153,7 +153,7 @@ def test_pilot_runs_end_at_rest_like_the_run(tmp_path):
     assert ended.summary["certificate"]["at_rest"]
     assert ended.times[-1] < 8.0
     assert np.array_equal(
-        resolution.pilot(refinable.at(Resolution(4), 0.1), Resolution(4)).positions, ended.positions(-1)
+        resolution.trial_at(refinable.at(Resolution(4), 0.1), Resolution(4)).positions, ended.positions(-1)
     )
 
 
@@ -168,7 +168,7 @@ def test_the_cheapest_sufficient_resolution_is_chosen():
     cheaper = Resolution(taken.steps * 3 // 4, taken.cells)
     assert errors.at(refinable.sizes(cheaper)).total > 0.85e-3
     assert chosen(refinable, errors, [refinable.coarsest, first], 1e-3, 21, 0.1) is None
-    assert work(refinable, first, 21) > work(refinable, refinable.coarsest, 21) == pytest.approx(1.0)
+    assert work_of(refinable, first, 21) > work_of(refinable, refinable.coarsest, 21) == pytest.approx(1.0)
 
 
 def test_a_pair_that_ends_in_two_shapes_starts_again_with_half_the_step(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 from small_scenes import small_scene
 
 from clothsim.base.errors import MachineError
-from clothsim.study.farm.claims import Worker, claimed, holds
+from clothsim.study.farm.claims import Worker, claimed, owns_claim
 from clothsim.study.farm.drape import Drape, failed
 from clothsim.study.farm.plan import plan
 from clothsim.study.farm.publication import attempts, processor
@@ -56,7 +56,7 @@ def test_a_suspended_worker_publishes_nothing_once_its_drape_was_taken_over(farm
         patched.setattr("clothsim.study.farm.work.drape", suspended)
         assert make(farm, job, SLEEPER) is None
     assert farm.published() == set()
-    assert holds(farm.directory / "claims", job.id, SUCCESSOR)
+    assert owns_claim(farm.directory / "claims", job.id, SUCCESSOR)
     assert (farm.directory / "tmp" / f"{job.id}.{SUCCESSOR.token}").is_dir()
     assert attempts(farm.directory, job.id) == 0
     claims[0].__exit__(None, None, None)

@@ -46,7 +46,7 @@ def _sections(content: bytes) -> tuple[Ints, Floats, Elements]:
             end = content.find(b"\n", line + 1)
             form, binary, size = content[line + 1 : end].decode("latin-1").split()
             if form not in ("2", "2.1", "2.2", "4", "4.0", "4.1"):
-                raise ValueError(f"version {form} is none of 2, 4.0, 4.1")
+                raise ValueError(f"version {form} is not 2, 4.0 or 4.1")
             if size not in ("4", "8"):
                 raise ValueError(f"sizes of {size} bytes")
             numbers = _Bytes(content, end + 1, int(size)) if int(binary) else None
@@ -100,7 +100,7 @@ class _Words:
     def _next(self, count: int) -> list[bytes]:
         words = self.words[self.taken : self.taken + max(count, 0)]
         if count != len(words):
-            raise ValueError(f"{count} numbers are promised, {len(words)} are there")
+            raise ValueError(f"{count} numbers are declared, {len(words)} are there")
         self.taken += count
         return words
 
@@ -131,7 +131,7 @@ class _Bytes:
     def _take(self, kind: np.dtype, count: int) -> np.ndarray:
         there = (len(self.content) - self.offset) // kind.itemsize
         if not 0 <= count <= there:
-            raise ValueError(f"{count} numbers are promised, {there} are there")
+            raise ValueError(f"{count} numbers are declared, {there} are there")
         values = np.frombuffer(self.content, kind, count, self.offset) if count else np.zeros(0, kind)
         self.offset += values.nbytes
         return values.astype(np.int64) if kind.kind in "iu" else values

@@ -258,7 +258,7 @@ def _sorted_lines(lines: list[str]) -> _Sorted | None:
 
 
 def _table(lines: list[str], columns: int) -> Floats | None:
-    """The numbers of `lines`, (n, columns); None where a line has another count, or something that is no number."""
+    """The numbers of `lines`, (n, columns); None where a line has another count, or something that is not a number."""
     if not lines:
         return np.zeros((0, columns))
     if {len(line.split()) for line in lines} != {columns}:

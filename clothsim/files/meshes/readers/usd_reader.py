@@ -50,7 +50,7 @@ def read_usd_frames(path: Path, rate: float, most: int) -> list[Polygons]:
         raise _broken(path, f"it has {stage.GetTimeCodesPerSecond():g} time codes a second, from {first:g} to {last:g}")
     count = int((last - first) / codes + 1e-6) + 1
     if count > most:
-        raise InputError(f"{path} has {count:,} frames at {rate:g} a second, more than {most:,}.", "Take a lower rate.")
+        raise InputError(f"{path} has {count:,} frames at {rate:g} a second, more than {most:,}.", "Use a lower rate.")
     return [_read_meshes(path, stage, first + k * codes) for k in range(count)]
 
 

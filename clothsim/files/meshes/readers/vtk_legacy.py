@@ -82,7 +82,7 @@ class _Sections:
     def numbers(self, count: int, kind: str) -> Floats | Ints:
         """The next `count` numbers."""
         if not 0 <= count <= len(self.content):
-            raise ValueError(f"{count} numbers promised")
+            raise ValueError(f"{count} numbers declared")
         number = np.dtype(NUMBERS[kind.lower()])
         if self.binary:
             values = np.frombuffer(self.content, number, count, self.offset)
@@ -109,7 +109,7 @@ class _Sections:
 def _split_sizes(table: Ints, count: int) -> tuple[Ints, Ints]:
     """The corners and sizes of `count` faces, each given as its size and its corners."""
     if not 0 <= count <= len(table):
-        raise ValueError(f"{count} faces promised in {len(table)} numbers")
+        raise ValueError(f"{count} faces declared in {len(table)} numbers")
     starts, offset = np.zeros(count, np.int64), 0
     for face in range(count):
         starts[face] = offset
@@ -132,5 +132,5 @@ def _text_numbers(content: bytes, offset: int, count: int, number: np.dtype) -> 
         words += content[offset:end].split()
         offset = end + 1
     if len(words) > count:
-        raise ValueError(f"{len(words)} numbers where {count} were promised")
+        raise ValueError(f"{len(words)} numbers where {count} were declared")
     return np.array([float(word) for word in words] if number.kind == "f" else [int(word) for word in words]), offset

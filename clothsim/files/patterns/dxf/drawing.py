@@ -36,7 +36,7 @@ def in_plane(point: Any) -> Floats:
     return np.array([point[0], point[1]], np.float64)
 
 
-def parts_of(entity: Any, metres: float, budget: Budget) -> tuple[Part, ...]:
+def curves_of_entity(entity: Any, metres: float, budget: Budget) -> tuple[Part, ...]:
     """Curves of an entity of an outline [m]; none of a text or a point. The points of flattened ones are counted."""
     kind = entity.dxftype()
     if kind == "LINE":
@@ -149,7 +149,7 @@ def read_drawing(path: Path, units: str = "", layer: str = "") -> Drawing:
     MissingPackageError
         ezdxf is not installed.
     InputError
-        A file that is no DXF, or has no piece.
+        A file that is not a DXF drawing, or has no piece.
     """
     document = _document(path)
     unit, notes = _unit(document, units)
@@ -174,7 +174,7 @@ def _document(path: Path) -> Any:
         return recover.read(BytesIO(data))[0]
     except (DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
         raise InputError(
-            f"{path.name} is no DXF that ezdxf reads: {error}.", "Export it again, as ASCII DXF."
+            f"{path.name} is not a DXF drawing that ezdxf reads: {error}.", "Export it again, as ASCII DXF."
         ) from error
 
 
@@ -220,7 +220,7 @@ def _piece(block: str, given: Iterable[Any], inserted: bool, metres: float, laye
     if outline not in drawn:
         return None
     texts = list(_texts(entities))
-    parts = tuple(part for entity in layers[outline] for part in parts_of(entity, metres, budget))
+    parts = tuple(part for entity in layers[outline] for part in curves_of_entity(entity, metres, budget))
     return Piece(
         _value_of(texts, "piece name") or block,
         _value_of(texts, "size"),

@@ -87,10 +87,10 @@ def parts_of_bezier(points: Floats) -> tuple[Part, ...]:
     """The curve of 3 or 4 control points (k, 2) [m]; in two halves where it ends at its start."""
     if np.linalg.norm(points[-1] - points[0]) > JOINED:
         return (_bezier(points),)
-    return tuple(part for half in divided(points, 0.5) for part in parts_of_bezier(half))
+    return tuple(part for half in split_bezier(points, 0.5) for part in parts_of_bezier(half))
 
 
-def divided(points: Floats, t: float) -> tuple[Floats, Floats]:
+def split_bezier(points: Floats, t: float) -> tuple[Floats, Floats]:
     """Control points (k, 2) of a Bezier curve before and after the parameter t, by de Casteljau's algorithm."""
     levels = [points]
     while len(levels[-1]) > 1:
@@ -192,7 +192,7 @@ STEPS = 60
 """Halvings of the interval in which the nearest point of a curve lies."""
 
 
-def edges_of(
+def outline_edges(
     loop: Sequence[Part], notches: Floats, curve_points: Floats, reach: float, corner: float
 ) -> tuple[Floats, tuple[PatternEdge, ...]]:
     """Corners (k, 2) [m] and edges of a loop.
@@ -204,7 +204,7 @@ def edges_of(
     notches : (k, 2) array
         Points at which an edge ends and the next one begins [m].
     curve_points : (k, 2) array
-        Points that are no corners, however the loop turns there [m].
+        Points that are not corners, however the loop turns there [m].
     reach : float
         Largest distance of a notch from the loop [m]: beyond, it belongs to another line.
     corner : float
@@ -279,7 +279,7 @@ def _cut(part: Part, t: float) -> tuple[Part, Part]:
         halves = (Arc(curve.radius, share * sweep > np.pi, curve.right) for share in (t, 1 - t))
         return Part(start, middle, next(halves)), Part(middle, end, next(halves))
     if isinstance(curve, Bezier):
-        first, second = divided(curve.points(start, end), t)
+        first, second = split_bezier(curve.points(start, end), t)
         return _bezier(first), _bezier(second)
     raise TypeError(f"A part of an outline is no {type(curve).__name__}.")
 

@@ -19,7 +19,7 @@ from scipy.spatial import ConvexHull
 
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import nearest
+from clothsim.base.inputs import did_you_mean
 from clothsim.base.triangles import half_edges
 from clothsim.mesh.generators.mannequin.generator import (
     CALF,
@@ -120,8 +120,8 @@ def measured_body(**wanted: float) -> MeasuredBody:
     Raises
     ------
     InputError
-        Names a measure that is unknown, is no positive length, or is `ABSURD` times the usual one at that height; or a
-        height out of range.
+        Names a measure that is unknown, is not a positive length, or is `ABSURD` times the usual one at that height; or
+        a height out of range.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def measured_body(**wanted: float) -> MeasuredBody:
     for name, value in wanted.items():
         if name not in MEASURES:
             known = f"Known: {', '.join(MEASURES)}."
-            raise InputError(f"There is no measure {name!r}.", nearest(name, MEASURES) or known)
+            raise InputError(f"There is no measure {name!r}.", did_you_mean(name, MEASURES) or known)
         wanted[name] = as_positive(name, value)
     _refuse_absurd(wanted, {"height": Proportions.height})
     height = Proportions(height=wanted.get("height", Proportions.height)).height
