@@ -14,7 +14,7 @@ import sys
 import numpy as np
 import pytest
 from import_graph import home, own
-from small_scenes import BALL, EFFECTS, SHEET, SOLVER, changed, small_scene, without
+from small_scenes import BALL, EFFECTS, SHEET, SOLVER, changed, frames, small_scene, without
 
 from clothsim import simulate
 from clothsim.physics import contact
@@ -25,11 +25,6 @@ SELF = {"self_contact": {}}
 PINS = {"pins": {"select": "corners"}}
 EXAMPLES = {name: effect.example() for name, effect in TABLE.items()}
 ALL = EFFECTS | {name: example.scene_keys for name, example in EXAMPLES.items() if name not in EFFECTS}
-
-
-def frames(run):
-    assert run.status == "completed", run.reason
-    return np.array([run.positions(k) for k in range(len(run.times))])
 
 
 def run_of(folder, **sections):

@@ -7,7 +7,7 @@ import importlib
 
 import numpy as np
 import pytest
-from small_scenes import EFFECTS, changed, small_scene, without
+from small_scenes import EFFECTS, changed, frames, small_scene, without
 
 from clothsim import simulate
 from clothsim.physics.energies.protocols import Idling
@@ -18,11 +18,6 @@ SHORT = {"duration": 0.08, "frames_per_second": 25}
 IDLE = {name: effect.example().idle for name, effect in TABLE.items()}
 SKIPPED = [name for name, idle in IDLE.items() if idle and not idle.searches]
 SEARCHING = [name for name, idle in IDLE.items() if idle and idle.searches]
-
-
-def frames(run):
-    assert run.status == "completed", run.reason
-    return np.array([run.positions(k) for k in range(len(run.times))])
 
 
 def run_of(folder, sections, **added):

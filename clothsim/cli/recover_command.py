@@ -165,7 +165,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
         "wide": list(found.wide),
         "from_minimum": found.from_minimum,
         "cpu_seconds": found.cpu_seconds,
-        "adjoint_share": found.adjoint_share,
+        "adjoint_fraction": found.adjoint_fraction,
     }
     good = found.best.intersecting_pairs == 0
     out = arguments.output
@@ -265,7 +265,7 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
         f"  {path} is known to no half of what it is without pictures: more views or normals." for path in found.wide
     ]
     out.append(f"  the step that is left, by the adjoint: {found.from_minimum:.2g} standard errors at most")
-    out.append(f"  {found.cpu_seconds:.3g} CPU s, {percent(found.adjoint_share)} of it in the adjoint")
+    out.append(f"  {found.cpu_seconds:.3g} CPU s, {percent(found.adjoint_fraction)} of it in the adjoint")
     return out
 
 

@@ -92,7 +92,7 @@ class ViewRecovery(Recovery):
         Largest change of a number in the step that is left, by the gradient of the adjoint, over its standard error.
     folds : tuple of float
         Misfit of the normals of each drape that the first start was chosen from, the scene's own first.
-    cpu_seconds, adjoint_share : float
+    cpu_seconds, adjoint_fraction : float
         Processor time of the search, and the share of the adjoint.
     pattern : Pattern, optional
         The pattern with the numbers; None where none of them are of a pattern.
@@ -107,7 +107,7 @@ class ViewRecovery(Recovery):
     from_minimum: float = float("nan")
     folds: tuple[float, ...] = ()
     cpu_seconds: float = float("nan")
-    adjoint_share: float = float("nan")
+    adjoint_fraction: float = float("nan")
     pattern: Pattern | None = None
     overlays: Mapping[str, np.ndarray] = field(default_factory=dict)
 
@@ -201,7 +201,7 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
     errors_with_model = found.total_errors
     wide = tuple(path for path, own in zip(paths, known, strict=True) if not errors_with_model[path] < 0.5 * own)
     seconds = process_time() - search.began
-    return replace(found, wide=wide, cpu_seconds=seconds, adjoint_share=adjoint / seconds)
+    return replace(found, wide=wide, cpu_seconds=seconds, adjoint_fraction=adjoint / seconds)
 
 
 def _twins(fit: ViewFit, last: Seen, moves: Floats) -> tuple[Twin, ...]:

@@ -40,9 +40,9 @@ class Polyline:
         found[t == 0], found[t == 1] = start, end
         return found
 
-    def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:
-        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length."""
-        return self.at(start, end, share)
+    def by_length(self, start: Floats, end: Floats, fractions: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `fractions (k,)` of the arc length."""
+        return self.at(start, end, fractions)
 
 
 TABLE = 512
@@ -61,9 +61,9 @@ class Straight:
         """Arc length [m]."""
         return float(np.linalg.norm(end - start))
 
-    def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:
-        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length."""
-        return self.at(start, end, share)
+    def by_length(self, start: Floats, end: Floats, fractions: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `fractions (k,)` of the arc length."""
+        return self.at(start, end, fractions)
 
 
 @dataclass(frozen=True)
@@ -92,16 +92,16 @@ class Bezier:
         """Arc length [m]."""
         return float(self._lengths(start, end)[-1])
 
-    def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:
-        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length; 0 and 1 give the ends exactly."""
-        found = self.at(start, end, self.parameters(start, end, share))
-        found[share == 0], found[share == 1] = start, end
+    def by_length(self, start: Floats, end: Floats, fractions: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `fractions (k,)` of the arc length; 0 and 1 give the ends exactly."""
+        found = self.at(start, end, self.parameters(start, end, fractions))
+        found[fractions == 0], found[fractions == 1] = start, end
         return found
 
-    def parameters(self, start: Floats, end: Floats, share: Floats) -> Floats:
-        """Parameters (k,) of the points at the fractions `share (k,)` of the arc length."""
+    def parameters(self, start: Floats, end: Floats, fractions: Floats) -> Floats:
+        """Parameters (k,) of the points at the fractions `fractions (k,)` of the arc length."""
         lengths = self._lengths(start, end)
-        return np.interp(share * lengths[-1], lengths, np.linspace(0, 1, TABLE + 1))
+        return np.interp(fractions * lengths[-1], lengths, np.linspace(0, 1, TABLE + 1))
 
     def weights(self, t: Floats) -> Floats:
         """Weights (k, 3 or 4) of `points` in the curve at the parameters t (k,): Bernstein's polynomials."""
@@ -170,9 +170,9 @@ class Arc:
         _, radius, sweep = self.circle(start, end)
         return radius * abs(sweep)
 
-    def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:
-        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length."""
-        return self.at(start, end, share)
+    def by_length(self, start: Floats, end: Floats, fractions: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `fractions (k,)` of the arc length."""
+        return self.at(start, end, fractions)
 
 
 Curve = Straight | Bezier | Arc | Polyline

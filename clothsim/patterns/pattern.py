@@ -85,17 +85,17 @@ class Panel:
     @property
     def outline(self) -> Floats:
         """Its border as a closed polygon, (k, 2) [m]."""
-        share = np.linspace(0, 1, SAMPLES)[:-1]
-        return np.concatenate([self.edge_points(number, share) for number in range(len(self.edges))])
+        fractions = np.linspace(0, 1, SAMPLES)[:-1]
+        return np.concatenate([self.edge_points(number, fractions) for number in range(len(self.edges))])
 
     def placed(self, points: Floats) -> Floats:
         """Points (k, 2) of the plane in space, (k, 3) [m]."""
         return np.asarray(points @ self.matrix[:, :2].T + self.translation, np.float64)
 
-    def edge_points(self, number: int, share: Floats) -> Floats:
-        """Points (k, 2) [m] of an edge at the fractions `share (k,)` of its arc length."""
+    def edge_points(self, number: int, fractions: Floats) -> Floats:
+        """Points (k, 2) [m] of an edge at the fractions `fractions (k,)` of its arc length."""
         edge = self.edges[number]
-        return edge.curve.by_length(self.vertices[edge.start], self.vertices[edge.end], share)
+        return edge.curve.by_length(self.vertices[edge.start], self.vertices[edge.end], fractions)
 
     def edge_length(self, number: int) -> float:
         """Arc length of an edge [m]."""

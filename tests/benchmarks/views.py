@@ -232,8 +232,8 @@ def fitted(folder: Path, seed: int, spacing: float, small: bool) -> int:
     for each in found.pictures:
         print(f"view {each.view}, {each.what}: {each.misfit:.2g} of the noise, {100 * each.left_out:.2g} % left out")
     print(
-        f"{found.runs} runs, {time.process_time() - before:.0f} CPU s, {100 * found.adjoint_share:.2g} % of it in the "
-        f"adjoint, {found.from_minimum:.2g} errors from a minimum; wide: {', '.join(found.wide) or 'none'}",
+        f"{found.runs} runs, {time.process_time() - before:.0f} CPU s, {100 * found.adjoint_fraction:.2g} % of it in "
+        f"the adjoint, {found.from_minimum:.2g} errors from a minimum; wide: {', '.join(found.wide) or 'none'}",
         flush=True,
     )
     return sum(abs(found.values[path] / true[path] - 1) < 2 * found.total_errors[path] for path in true)

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from fitting_cases import capsule_figure, in_file, moebius_strip, tube_garment
+from tangles import joined
 
 from clothsim.base.errors import InputError
 from clothsim.garments.inputs import is_closed, read_body_mesh, read_garment, worn_in_scene
@@ -27,13 +28,6 @@ segments = 12
 [effects.inertia]
 [effects.body_contact]
 """
-
-
-def stacked(*meshes):
-    """Meshes in one: positions, triangles."""
-    firsts = np.cumsum([0, *(len(x) for x, _ in meshes[:-1])])
-    triangles = [t + first for (_, t), first in zip(meshes, firsts, strict=True)]
-    return np.concatenate([x for x, _ in meshes]), np.concatenate(triangles)
 
 
 @pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("dm", 0.1), ("cm", 0.01), ("mm", 0.001)])
@@ -62,7 +56,7 @@ def test_what_is_a_person_in_no_unit_is_refused(tmp_path, extent):
 def test_the_largest_closed_long_piece_is_the_body(tmp_path):
     eye = sphere(radius=0.02, subdivisions=3)  # closed, more vertices, but short
     cloak = tube(radius=0.4, height=1.6, cells=(30, 20))  # long and larger, but open
-    x, triangles = stacked(eye, CAPSULE, cloak)
+    x, triangles = joined(eye, CAPSULE, cloak)
     figure = read_body_mesh(in_file(tmp_path, "all.obj", x, triangles))
     assert len(figure.positions) == len(CAPSULE[0])
     np.testing.assert_allclose(figure.positions, CAPSULE[0], atol=1e-6)
@@ -71,14 +65,14 @@ def test_the_largest_closed_long_piece_is_the_body(tmp_path):
 
 def test_where_no_piece_is_closed_the_largest_is_the_body_and_reported(tmp_path):
     open_capsule = CAPSULE[0], CAPSULE[1][:-1]
-    x, triangles = stacked(tube(radius=0.1, height=1.5, cells=(8, 4)), open_capsule)
+    x, triangles = joined(tube(radius=0.1, height=1.5, cells=(8, 4)), open_capsule)
     figure = read_body_mesh(in_file(tmp_path, "open.obj", x, triangles))
     assert len(figure.positions) == len(CAPSULE[0])
     assert any("not closed" in note for note in figure.notes)
 
 
 def test_of_two_closed_bodies_far_apart_one_is_taken_and_called_closed(tmp_path):
-    x, triangles = stacked(sphere(radius=0.3, subdivisions=1), (sphere(radius=0.3)[0] + [1, 0, 0], sphere()[1]))
+    x, triangles = joined(sphere(radius=0.3, subdivisions=1), (sphere(radius=0.3)[0] + [1, 0, 0], sphere()[1]))
     figure = read_body_mesh(in_file(tmp_path, "two.obj", x, triangles))
     assert len(figure.positions) == len(sphere()[0])
     assert any(re.search(r"\b2\b", note) for note in figure.notes)
@@ -93,7 +87,7 @@ def test_closed_means_two_triangles_at_each_edge():
 
 def test_a_group_of_the_file_is_taken_as_it_is(tmp_path):
     file = tmp_path / "groups.obj"
-    x, triangles = stacked(CAPSULE, sphere(radius=0.9, subdivisions=1))
+    x, triangles = joined(CAPSULE, sphere(radius=0.9, subdivisions=1))
     split = len(CAPSULE[1])
     lines = [f"v {a} {b} {c}" for a, b, c in x.tolist()]
     for name, rows in (("skin", triangles[:split]), ("ball", triangles[split:])):
@@ -114,7 +108,7 @@ def test_up_is_the_longer_of_y_and_z():
 
 def test_a_garment_takes_the_unit_and_the_part_that_are_asked_for(tmp_path):
     own = tube_garment(0.11, cells=(8, 2))
-    x, triangles = stacked((own.positions, own.triangles), slab())
+    x, triangles = joined((own.positions, own.triangles), slab())
     file = in_file(tmp_path, "wardrobe.obj", 100 * x, triangles)
     garment = read_garment(file, file, 0.01, part=(0, 24))
     np.testing.assert_allclose(garment.positions, own.positions, atol=1e-6)
@@ -124,7 +118,7 @@ def test_a_garment_takes_the_unit_and_the_part_that_are_asked_for(tmp_path):
 
 def test_welded_borders_are_sewn(tmp_path):
     left, triangles = rectangle(size=(0.2, 0.2), cells=(2, 2))
-    x, both = stacked((left, triangles), (left + np.array([0.2005, 0.0, 0.0]), triangles))
+    x, both = joined((left, triangles), (left + np.array([0.2005, 0.0, 0.0]), triangles))
     file = in_file(tmp_path, "panels.obj", x, both)
     garment = read_garment(file, file, 1.0, weld=0.002)
     assert garment.sewn

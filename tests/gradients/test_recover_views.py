@@ -88,7 +88,7 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
         assert 0.0 < content["model_errors"][path] == pytest.approx(np.linalg.norm(shifts))
         error = content["relative_errors"][path]
         assert total is None if error is None else total == pytest.approx(np.hypot(error, np.linalg.norm(shifts)))
-    assert 0.0 < content["adjoint_share"] < 0.5
+    assert 0.0 < content["adjoint_fraction"] < 0.5
     assert Image.open(folder / "found" / "view_from_here.png").size == (160, 120)
     written = read_specification(folder / "found" / "pattern.json")
     assert written.panels["towel"].extent[1] == pytest.approx(found, rel=1e-6)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from meshes import grid
-from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene
+from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, end, small_scene
 
 from clothsim import InputError, Scene, resume, simulate
 from clothsim.files.meshes.readers.obj import write_obj
@@ -24,13 +24,6 @@ LONG = {"duration": 0.4, "frames_per_second": 25}
 
 def flying(effects=SKY, **sections):
     return small_scene(body=(), effects=effects, **sections)
-
-
-def end(simulation, steps=4):
-    """The positions of all cloths after some steps."""
-    for _ in range(steps):
-        simulation.step()
-    return np.concatenate([*simulation.state.positions.values()])
 
 
 # --- stepping -------------------------------------------------------------------------------------------------------

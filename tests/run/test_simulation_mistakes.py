@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_scenes import BALL, EFFECTS, small_scene
+from small_scenes import BALL, EFFECTS, end, small_scene
 
 from clothsim import InputError, simulate
 from clothsim.run.simulation import Simulation, SimulationError
@@ -13,13 +13,6 @@ HELD = SKY | {"pins": {"select": [0, 4]}}
 
 def flying(effects=SKY):
     return small_scene(body=(), effects=effects)
-
-
-def end(simulation, steps):
-    """The positions of all cloths after some steps."""
-    for _ in range(steps):
-        simulation.step()
-    return np.concatenate([*simulation.state.positions.values()])
 
 
 def test_a_failed_step_raises_and_leaves_the_last_good_state():

@@ -1,5 +1,7 @@
 """Scenes of a few dozen vertices."""
 
+import numpy as np
+
 from clothsim import Scene
 
 EFFECTS = {
@@ -31,3 +33,16 @@ def changed(sections):
     """Sections of the small scene with some keys changed: tables are merged, all else is replaced."""
     usual = {"cloth": SHEET, "body": BALL}
     return {name: usual[name] | value if value and name in usual else value for name, value in sections.items()}
+
+
+def frames(run):
+    """Positions of all frames of a completed run, (f, n, 3) [m]."""
+    assert run.status == "completed", run.reason
+    return np.array([run.positions(k) for k in range(len(run.times))])
+
+
+def end(simulation, steps=4):
+    """The positions of all cloths after some steps."""
+    for _ in range(steps):
+        simulation.step()
+    return np.concatenate([*simulation.state.positions.values()])

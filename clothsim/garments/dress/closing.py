@@ -1,6 +1,6 @@
 """Closing of seams under contact: springs that shorten draw the panels round the body; nothing ever intersects.
 
-There is no gravity, and strong damping: what counts is the end. Darts close first, then at one time
+There is no gravity, and strong damping: what counts is the end. Darts and godets close first, then at one time
 all seams of the torso and those of each sleeve, so that the panels approach the body as they were placed; then sleeves
 and collars are sewn to the torso, which is held. Whether a seam is closed is measured; stiffer rounds follow. Pairs
 whose gap is small become one vertex where the exact check allows it.
@@ -22,7 +22,7 @@ from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_b
 from clothsim.garments.dress.welding import mean_edge, welded_where_closed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
-from clothsim.patterns import MeshedSeam, Panel
+from clothsim.patterns import MeshedSeam, Panel, PatternMesh
 from transfer.signed_distance import BodySurface
 
 SPEED = 0.5
@@ -115,10 +115,11 @@ class SewingPhase:
 
     def springs(self, state: SewingState, surface: BodySurface) -> PhaseSprings:
         """The springs from the positions of `state`."""
-        darts = [seam for seam in self.closing if order_of(seam, state) == DART]
-        others = [seam for seam in self.closing if order_of(seam, state) != DART]
+        inset = insets(state.mesh)
+        flat = [order_of(seam, state) == DART or bool(inset & _panels_of(seam)) for seam in self.closing]
         parts, time = [], 0.0
-        for group in (darts, others):
+        for first in (True, False):
+            group = [seam for seam, each in zip(self.closing, flat, strict=True) if each == first]
             springs = [pairs for seam in group if len(pairs := self.drawn_pairs(state, seam, surface))]
             if springs:
                 span = max(SHORTEST, max(float(state.distances(pairs).max()) for pairs in springs) / SPEED)
@@ -179,7 +180,7 @@ def _ends_to_sew_later(
     """
     joining = [seam for seam in within if order_of(seam, state) == WITHIN]
     crossing = [crosses_body(state.positions[state.pairs(seam)], surface) for seam in joining]
-    panels = [{side.panel for side in seam.stitch.sides} for seam in joining]
+    panels = [_panels_of(seam) for seam in joining]
     passing = set().union(*(pair for pair, hits in zip(panels, crossing, strict=True) if hits.mean() <= MOST))
     hung = {side.panel for seam in below for side in seam.stitch.sides}
     return tuple(
@@ -187,6 +188,35 @@ def _ends_to_sew_later(
         for seam, pair, hits in zip(joining, panels, crossing, strict=True)
         if pair <= hung and hits.any() and (not pair & passing or all(pair == each for each in panels if pair & each))
     )
+
+
+def insets(mesh: PatternMesh) -> set[str]:
+    """Panels that are sewn into a slit of another one, as godets: two edges that meet, to two that meet.
+
+    They are sewn in with the darts, while the other panel is flat: drawn in while its own seams close, those at its
+    sides would be caught between both sides of the garment.
+    """
+    found: dict[str, list[tuple[tuple[str, int], ...]]] = {}
+    for seam in mesh.seams:
+        sides = tuple((side.panel, side.edge) for side in seam.stitch.sides)
+        for pair in (sides, sides[::-1]):
+            found.setdefault(pair[0][0], []).append(pair)
+    return {
+        name
+        for name, pairs in found.items()
+        if len(pairs) == 2 and all(_meet(mesh, *each) for each in zip(*pairs, strict=True))
+    }
+
+
+def _meet(mesh: PatternMesh, first: tuple[str, int], second: tuple[str, int]) -> bool:
+    """True for two edges (panel, number) of one panel with a common corner."""
+    number = len(mesh.pattern.panels[first[0]].edges)
+    return first[0] == second[0] and (first[1] - second[1]) % number in (1, number - 1)
+
+
+def _panels_of(seam: MeshedSeam) -> set[str]:
+    """Both panels of a seam, or the one."""
+    return {side.panel for side in seam.stitch.sides}
 
 
 def stiffer_phases(state: SewingState) -> list[SewingPhase]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from clothsim.base.arrays import Ints
-from clothsim.engine import untangle
+from clothsim.engine import intersecting_pairs, untangle
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.penetration import count_penetrations
 from transfer.signed_distance import BodySurface
@@ -30,8 +30,9 @@ def welded_where_closed(state: SewingState, limit: float, surface: BodySurface) 
 
 
 def _is_clean(state: SewingState, surface: BodySurface) -> bool:
-    """True without an intersection by the exact check."""
-    return count_penetrations(state.positions, state.triangles, surface).clean
+    """True without an intersection by the exact check; with itself first, a tenth of the check against a body."""
+    own = intersecting_pairs(state.positions, state.triangles)
+    return not len(own) and count_penetrations(state.positions, state.triangles, surface).clean
 
 
 def _weld_by_halving(state: SewingState, pairs: Ints, surface: BodySurface) -> SewingState:

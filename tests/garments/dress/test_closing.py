@@ -8,7 +8,7 @@ from sewing_patterns import panel, specification, stitch
 from clothsim import Scene
 from clothsim.engine import build
 from clothsim.garments.dress import closing as closing_rounds
-from clothsim.garments.dress.closing import FURTHER, NEAR, WIDE, close, contact_gap, worst_gap
+from clothsim.garments.dress.closing import FURTHER, NEAR, WIDE, SewingPhase, close, contact_gap, insets, worst_gap
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.dress.welding import mean_edge
@@ -27,6 +27,31 @@ def test_the_gap_is_that_of_the_scene_with_its_body(keys):
     assert contact_gap(scene) == build(scene).energies["self_contact"].activation_distance
     if keys:
         assert contact_gap(scene) == pytest.approx(2e-3)
+
+
+def skirt_with_a_godet() -> SewingState:
+    """Front with a slit, back, and a godet that is drawn beside the front; both sides of the skirt are seams."""
+    front = [[-30, 0], [-5, 0], [0, 20], [5, 0], [30, 0], [25, 40], [-25, 40]]
+    back = [[-30, 0], [30, 0], [25, 40], [-25, 40]]
+    panels = {
+        "front": panel(front, translation=[0, 40, 25]),
+        "back": panel(back, translation=[0, 40, -25]),
+        "godet": panel([[0, 0], [10, 0], [5, 20]], translation=[40, 40, 25]),
+    }
+    sides = [stitch(("front", 4), ("back", 1), "right_wrong"), stitch(("front", 6), ("back", 3), "right_wrong")]
+    slit = [stitch(("godet", 2), ("front", 1)), stitch(("godet", 1), ("front", 2))]
+    return as_placed(mesh_pattern(pattern_of(specification(panels, [*sides, *slit])), 0.06))
+
+
+def test_a_godet_is_sewn_into_its_slit_before_the_sides_close():
+    state = skirt_with_a_godet()
+    assert insets(state.mesh) == {"godet"}
+    positions, triangles = slab((0.1, 0.1, 0.1))
+    springs = SewingPhase(tuple(state.mesh.seams)).springs(state, body_surface(positions, triangles)).springs
+    ends = {tuple(each.pairs[0]): (each.start, each.end) for each in springs}
+    left, right, *slit = (ends[tuple(state.pairs(seam)[0])] for seam in state.mesh.seams)
+    assert left == right
+    assert all(end == left[0] and start == 0 for start, end in slit)
 
 
 def on_both_sides_of_a_slab(thickness: float) -> tuple[SewingState, Wearer]:

@@ -7,7 +7,7 @@ import pytest
 from differences import dense_hessian, gradient_error, hessian_error
 from effect_builders import bending, plastic_bending
 from meshes import UNIT, cloth, deformed, grid, small_world
-from small_scenes import EFFECTS, SHEET, small_scene
+from small_scenes import EFFECTS, SHEET, frames, small_scene
 from solving import step_at
 
 from clothsim import resume, simulate
@@ -101,11 +101,6 @@ def test_without_hysteresis_it_is_the_plate():
 
 OWN = {"bending_stiffness": 3e-3, "bending_hysteresis": 0.05, "hysteresis_curvature": 0.1}
 MIDEDGE = EFFECTS | {"bending": {"model": "midedge"}}
-
-
-def frames(run):
-    assert run.status == "completed", run.reason
-    return np.array([run.positions(k) for k in range(len(run.times))])
 
 
 class StoppedError(Exception):

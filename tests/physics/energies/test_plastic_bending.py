@@ -7,7 +7,7 @@ import pytest
 from differences import gradient_error, hessian_error
 from effect_builders import bending, membrane, plastic_bending, rest_angle
 from meshes import UNIT, cloth, deformed, grid, small_world
-from small_scenes import EFFECTS, SHEET, small_scene
+from small_scenes import EFFECTS, SHEET, frames, small_scene
 from solving import equilibrium, held, step_at, those_on
 
 from clothsim import resume, simulate
@@ -197,11 +197,6 @@ def _energy_of_angles(energy, plate, angles):
 
 STIFF = SHEET | {"bending_stiffness": 0.003}
 CREASING = EFFECTS | {"plastic_bending": {"yield_angle_degrees": 2.0, "hardening": 0.1}}
-
-
-def frames(run):
-    assert run.status == "completed", run.reason
-    return np.array([run.positions(k) for k in range(len(run.times))])
 
 
 def test_below_the_yield_a_run_is_the_same_bit_for_bit(tmp_path):

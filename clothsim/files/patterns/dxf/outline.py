@@ -30,9 +30,9 @@ class Part:
     end: Floats
     curve: Curve
 
-    def points(self, share: Floats) -> Floats:
-        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length."""
-        return self.curve.by_length(self.start, self.end, share)
+    def points(self, fractions: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `fractions (k,)` of the arc length."""
+        return self.curve.by_length(self.start, self.end, fractions)
 
     @property
     def samples(self) -> Floats:
@@ -276,7 +276,7 @@ def _cut(part: Part, t: float) -> tuple[Part, Part]:
         return Part(start, middle, curve), Part(middle, end, curve)
     if isinstance(curve, Arc):
         sweep = abs(curve.circle(start, end)[2])
-        halves = (Arc(curve.radius, share * sweep > np.pi, curve.right) for share in (t, 1 - t))
+        halves = (Arc(curve.radius, fraction * sweep > np.pi, curve.right) for fraction in (t, 1 - t))
         return Part(start, middle, next(halves)), Part(middle, end, next(halves))
     if isinstance(curve, Bezier):
         first, second = split_bezier(curve.points(start, end), t)
@@ -295,11 +295,13 @@ def _divided_in_two(parts: list[Part], first: int) -> tuple[list[Part], set[int]
     lengths = np.cumsum([part.curve.length(part.start, part.end) for part in parts])
     row = int(np.searchsorted(lengths, lengths[-1] / 2))
     before = lengths[row - 1] if row else 0.0
-    share = (lengths[-1] / 2 - before) / (lengths[row] - before)
-    if share > 1 - 1e-6 or share < 1e-6:
-        return parts, {0, row + (share > 0.5)}
+    fraction = (lengths[-1] / 2 - before) / (lengths[row] - before)
+    if fraction > 1 - 1e-6 or fraction < 1e-6:
+        return parts, {0, row + (fraction > 0.5)}
     curve = parts[row].curve
-    t = curve.parameters(parts[row].start, parts[row].end, np.array([share]))[0] if isinstance(curve, Bezier) else share
+    t = fraction
+    if isinstance(curve, Bezier):
+        t = curve.parameters(parts[row].start, parts[row].end, np.array([fraction]))[0]
     return [*parts[:row], *_cut(parts[row], float(t)), *parts[row + 1 :]], {0, row + 1}
 
 
