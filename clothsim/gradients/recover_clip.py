@@ -23,7 +23,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.gradients.clips.gauss_newton import GaussNewton
+from clothsim.gradients.clips.gauss_newton import GaussNewton, LineSearch
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
 from clothsim.gradients.clips.rest_shape import RestMesh, RestPrice, fitted_rest
 from clothsim.gradients.differentiable_session import forward
@@ -46,6 +46,8 @@ LEAST = 0.05
 """Relative drop of the sum in a step at which the search ends."""
 ALONE = 2
 """Directions that are searched alone, those that promise most."""
+BEGIN = 0.7
+"""Least first step along a direction, of what is likely."""
 UNEXPLAINED = 0.5
 """Fraction of what a run leaves at the keys that counts as noise in the next search."""
 TIGHTENINGS = 3
@@ -58,6 +60,8 @@ SEEN = 2.0
 """Multiple of the floor up to which a difference of runs at a key is chance."""
 
 
+Tell = Callable[["_Seen"], None]
+"""Called with each run."""
 Floor = float | Sequence[float] | Floats
 """Noise of a run in all frames, or at each key [m]."""
 
@@ -207,28 +211,22 @@ class _Fit:
 
         return GaussNewton(run, self.beside, self.linearised, self.steps, of("largest"), -limit, limit, tell, LEAST)
 
-    def along(self, direction: Floats, tell: Callable[[_Seen], None]) -> GaussNewton[_Seen]:
-        """The search along one direction (k,), whose outcomes have one number."""
-        of = self.numbers.of_kind
-        moved = direction > 0
+    def doubled(self, first: _Seen, direction: Floats, slope: float, curvature: float, tell: Tell) -> LineSearch[_Seen]:
+        """Runs along a direction (k,); slope, curvature: of the sum along it at the first run.
 
-        def run(at: Floats, _: _Seen) -> _Seen:
-            return replace(self.run(at[0] * direction), at=at)
+        The first step is at least BEGIN of what is likely.
+        """
+        of, moved = self.numbers.of_kind, direction > 0
+        prior, largest, limit = (float(of(what)[moved].min()) for what in ("prior", "largest", "limit"))
 
-        def beside(at: Floats, seen: _Seen) -> _Seen:
-            return replace(self.beside(at[0] * direction, seen), at=at)
+        def run(q: float) -> _Seen:
+            seen = self.run(q * direction)
+            tell(seen)
+            return seen
 
-        def linearised(seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
-            inverse = float(((direction / of("prior")) ** 2).sum())
-            gradient, hessian = self.normal(seen, moves)
-            return gradient + inverse * seen.at, hessian + inverse
-
-        ends = [np.array([float(each[moved].min())]) for each in (self.steps, of("largest"), of("limit"))]
-
-        def report(seen: _Seen) -> None:
-            tell(replace(seen, at=seen.at[0] * direction))
-
-        return GaussNewton(run, beside, linearised, ends[0], ends[1], -ends[2], ends[2], report, LEAST)
+        line = LineSearch(run, {0.0: self.at(first)}, lambda seen: self.misfit(seen.positions) < self.known)
+        line.double(float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, largest), -slope)), limit)
+        return line
 
 
 def recover_clip(
@@ -334,19 +332,15 @@ def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[
     moves = loose.search(tell).moves(first)
     gradient, hessian = loose.linearised(first, moves)
     drops = [float(d @ gradient) ** 2 / float(d @ hessian @ d) for d in fit.numbers.directions]
-    best = first
+    lines = []
     for direction in (fit.numbers.directions[k] for k in np.argsort(drops)[::-1][:ALONE]):
-        last, rows = first, moves @ direction[:, None]
-        for _ in range(TIGHTENINGS):
-            own, left = fit.tightened(last.positions), fit.misfit(last.positions)
-            begin = replace(own.at(last), at=np.array([float(last.at @ direction) / float(direction @ direction)]))
-            end, _, rows, _ = own.along(direction, tell).descended(begin, rows)
-            last = replace(end, at=end.at[0] * direction)
-            if not fit.known < fit.misfit(last.positions) < UNEXPLAINED * left:
-                break
-        best = min(best, last, key=lambda each: fit.misfit(each.positions))
-        if fit.misfit(best.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
+        slope, curvature = float(gradient @ direction), float(direction @ hessian @ direction)
+        lines.append(loose.doubled(first, direction, slope, curvature, tell))
+        if fit.misfit(lines[-1].lowest.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
             break
+    best = min(lines, key=lambda line: line.lowest.total).refined()
+    if not best.at.any():
+        best = first
     if best is not first:
         moves = fit.search(tell).moves(best)
     for _ in range(TIGHTENINGS):

@@ -1,11 +1,14 @@
 """Gauss and Newton's method over few numbers of which each evaluation is a run.
 
+Along one direction, steps double and parabolas end the search: small steps of a garment on a body change its buckles at
+random, and a derivative says little there.
+
 The derivatives of the positions by the numbers are differences of runs at first, and then follow the steps by Broyden's
 update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations"); before the end they are
 differences again.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -18,6 +21,8 @@ MOST_ITERATIONS = 10
 """Steps of one start."""
 HALVINGS = 3
 """Of a step that does not reduce the sum."""
+VERTICES = 6
+"""Runs along a direction after its steps have doubled."""
 ENOUGH = 0.5
 """Length of a step in standard errors, and drop of the sum, at which the search ends."""
 
@@ -136,3 +141,73 @@ class GaussNewton(Generic[S]):
         if not fresh:
             moves, runs = self.moves(seen), runs + k
         return seen, before, moves, runs
+
+
+@dataclass(frozen=True, eq=False)
+class LineSearch(Generic[S]):
+    """Runs along a direction, by how far they are along it.
+
+    Parameters
+    ----------
+    run : callable
+        The run at a place along it.
+    runs : dict
+        Those that were taken, by their place; the one at 0 to begin with.
+    enough : callable
+        True of a run that none lower is sought than.
+    """
+
+    run: Callable[[float], S]
+    runs: dict[float, S]
+    enough: Callable[[S], bool] = lambda seen: False
+
+    @property
+    def lowest(self) -> S:
+        """The run with the lowest sum."""
+        return min(self.runs.values(), key=lambda seen: seen.total)
+
+    def double(self, step: float, limit: float) -> None:
+        """Take a step, to the other side where it is not lower, and double it while the sum falls, within a limit."""
+        lowest = self.runs[0.0].total
+        if self._total(step) >= lowest:
+            step = -step
+            self._total(step)
+        while self.runs[step].total < lowest and abs(step) <= 0.5 * limit:
+            lowest, step = self.runs[step].total, 2 * step
+            self._total(step)
+
+    def refined(self) -> S:
+        """The lowest run after those at vertices of parabolas."""
+        for count in range(VERTICES):
+            places = sorted((q, seen.total) for q, seen in self.runs.items())
+            k = int(np.argmin([total for _, total in places]))
+            around = places[max(k - 1, 0) : k + 2]
+            poor = count > 0 and places[k][0] == 0.0  # nothing along it is lower than the first run
+            if poor or len(around) < 3 or self.enough(self.lowest):
+                break
+            self._total(vertex(around))
+        return self.lowest
+
+    def _total(self, q: float) -> float:
+        self.runs[q] = self.run(q)
+        return self.runs[q].total
+
+
+def vertex(places: Sequence[tuple[float, float]]) -> float:
+    """Where a parabola through three totals is lowest, of which the middle one is the lowest.
+
+    No nearer to that than a tenth of the way to its farther neighbour; the middle of that way where a total is
+    infinite.
+
+    Examples
+    --------
+    >>> round(vertex([(q, (q - 2.0) ** 2) for q in (0, 1.5, 3)]), 9)
+    2.0
+    """
+    q, totals = np.array(places).T
+    farther = q[0] if q[1] - q[0] > q[2] - q[1] else q[2]
+    if not np.isfinite(totals).all():
+        return float(0.5 * (q[1] + farther))
+    bend, tilt, _ = np.polyfit(q, totals, 2)
+    lowest, least = float(-0.5 * tilt / bend) if bend > 0 else float(q[1]), 0.1 * (farther - q[1])
+    return lowest if abs(lowest - q[1]) >= abs(least) else float(q[1] + least)

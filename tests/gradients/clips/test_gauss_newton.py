@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim import ClothsimError
-from clothsim.gradients.clips.gauss_newton import HALVINGS, GaussNewton, broyden_update, halved_until_lower
+from clothsim.gradients.clips.gauss_newton import HALVINGS, GaussNewton, LineSearch, broyden_update, halved_until_lower
 
 TARGET = np.array([np.exp(0.6), np.exp(-0.4), 2.0])
 
@@ -85,3 +85,41 @@ def test_a_step_is_halved_until_the_sum_is_lower():
     none, runs = halved_until_lower(lambda at, _: Seen(at, 2.0, at), start, step, tried.append)
     assert none is None
     assert runs == HALVINGS + 1
+
+
+def scanned(total, step):
+    """The lowest place along a line of sums, and the places of the runs."""
+    seen = []
+
+    def run(q):
+        seen.append(q)
+        return Seen(np.array([q]), total(q), np.zeros((1, 3)))
+
+    line = LineSearch(run, {0.0: run(0.0)})
+    line.double(step, 4.6)
+    return line.refined().at[0], seen[1:]
+
+
+@pytest.mark.parametrize("failing", [np.inf, 2.0])
+def test_a_line_is_searched_beyond_a_step_to_the_wrong_side(failing):
+    """The sum is lowest at 1.5; runs from `failing` on have no end."""
+    lowest, seen = scanned(lambda q: (q - 1.5) ** 2 if q < failing else np.inf, -0.7)
+    assert lowest == pytest.approx(1.5)
+    assert seen[:4] == pytest.approx([-0.7, 0.7, 1.4, 2.8])
+
+
+def test_a_line_along_which_nothing_is_lower_takes_three_runs():
+    lowest, seen = scanned(abs, 1.0)
+    assert lowest == 0
+    assert len(seen) == 3
+
+
+def test_a_line_ends_at_its_limit_and_where_it_is_near_enough():
+    assert max(scanned(lambda q: -q, 1.0)[1]) == 4.0
+    line = LineSearch(
+        lambda q: Seen(np.array([q]), (q - 1.5) ** 2, np.zeros((1, 3))), {}, lambda seen: seen.total < 1.0
+    )
+    line.runs[0.0] = line.run(0.0)
+    line.double(1.0, 4.6)
+    assert line.refined().total == 0.25
+    assert len(line.runs) == 3
