@@ -1,7 +1,10 @@
-"""Memo of a function of positions: a line search evaluates it again at the same points."""
+"""Memos: of a function of positions, evaluated again at the same points, and of what is found of a mesh."""
 
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from functools import wraps
+from typing import Any, Generic, ParamSpec, TypeVar
+
+import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.vectors import equal
@@ -9,7 +12,11 @@ from clothsim.base.vectors import equal
 CAPACITY = 2
 """The start and the end of a step."""
 
+MESHES = 4
+"""Last arguments for which `known_for_arrays` has a result: a body, and the garments of an outfit."""
+
 Result = TypeVar("Result")
+P = ParamSpec("P")
 
 
 class Memo(Generic[Result]):
@@ -38,8 +45,45 @@ class Memo(Generic[Result]):
         for argument, result in self._cached:
             if equal(argument, x):
                 return result
-        result = compute(x)
+        return self.remember(x, compute(x))
+
+    def known(self, x: Floats) -> Result | None:
+        """Return the cached result for x (n, 3); None where there is none."""
+        return next((result for argument, result in self._cached if equal(argument, x)), None)
+
+    def remember(self, x: Floats, result: Result) -> Result:
+        """Cache a result for x (n, 3), which is copied, as the last one; return it."""
         if len(self._cached) == CAPACITY + self._oldest:
             del self._cached[self._oldest]
         self._cached.append((x.copy(), result))
         return result
+
+
+def known_for_arrays(compute: Callable[P, Result]) -> Callable[P, Result]:
+    """Decorate a function of arrays and plain values alone: its results for the last MESHES arguments are known.
+
+    Arguments are copied and compared by value. Several scenes of a garment have one and the same body. Nobody may
+    change a result.
+    """
+    cached: list[tuple[tuple[Any, ...], Result]] = []
+
+    @wraps(compute)
+    def known(*given: P.args, **named: P.kwargs) -> Result:
+        arguments = (*given, *(value for pair in sorted(named.items()) for value in pair))
+        for entry in reversed(cached):
+            if len(entry[0]) == len(arguments) and all(map(_same, entry[0], arguments)):
+                cached[:] = [*(each for each in cached if each is not entry), entry]  # the last to go
+                return entry[1]
+        result = compute(*given, **named)
+        own = tuple(value.copy() if isinstance(value, np.ndarray) else value for value in arguments)
+        cached.append((own, result))
+        del cached[:-MESHES]
+        return result
+
+    return known
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.dtype == b.dtype and np.array_equal(a, b)
+    return type(a) is type(b) and bool(a == b)

@@ -18,12 +18,10 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.memo import Memo
 from clothsim.gradients.differentiable_session import RecordedStep, bound_to, free_rows
 from clothsim.gradients.exact_system import DESCENT, exact_system, solved
 from clothsim.physics.contact.barrier import Barrier
-from clothsim.physics.contact.candidates import Candidates
-from clothsim.physics.contact.pair_list import Pairs
+from clothsim.physics.contact.candidates import ActivePairs, Candidates
 from clothsim.physics.energies.base import Energy, Past, Step
 from clothsim.physics.energies.hessians import ByElement, explicit
 from clothsim.physics.energies.protocols import HistorySensitivity, PastSensitivity, StartDerivatives, is_idle
@@ -37,17 +35,10 @@ class RememberedPairs(Candidates):
 
     def __init__(self, like: Candidates) -> None:
         super().__init__(like.surface, like.activation_distance, like.skin, like.offset)
-        self._known = Memo[Pairs]()
 
     def remember(self, x: Floats, keys: Ints) -> None:
         """Take the pairs with given keys for the active set at x."""
-        self._known.at(x, lambda x: self.search.of_keys(keys))
-
-    def active(self, x: Floats) -> Pairs:
-        """Active set at x, the same as that of `Candidates`."""
-        self._active = self._known.at(x, super().active)
-        self._active_at, self._gap = x, None
-        return self._active
+        self._active.at(x, lambda x: ActivePairs(self.search.of_keys(keys)))
 
 
 def with_remembered_pairs(integrator: Integrator) -> Integrator:

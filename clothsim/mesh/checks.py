@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.memo import known_for_arrays
 from clothsim.mesh.topology import coincidence, duplicates, flat_triangles, half_edges
 from clothsim.mesh.winding import bow_tie_vertices, fin_edges, joined_half_edges, one_sided_edge, turned_triangles
 
@@ -98,8 +99,16 @@ def examine(name: str, positions: ArrayLike, triangles: ArrayLike, role: Role = 
     findings = _Findings(role)
     points, faces = findings.table("positions", positions), findings.table("triangles", triangles)
     if points is not None and faces is not None:
-        _examine_numbers(points, faces, findings)
+        findings.entries += _found(points, faces, role)
     return MeshReport(name, tuple(findings.entries))
+
+
+@known_for_arrays
+def _found(points: Floats, faces: Floats, role: Role) -> tuple["Finding", ...]:
+    """Findings of tables of numbers."""
+    findings = _Findings(role)
+    _examine_numbers(points, faces, findings)
+    return tuple(findings.entries)
 
 
 def refuse(report: MeshReport) -> None:

@@ -268,3 +268,18 @@ def test_indices_in_words():
     assert index_text("vertex", np.array([4, 7])) == "vertices 4 and 7"
     assert index_text("edge", np.array([[4, 7], [1, 2]])) == "edges 4-7 and 1-2"
     assert index_text("vertex", np.arange(9)) == "vertices 0, 1, 2, 3, 4 ... (9 in all)"
+
+
+def test_a_mesh_that_was_examined_before_is_known_by_its_numbers_and_its_role():
+    points, triangles = rectangle()
+    flipped = triangles.copy()
+    flipped[0] = flipped[0, ::-1]
+    for role in ("cloth", "body"):
+        for faces in (triangles, flipped, triangles, flipped):
+            report = examine("sheet", points, faces, role)
+            kinds = [finding.kind for finding in report.findings]
+            assert kinds == ([] if faces is triangles else ["mixed winding"])
+            assert {finding.severity for finding in report.findings} <= {"error" if role == "cloth" else "warning"}
+    first, second = (examine(name, points, flipped) for name in ("a", "b"))
+    assert (first.name, second.name) == ("a", "b")
+    assert first.findings[0] is second.findings[0]

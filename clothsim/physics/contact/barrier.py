@@ -1,12 +1,14 @@
 """Barrier energy of contact: zero beyond d_hat, infinite at contact."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Self, cast
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.vectors import equal, lengths
+from clothsim.base.memo import Memo
+from clothsim.base.vectors import lengths
 from clothsim.physics.contact import barrier_kernels as kernels
 from clothsim.physics.contact.candidate_subsets import CandidateSubset
 from clothsim.physics.contact.candidates import Candidates
@@ -20,12 +22,15 @@ from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, C
 
 @dataclass(frozen=True)
 class ActiveSet:
-    """Distinct pairs at `positions` (N, 3), their closest-point records, the energy [m3] for a stiffness of 1 Pa."""
+    """Distinct pairs at one position, their closest-point records, the energy [m3] for a stiffness of 1 Pa.
 
-    positions: Floats
+    count: number of active pairs, before those of one feature were merged.
+    """
+
     pairs: Pairs
     records: Floats
     value: float
+    count: int
 
 
 PREDICTION_LENGTH = 30.0
@@ -75,7 +80,9 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
     adaptive: bool
     name: str = ""
     heavy: tuple[HeavyBody, ...] = ()
-    _cache: list[ActiveSet] = field(default_factory=list, init=False, repr=False, compare=False)
+    _evaluations: Memo[ActiveSet] = field(
+        default_factory=partial(Memo, keeps_first=True), init=False, repr=False, compare=False
+    )
 
     depends_on_other_energies = True
 
@@ -109,7 +116,11 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
             energy = self.value(step.positions) / self.stiffness
             stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt, step.contact_time)
-        return replace(self, stiffness=stiffness)
+        bound = replace(self, stiffness=stiffness)
+        known = self._evaluations.known(step.positions)
+        if known is not None:  # it holds for any stiffness
+            bound._evaluations.remember(step.positions, known)
+        return bound
 
     def value(self, x: Floats) -> float:
         """Barrier energy [J]; +inf where a pair touches."""
@@ -176,9 +187,10 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
 
     def distinct(self, x: Floats) -> Pairs:
         """Pairs of distinct closest features at x."""
-        if self._cache and equal(x, self._cache[0].positions):
-            return self._cache[0].pairs
-        active = self.candidates.active(x)
+        known = self._evaluations.known(x)
+        return self._distinct(x, self.candidates.active(x)) if known is None else known.pairs
+
+    def _distinct(self, x: Floats, active: Pairs) -> Pairs:
         return distinct(x, active, self.activation_distance) if len(active) else active
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
@@ -208,15 +220,22 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         return pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, self.offset, self.d_hat
 
     def _evaluated(self, x: Floats) -> ActiveSet:
-        """Active set and records at x, cached for the energy, gradient and Hessian at the same positions."""
-        if self._cache and equal(x, self._cache[0].positions):
-            return self._cache[0]
-        pairs = self.distinct(x)
+        """Active set and records at x, cached for the energy, gradient and Hessian at the same positions.
+
+        Those of the start of the step, which its certificate asks for at its end, and of the last two positions.
+        """
+        found = self._evaluations.at(x, self._evaluate)
+        if isinstance(self.candidates, Candidates):
+            self.candidates.pairs = found.count
+        return found
+
+    def _evaluate(self, x: Floats) -> ActiveSet:
+        active = self.candidates.active(x)
+        pairs = self._distinct(x, active)
         records, value = np.empty((len(pairs), kernels.RECORD_SIZE)), 0.0
         if len(pairs):
             value = kernels.evaluate(records, x, *self._arguments(pairs))
-        self._cache[:] = [ActiveSet(x.copy(), pairs, records, value)]
-        return self._cache[0]
+        return ActiveSet(pairs, records, value, len(active))
 
 
 def _contact_directions(force: Floats) -> tuple[Floats, np.ndarray]:

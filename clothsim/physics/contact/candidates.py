@@ -9,12 +9,13 @@ new path of the vertices is searched against the reference positions of all othe
 the reference is not a configuration that ever occurred, only one for which the list is complete.
 """
 
+from dataclasses import dataclass
 from time import thread_time
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.vectors import equal
+from clothsim.base.memo import Memo
 from clothsim.physics.contact.barrier_kernels import pairs_within
 from clothsim.physics.contact.ccd import TOLERANCE, edge_edge_limit, point_triangle_limit
 from clothsim.physics.contact.filter import (
@@ -38,6 +39,14 @@ PATH_TOLERANCE = 1e-3
 
 SLACK = 0.9
 """Fraction of a distance that one step may use up (the conservative rescaling of additive CCD, Li et al. 2021)."""
+
+
+@dataclass
+class ActivePairs:
+    """The pairs that are active at one position, and their smallest gap [m] once it was asked for."""
+
+    pairs: Pairs
+    gap: float | None = None
 
 
 class Candidates:
@@ -79,19 +88,23 @@ class Candidates:
         self._path: tuple[Floats, Floats] | None = None
         self._pairs = NO_PAIRS
         self._distances = np.zeros(0)
-        self._active_at: Floats | None = None
-        self._active = NO_PAIRS
-        self._gap: float | None = None
+        self._active = Memo[ActivePairs]()
 
     def active(self, x: Floats) -> Pairs:
         """Active set at x: the pairs closer than the activation distance."""
-        if self._active_at is not None and equal(x, self._active_at):
-            return self._active
+        return self._active_pairs(x).pairs
+
+    def _active_pairs(self, x: Floats) -> ActivePairs:
+        """Active set at x, counted; cached for the last positions, as both ends of a step are asked for in turns."""
+        found = self._active.at(x, self._find_active)
+        self.pairs = len(found.pairs)
+        return found
+
+    def _find_active(self, x: Floats) -> ActivePairs:
         start = thread_time()
-        self._active, self._active_at, self._gap = self.within(x, self.activation_distance), x.copy(), None
-        self.pairs = len(self._active)
+        pairs = self.within(x, self.activation_distance)
         self.seconds["candidates"] += thread_time() - start
-        return self._active
+        return ActivePairs(pairs)
 
     def within(self, x: Floats, distance: float) -> Pairs:
         """Pairs closer than `distance` [m] at x, at most activation_distance + skin."""
@@ -103,25 +116,23 @@ class Candidates:
 
     def minimum_gap(self, x: Floats) -> float:
         """Smallest distance of an active pair less the offset [m]; inf where no pair is active."""
-        active = self.active(x)
-        if self._gap is None:
-            _, distances_squared = pairs_within(x, active.elements, active.n_points, np.inf)
-            self._gap = float(np.sqrt(distances_squared.min(initial=np.inf))) - self.offset
-        return self._gap
+        active = self._active_pairs(x)
+        if active.gap is None:
+            _, distances_squared = pairs_within(x, active.pairs.elements, active.pairs.n_points, np.inf)
+            active.gap = float(np.sqrt(distances_squared.min(initial=np.inf))) - self.offset
+        return active.gap
 
     def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
         """Largest |g(x + dx) - g(x)| / g(x) of the pairs active before or after; g: the distance less the offset.
 
         Pairs with g(x) >= `within` [m] do not count.
         """
-        change = 0.0
-        for positions in (x + dx, x):
+        change, end = 0.0, x + dx
+        for positions in (end, x):
             active = self.active(positions)
             if not len(active):
                 continue
-            before, after = (
-                np.sqrt(pairs_within(at, active.elements, active.n_points, np.inf)[1]) for at in (x, x + dx)
-            )
+            before, after = (np.sqrt(pairs_within(at, active.elements, active.n_points, np.inf)[1]) for at in (x, end))
             gap = before - self.offset
             change = max(change, float((np.abs(after - before) / gap)[gap < within].max(initial=0.0)))
         return change

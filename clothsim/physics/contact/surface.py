@@ -9,6 +9,7 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
+from clothsim.base.memo import known_for_arrays
 from clothsim.base.triangles import half_edges, thirds_at_vertices, triangle_areas
 from clothsim.keys.typed_effects import ContactKeys
 from clothsim.mesh.body import FrameMotion, PosedMotion
@@ -41,6 +42,7 @@ class FlatFeatures:
 NO_FLAT_FEATURES = FlatFeatures(np.zeros(0, np.int64), np.zeros((0, 2), np.int64))
 
 
+@known_for_arrays
 def flat_features(positions: Floats, triangles: Ints) -> FlatFeatures:
     """Points and edges of a surface, positions (n, 3) [m] and triangles (m, 3), inside its flat faces.
 

@@ -3,8 +3,12 @@
 import ipctk
 import numpy as np
 import pytest
+from contacts import sheet_on_ball
 
+from clothsim.keys.typed_effects import BodyContact
 from clothsim.physics.contact import barrier_kernels as kernels
+from clothsim.physics.contact.body_contact import body_contact
+from clothsim.physics.energies.base import Step
 
 OFFSET, D_HAT, WEIGHT = 0.3, 0.2, 1.7
 
@@ -94,3 +98,23 @@ def test_the_barrier_ends_at_the_offset_and_at_d_hat():
     assert evaluated(over_a_face(-1e-9))[0] == np.inf
     assert evaluated(over_a_face(D_HAT * (1 - 1e-6)))[0] > 0
     assert evaluated(over_a_face(D_HAT * (1 + 1e-6)))[0] == 0
+
+
+def test_a_step_evaluates_its_start_once_whatever_its_stiffness(monkeypatch):
+    world = sheet_on_ball(0.34)
+    before, fresh = (body_contact(world, BodyContact(d_hat=0.05)) for _ in range(2))
+    start, evaluate, calls = world.start(), kernels.evaluate, []
+    monkeypatch.setattr(kernels, "evaluate", lambda *given: calls.append(1) or evaluate(*given))
+    still = np.zeros_like(start)
+    loads = np.tile([0.0, 0.0, 50.0], (len(start), 1))
+    bound = before.begin(Step(0.0, 0.01, start, still, 1.0, loads))
+    assert bound.stiffness > 2.0 * before.stiffness
+    ends = [start + 1e-3 * k for k in range(1, 4)]
+    values = [bound.value(x) for x in ends]
+    assert bound.value(start) > 0.0
+    assert len(calls) == 4  # the start is known beside the last two ends
+    for x, value in zip([start, *ends], [bound.value(start), *values], strict=True):
+        assert value == bound.stiffness * fresh.value(x)
+        np.testing.assert_array_equal(bound.gradient(x), bound.stiffness * fresh.gradient(x) / fresh.stiffness)
+    energy = (bound.stiffness - fresh.stiffness) * fresh.value(start)
+    assert bound.stiffness_energy(start, fresh.stiffness) == pytest.approx(energy, rel=1e-14)

@@ -381,3 +381,19 @@ def test_step_limit_does_not_depend_on_the_reference_positions():
     limit = cached.step_limit(start + away, -2.0 * away)
     assert limit == Candidates(surface, d_hat, 0.5 * d_hat).step_limit(start + away, -2.0 * away)
     assert 4.3 * m - 4.0 * m * limit == pytest.approx(0.43 * m, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["body", "self"])
+def test_both_ends_of_a_step_are_asked_for_in_turns_and_measured_once(kind, monkeypatch):
+    surface, start = surface_and_start(kind)
+    candidates = Candidates(surface, D_HAT, 0.05)
+    ends, measured = (start, start + 0.01 * np.random.default_rng(1).standard_normal(start.shape)), []
+    monkeypatch.setattr(candidates, "within", lambda x, d: measured.append(x) or Candidates.within(candidates, x, d))
+    moved = start.copy()
+    for turn in range(6):
+        moved[:] = ends[turn % 2]  # one array with other numbers is another position
+        fresh = Candidates(surface, D_HAT, 1.0)
+        np.testing.assert_array_equal(candidates.active(moved).elements, fresh.active(moved).elements)
+        assert candidates.pairs == len(fresh.active(moved)) > 5
+        assert candidates.minimum_gap(moved) == fresh.minimum_gap(moved)
+    assert len(measured) == 2

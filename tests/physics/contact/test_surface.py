@@ -172,3 +172,16 @@ def test_flat_features_stop_a_motion():
     pairs = contact.candidates.within(world.start() + 0.39 * down, 1e-3)
     assert len(pairs) > pairs.n_points
     assert 0.3 < contact.candidates.collision_free_fraction(pairs, world.start(), down) < 0.4
+
+
+def test_flat_features_that_are_known_are_those_of_the_mesh():
+    points, triangles = GENERATORS["slab"](size=(1.0, 1.0, 0.1))
+    plain = flat_features.__wrapped__
+    bent = points.copy()
+    bent[0, 2] += 0.01
+    for positions in (points, bent, points, bent):
+        found, expected = flat_features(positions, triangles), plain(positions, triangles)
+        np.testing.assert_array_equal(found.points, expected.points)
+        np.testing.assert_array_equal(found.edges, expected.edges)
+    assert len(flat_features(bent, triangles).edges) < len(flat_features(points, triangles).edges)
+    assert flat_features(points, triangles) is flat_features(points.copy(), triangles)
