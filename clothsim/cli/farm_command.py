@@ -189,8 +189,8 @@ def _work(arguments: argparse.Namespace) -> Report | int:
             else:
                 _work_with_dask(arguments, farm, attempts, stale)
         except KeyboardInterrupt:
-            left = len(farm.unpublished())
-            print(f"Stopped: {many(left, 'drape')} left. `clothsim farm work {farm.directory}` continues.", file=sys.stderr)
+            left = many(len(farm.unpublished()), "drape")
+            print(f"Stopped: {left} left. `clothsim farm work {farm.directory}` continues.", file=sys.stderr)
             return INTERRUPTED
         except on_demand.LostWorkersError as error:
             print(f"{error.sentence} {error.remedy}", file=sys.stderr)

@@ -109,7 +109,8 @@ def _why(search: ResolutionSearch, found: Found) -> str:
     text = [f"solver.error took {search.refinable.text(found.trial.resolution)}."]
     text.append(f"What they leave [mm]: {left}.")
     if not found.known:
-        text.append("The last refinements moved the result by more than expected: the error is not known.")
+        reason = found.reason.rstrip(".") or "the last refinements moved the result by more than expected"
+        text.append(f"{reason[0].upper()}{reason[1:]}. The error is not known.")
     elif not found.met(search.asked):
         text.append("Nothing finer was within the bounds of the search or solver.budget.")
     last = found.trial.seconds
@@ -146,7 +147,7 @@ def confirmed(search: ResolutionSearch, found: Found) -> Found:
             if not found.known or found.met(search.asked):
                 return found
         if not room:
-            return replace(found, known=not reason)
+            return replace(found, known=not reason, reason=reason)
         expected = error if reason else after_halving(found.resolution_error, parameters)
         finer = search.refinable.refined(found.trial.resolution, parameters)
         run, trial = search.run(finer, expected)
@@ -194,13 +195,12 @@ def _compared_with_twins(search: ResolutionSearch, found: Found) -> Found:
     for again in (True, False):
         twin = search.twin(found.trial.resolution)
         if twin.reason:
-            return replace(found, known=False)
+            return replace(found, known=False, reason=f"the twin run failed: {twin.reason}")
         moved = distance_at(found.trial.material)(found.trial, twin)
-        without, known = found.resolution_error, not another_shape(twin, moved)
-        before, found = (
-            found,
-            replace(found, parts={**found.parts, "newton": max(found.parts["newton"], moved)}, known=known),
-        )
+        without, before = found.resolution_error, found
+        reason = f"{TWIN:g} of Newton's stop leads to another shape" if another_shape(twin, moved) else ""
+        parts = {**found.parts, "newton": max(found.parts["newton"], moved)}
+        found = replace(found, parts=parts, known=not reason, reason=reason)
         helps = not found.met(search.asked) and without <= search.asked and not search.keeps_tolerance
         if not (again and helps) or search.spent + 2 * twin.seconds > search.budget:
             break

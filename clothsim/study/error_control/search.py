@@ -62,12 +62,15 @@ class Found:
         RMS error of each parameter and of Newton's method [m].
     known : bool
         False where the last refinement moved the result by far more than expected, or nothing was compared.
+    reason : str
+        What else makes the error unknown; empty where nothing does.
     """
 
     run: Run
     trial: Trial
     parts: dict[str, float]
     known: bool
+    reason: str = ""
 
     @property
     def total(self) -> float:

@@ -10,7 +10,7 @@ import pytest
 from clothsim import Cloth, Scene, simulate
 from clothsim.mesh.generators.shapes import rectangle
 from clothsim.scene import paths
-from clothsim.study.error_control import resolution, search
+from clothsim.study.error_control import parameter_errors, resolution, search
 from clothsim.study.error_control.parameter_errors import ParameterErrors
 from clothsim.study.error_control.resolution import Resolution, refinable_scene
 from clothsim.study.error_control.search import chosen, work_of
@@ -100,6 +100,15 @@ def test_a_search_goes_on_where_three_runs_find_more_than_what_is_asked(tmp_path
     assert (estimate["known"], estimate["met"]) == (True, False)
     assert estimate["total"] == pytest.approx(1.041e-3, rel=0.01)
     assert estimate["parts"]["newton"] > 0
+
+
+def test_runs_that_do_not_agree_give_their_distances(tmp_path, monkeypatch):
+    monkeypatch.setattr(parameter_errors, "FALL", (9.0, 10.0))
+    scene = replace(strip(error=2e-3, budget=1e-3), cloth={**STRIP, "cells": [8, 2]}, run={**RUN, "duration": 0.16})
+    summary = simulate(scene, tmp_path).summary
+    estimate = summary["certificate"]["error_estimate"]
+    assert (estimate["known"], estimate["met"]) == (False, False)
+    assert "moves the result by 1.9 mm, one by four by another 4.4 mm" in summary["notes"][-1]
 
 
 def test_a_refinement_that_fails_does_not_hide_what_three_runs_know(tmp_path, monkeypatch):
