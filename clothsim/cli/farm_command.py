@@ -17,6 +17,7 @@ from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
 from clothsim.base.inputs import did_you_mean
+from clothsim.base.text import many
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     Parser,
@@ -188,8 +189,8 @@ def _work(arguments: argparse.Namespace) -> Report | int:
             else:
                 _work_with_dask(arguments, farm, attempts, stale)
         except KeyboardInterrupt:
-            left = len(farm.unpublished())
-            print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` continues.", file=sys.stderr)
+            left = many(len(farm.unpublished()), "drape")
+            print(f"Stopped: {left} left. `clothsim farm work {farm.directory}` continues.", file=sys.stderr)
             return INTERRUPTED
         except on_demand.LostWorkersError as error:
             print(f"{error.sentence} {error.remedy}", file=sys.stderr)
@@ -231,7 +232,7 @@ def _verify(arguments: argparse.Namespace) -> Report:
     lines = [f"{done.whole} drapes are whole, {len(done.torn)} torn."]
     if done.repeated + done.elsewhere:
         lines.append(
-            f"{done.repeated} drapes made again on this kind of processor, {done.same} with the same bytes; "
+            f"{many(done.repeated, 'drape')} made again on this kind of processor, {done.same} with the same bytes; "
             f"{done.elsewhere} on another kind. Largest distance {1e3 * done.largest:.3g} mm."
         )
     lines += [*done.torn.values(), *(f"Drape {name} comes out differently." for name in done.different)]

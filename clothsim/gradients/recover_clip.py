@@ -23,6 +23,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.text import many
 from clothsim.gradients.clips.gauss_newton import GaussNewton, LineSearch
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
 from clothsim.gradients.clips.rest_shape import RestMesh, RestPrice, fitted_rest
@@ -299,9 +300,9 @@ def recover_clip(
 
 def _floors(given: Floor, count: int) -> Floats:
     """Floors of the keys (count,) [m]."""
-    each = np.array([as_positive("floor", one, zero=True) for one in np.ravel(np.asarray(given))])
+    each = np.array([as_positive("floor", one, zero=True) for one in np.ravel(np.asarray(given)).tolist()])
     if np.ndim(given) and len(each) != count:
-        raise InputError(f"The floor has {len(each)} numbers, and there are {count} edited frames.")
+        raise InputError(f"The floor has {many(len(each), 'number')} for {many(count, 'edited frame')}.")
     return np.broadcast_to(each, (count,)).copy()
 
 

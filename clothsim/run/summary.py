@@ -217,7 +217,7 @@ def _error(certificate: dict[str, Any]) -> str:
             known = f"not known, {known} by the last difference"
         fixed = dict(estimate.get("fixed", {}))
         if why := fixed.pop("coarser runs", ""):
-            alone = f"; the last difference alone would say {known}" if isinstance(total, float) else ""
+            alone = f"; the last difference alone says about {length_text(total)}" if isinstance(total, float) else ""
             return f"total not known: {why}{alone} (--error 1mm, or `clothsim study`, refines); {parts}"
         if not fixed:
             return f"{known} in total{request}; {parts}"

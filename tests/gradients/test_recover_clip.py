@@ -137,7 +137,8 @@ def test_runs_end_at_the_last_key(keys, monkeypatch):
     assert recovered.misfits[0] < 1e-12  # the frame of a run to its end
 
 
-@pytest.mark.parametrize("floor", [(1e-3,), (1e-3, -1.0), -1.0])
+@pytest.mark.parametrize("floor", [(1e-3,), (1e-3, -1.0), -1.0, float("nan"), "auto"])
 def test_a_floor_that_is_none_is_refused(keys, floor):
-    with pytest.raises(InputError, match="floor"):
+    with pytest.raises(InputError, match="floor") as refused:
         clothsim.recover_clip(strip(), keys, ["stretch"], floor=floor)
+    assert "np." not in refused.value.sentence

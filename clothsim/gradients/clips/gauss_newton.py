@@ -196,8 +196,8 @@ class LineSearch(Generic[S]):
 def vertex(places: Sequence[tuple[float, float]]) -> float:
     """Where a parabola through three totals is lowest, of which the middle one is the lowest.
 
-    No nearer to that than a tenth of the way to its farther neighbour; the middle of that way where a total is
-    infinite.
+    Between the outer ones, and no nearer to the middle one than a tenth of the way to its farther neighbour; half that
+    way where a total is infinite.
 
     Examples
     --------
@@ -208,6 +208,7 @@ def vertex(places: Sequence[tuple[float, float]]) -> float:
     farther = q[0] if q[1] - q[0] > q[2] - q[1] else q[2]
     if not np.isfinite(totals).all():
         return float(0.5 * (q[1] + farther))
-    bend, tilt, _ = np.polyfit(q, totals, 2)
-    lowest, least = float(-0.5 * tilt / bend) if bend > 0 else float(q[1]), 0.1 * (farther - q[1])
+    bend, tilt, _ = np.polyfit(q, totals, 2)  # of totals that agree to rounding, any parabola
+    lowest = float(np.clip(-0.5 * tilt / bend, q[0], q[2])) if bend > 0 else float(q[1])
+    least = 0.1 * (farther - q[1])
     return lowest if abs(lowest - q[1]) >= abs(least) else float(q[1] + least)

@@ -220,7 +220,7 @@ def from_three(differences: Differences, parameters: Collection[str]) -> ThreeRu
         return ThreeRuns(assumed, f"{moved}: no order of convergence")
     if aligned:
         return ThreeRuns(min(fine / (coarse / fine - 1), assumed) if fine > 0 else 0.0, aligned=True)
-    if contact or differences.alignment > -ALIGNED:
+    if contact or not differences.alignment <= -ALIGNED:
         return ThreeRuns(assumed, f"{moved} in another direction (cosine {differences.alignment:.2g})")
     return ThreeRuns(assumed)
 

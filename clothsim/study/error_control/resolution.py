@@ -234,12 +234,18 @@ class Differences:
     alignment: float = 1.0
 
 
+ROUNDING = 2.0**12 * float(np.finfo(float).eps)
+"""Differences of runs, over the largest coordinate, that are those of rounding: nothing moves, or all falls freely."""
+
+
 def differences_of(fine: Trial, middle: Trial, coarse: Trial) -> Differences:
-    """Differences of three runs over the material points of the coarsest one."""
+    """Differences of three runs over the material points of the coarsest one; 0 where they agree to rounding."""
     weights, at = _common_points(coarse.material)
     first, second = at(fine) - at(middle), at(middle) - at(coarse)
     products = [float(weights @ (one * other).sum(axis=1)) for one, other in ((first, first), (second, second))]
     moved, further = np.sqrt(products)
+    if max(moved, further) <= ROUNDING * np.abs(coarse.positions).max():
+        return Differences(0.0, 0.0)
     cosine = (weights @ (first * second).sum(axis=1)) / (moved * further) if moved * further > 0 else 1.0
     return Differences(float(moved), float(further), float(cosine))
 

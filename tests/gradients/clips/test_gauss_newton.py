@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from clothsim import ClothsimError
-from clothsim.gradients.clips.gauss_newton import HALVINGS, GaussNewton, LineSearch, broyden_update, halved_until_lower
+from clothsim.gradients.clips.gauss_newton import (
+    HALVINGS,
+    GaussNewton,
+    LineSearch,
+    broyden_update,
+    halved_until_lower,
+    vertex,
+)
 
 TARGET = np.array([np.exp(0.6), np.exp(-0.4), 2.0])
 
@@ -123,3 +130,9 @@ def test_a_line_ends_at_its_limit_and_where_it_is_near_enough():
     line.double(1.0, 4.6)
     assert line.refined().total == 0.25
     assert len(line.runs) == 3
+
+
+def test_a_parabola_of_totals_that_agree_to_rounding_is_lowest_between_them():
+    """Its coefficients are rounding: from such numbers 15.5 without a bound."""
+    rounding = np.spacing(1e3)
+    assert 0.7 <= vertex([(0.7, 1e3 + 2 * rounding), (1.4, 1e3), (2.8, 1e3 + rounding)]) <= 2.8

@@ -69,9 +69,22 @@ def test_differences_that_do_not_fall_as_they_should_tell_nothing(parameters, bo
     assert from_three(Differences(1e-3, 1.01 * bounds[1] * 1e-3), parameters).reason
 
 
-def test_a_run_that_nothing_moves_has_no_error():
-    found = from_three(Differences(0.0, 0.0), SMOOTH)
-    assert (found.error, found.reason) == (0.0, "")
+def trial(cells, offset):
+    """A square of cells x cells, displaced."""
+    rest, triangles = rectangle(cells=(cells, cells))
+    return Trial(Resolution(1), material_of([rest], [triangles]), rest + offset, 0.0)
+
+
+def test_runs_that_agree_to_rounding_have_no_error():
+    """A sheet that nothing moves: 4.5e-18 and 1.0e-17 m by the order of sums, cosine 0.18 (2026-11-26)."""
+    up, back = np.array([0.0, 0.0, 1e-16]), np.array([0.0, 3e-16, 0.0])
+    found = from_three(differences_of(trial(2, 0.0), trial(2, up), trial(1, up + back)), SMOOTH)
+    assert (found.error, found.reason, found.aligned) == (0.0, "", True)
+    assert differences_of(trial(2, 0.0), trial(2, 1e7 * up), trial(1, 0.0)).fine == pytest.approx(1e-9)
+
+
+def test_differences_without_a_direction_tell_nothing():
+    assert from_three(Differences(1e-3, 3e-3, float("nan")), SMOOTH).reason
 
 
 @pytest.mark.parametrize(
@@ -79,12 +92,6 @@ def test_a_run_that_nothing_moves_has_no_error():
 )
 def test_differences_of_runs_are_those_of_their_points(middle, alignment):
     """Squares of one and of 2 x 2 cells: the coarse points alone count; the first difference has half the length."""
-    meshes = {cells: rectangle(cells=(cells, cells)) for cells in (1, 2)}
-
-    def trial(cells, offset):
-        rest, triangles = meshes[cells]
-        return Trial(Resolution(1), material_of([rest], [triangles]), rest + offset, 0.0)
-
     away = np.array([0.0, 0.0, 0.0]), np.array([0.5, 0.0, 0.0]), np.array([0.5, 0.0, 0.0]) + middle
     found = differences_of(trial(2, away[0]), trial(2, away[1]), trial(1, away[2]))
     assert (found.fine, found.coarse) == pytest.approx((0.5, 1.0))
