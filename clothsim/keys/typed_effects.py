@@ -80,7 +80,7 @@ class Membrane(EffectKeys):
 
     material: Annotated[
         Literal["auto", "neo_hookean", "orthotropic", "measured"],
-        Key("auto: orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
+        Key("Law; auto: orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
     ] = "auto"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
     warp: Annotated[CurveTable, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()

@@ -123,7 +123,7 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
     The hem of a sheet that hangs from an edge: the estimate is the difference.
 
     >>> import clothsim
-    >>> from clothsim.gradients.losses import hem_of
+    >>> from clothsim.gradients.losses import hem_loss
     >>> def scene(cells):
     ...     cloth = {"mesh": "rectangle", "size": [0.1, 0.2], "cells": cells, "rotation_degrees": [90, 0, 0]}
     ...     effects = [clothsim.Membrane(), clothsim.Bending(), clothsim.Gravity(), clothsim.Pins(select="top")]
@@ -131,7 +131,7 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
     ...     return clothsim.Scene(cloth | {"youngs_modulus": 2e4}, effects=effects, run=run)
     >>> coarse, fine = scene([2, 4]), scene([4, 8])
     >>> ends = [clothsim.simulate(each).positions(-1) for each in (coarse, fine)]
-    >>> found = goal_error(coarse, ends[0], fine, ends[1], hem_of)
+    >>> found = goal_error(coarse, ends[0], fine, ends[1], hem_loss)
     >>> round(found.effectivity, 2)
     1.0
     """
