@@ -298,7 +298,7 @@ def _make_reproducible() -> str:
     return PRICE if library.threaded else ""
 
 
-def last_positions(scene: Scene) -> tuple[World, Floats, str]:
+def last_positions(scene: Scene) -> tuple[World, Floats, str, bool]:
     """Step a scene to its end without writing or checking anything.
 
     Returns
@@ -308,13 +308,15 @@ def last_positions(scene: Scene) -> tuple[World, Floats, str]:
         Cloth vertices after the last step that was taken [m].
     reason : str
         Why it came to no end; empty where it did.
+    touched : bool
+        True where contact acted at the end of a step.
     """
     session = prepare(scene, build(scene))
     world, run = session.built.world, scene.run_settings
-    state, reason = first_state(world, session.integrator.dt), ""
+    state, reason, touched = first_state(world, session.integrator.dt), "", False
     for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
         if report.failure is not None:
             reason = report.failure.reason
             break
-        state = report.state
-    return world, state.positions[: world.n_cloth] + world.origin, reason
+        state, touched = report.state, touched or report.minimum_gap < np.inf
+    return world, state.positions[: world.n_cloth] + world.origin, reason, touched
