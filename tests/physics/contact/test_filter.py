@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from clothsim.physics.contact.filter import path_fraction, point_on_path
+from clothsim.physics.contact.filter import (
+    active_among,
+    displacement_norms,
+    pairs_possibly_within,
+    path_fraction,
+    point_on_path,
+)
 
 START, END = np.zeros((3, 3)), np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
 ROWS = np.arange(3)
@@ -30,3 +36,34 @@ def test_a_point_on_the_path_and_the_rows_that_moved():
     assert positions == pytest.approx(1.0 + 0.25 * END)
     assert moved.tolist() == [True, False, True]
     assert not point_on_path(START, END, 0.0)[1].any()
+
+
+def test_displacements_are_the_larger_of_both_ends_and_their_largest_is_returned_beside():
+    reference, before = np.zeros((4, 3)), np.zeros((4, 3))
+    before[1, 0], before[3, 1] = 3.0, 9.0
+    after = before.copy()
+    after[1, 1] = 4.0
+    found, largest = displacement_norms(before, after, reference, np.array([0, 1, 2]))
+    assert found.tolist() == [0.0, 5.0, 0.0, 0.0]
+    assert largest == 5.0
+    after[2, 2] = np.nan
+    found, largest = displacement_norms(before, after, reference, np.array([0, 1, 2]))
+    assert found[2] == largest == np.inf
+
+
+@pytest.mark.parametrize("limit", [0.1, 0.5, 1.0])
+def test_the_largest_displacement_only_spares_work(limit):
+    """Without it, given as infinite, each pair is looked at: the same pairs are found."""
+    rng = np.random.default_rng(5)
+    reference, elements = (
+        rng.uniform(size=(40, 3)),
+        rng.permuted(np.tile(np.arange(40), (300, 1)), axis=1)[:, :4].copy(),
+    )
+    x = reference + 0.02 * rng.normal(size=(40, 3))
+    displacement, largest = displacement_norms(x, x, reference, np.arange(40))
+    distances = rng.uniform(0.0, 1.5, 300)
+    pairs = elements, 150, distances
+    for kernel, before, after in ((active_among, (x,), (limit,)), (pairs_possibly_within, (), (limit, 1.2))):
+        found, every = (kernel(*before, *pairs, displacement, most, *after) for most in (largest, np.inf))
+        assert 0 < len(every) < 300
+        assert np.array_equal(found, every)
