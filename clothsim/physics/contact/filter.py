@@ -11,19 +11,25 @@ from clothsim.physics.contact.distance import distance_squared
 
 
 @kernel
-def displacement_norms(before: Floats, after: Floats, reference: Floats, rows: Ints) -> tuple[Floats, float]:
+def displacement_norms(
+    before: Floats, after: Floats, reference: Floats, rows: Ints, n_first: int
+) -> tuple[Floats, float, float]:
     """Distance of each of `rows` of x from its reference position, the larger at both ends of a path, (N,) [m].
 
-    before, after, reference (N, 3) [m]. 0 for all other rows, inf for non-finite positions. And the largest of all.
+    before, after, reference (N, 3) [m]. 0 for all other rows, inf for non-finite positions. And the largest of the
+    first n_first rows and of the others, which are most often of bodies that stand still.
     """
-    displacement, largest = np.zeros(len(reference)), 0.0
-    for row in rows:
-        i = natural(row)
+    displacement, first, second = np.zeros(len(reference)), 0.0, 0.0
+    for k in range(len(rows)):
+        i = natural(rows[k])
         norm_squared = max(_offset_squared(before, reference, i), _offset_squared(after, reference, i))
-        if norm_squared > 0.0:  # most rows are of bodies that stand still
+        if norm_squared > 0.0:
             displacement[i] = np.sqrt(norm_squared)
-            largest = max(largest, displacement[i])
-    return displacement, largest
+            if k < n_first:
+                first = max(first, displacement[i])
+            else:
+                second = max(second, displacement[i])
+    return displacement, first, second
 
 
 @part
@@ -50,13 +56,13 @@ def _approach_bound(elements: Ints, e: int, n_points: int, displacement: Floats)
 
 @kernel
 def pairs_possibly_within(
-    elements: Ints, n_points: int, distances: Floats, displacement: Floats, largest: float, limit: float, factor: float
+    elements: Ints, n_points: int, distances: Floats, displacement: Floats, approach: float, limit: float, factor: float
 ) -> Ints:
     """Indices of the pairs with a cached distance of at most limit [m] + factor times their approach bound.
 
-    displacement, largest: of `displacement_norms`.
+    approach: the largest approach bound of any pair, `displacement` (N,) [m] being that of the rows of x.
     """
-    indices, reach = np.empty(len(elements), np.int64), limit + factor * (2.0 * largest)
+    indices, reach = np.empty(len(elements), np.int64), limit + factor * approach
     count = 0
     for e in range(len(elements)):
         if distances[e] > reach:  # whichever rows they are of
@@ -69,14 +75,14 @@ def pairs_possibly_within(
 
 @kernel
 def active_among(
-    x: Floats, elements: Ints, n_points: int, distances: Floats, displacement: Floats, largest: float, limit: float
+    x: Floats, elements: Ints, n_points: int, distances: Floats, displacement: Floats, approach: float, limit: float
 ) -> Ints:
     """Indices of the pairs closer than `limit` [m] at x (N, 3) [m].
 
     distances (p,) [m] are cached at reference positions from which each row of x has since moved by `displacement` (N,)
-    [m], the `largest` of them at most: most pairs are decided by these, only the others are measured.
+    [m], and no pair by more than `approach` together: most pairs are decided by these, only the others are measured.
     """
-    indices, reach = np.empty(len(elements), np.int64), ROUND_OFF_FACTOR * (limit + 2.0 * largest)
+    indices, reach = np.empty(len(elements), np.int64), ROUND_OFF_FACTOR * (limit + approach)
     count = 0
     for e in range(len(elements)):
         if distances[e] > reach:  # whichever rows they are of

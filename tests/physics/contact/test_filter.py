@@ -38,32 +38,37 @@ def test_a_point_on_the_path_and_the_rows_that_moved():
     assert not point_on_path(START, END, 0.0)[1].any()
 
 
-def test_displacements_are_the_larger_of_both_ends_and_their_largest_is_returned_beside():
-    reference, before = np.zeros((4, 3)), np.zeros((4, 3))
-    before[1, 0], before[3, 1] = 3.0, 9.0
+def test_displacements_are_the_larger_of_both_ends_and_the_largest_of_each_group():
+    reference, before = np.zeros((5, 3)), np.zeros((5, 3))
+    before[1, 0], before[3, 1], before[4, 2] = 3.0, 9.0, 2.0
     after = before.copy()
     after[1, 1] = 4.0
-    found, largest = displacement_norms(before, after, reference, np.array([0, 1, 2]))
-    assert found.tolist() == [0.0, 5.0, 0.0, 0.0]
-    assert largest == 5.0
+    rows = np.array([0, 1, 4, 2])
+    found, first, second = displacement_norms(before, after, reference, rows, 2)
+    assert found.tolist() == [0.0, 5.0, 0.0, 0.0, 2.0]
+    assert (first, second) == (5.0, 2.0)
     after[2, 2] = np.nan
-    found, largest = displacement_norms(before, after, reference, np.array([0, 1, 2]))
-    assert found[2] == largest == np.inf
+    found, first, second = displacement_norms(before, after, reference, rows, 2)
+    assert (found[2], first, second) == (np.inf, 5.0, np.inf)
+    assert displacement_norms(before, after, reference, rows, 4)[1:] == (np.inf, 0.0)
 
 
 @pytest.mark.parametrize("limit", [0.1, 0.5, 1.0])
-def test_the_largest_displacement_only_spares_work(limit):
+@pytest.mark.parametrize("still", [False, True])
+def test_the_largest_approach_only_spares_work(limit, still):
     """Without it, given as infinite, each pair is looked at: the same pairs are found."""
     rng = np.random.default_rng(5)
-    reference, elements = (
-        rng.uniform(size=(40, 3)),
-        rng.permuted(np.tile(np.arange(40), (300, 1)), axis=1)[:, :4].copy(),
-    )
+    reference = rng.uniform(size=(40, 3))
+    first, second = (rng.permuted(np.tile(np.arange(20), (300, 1)), axis=1)[:, :3] for _ in range(2))
+    second += 20
+    elements = np.column_stack([first[:, 0], second])
+    elements[150:] = np.column_stack([first[150:, :2], second[150:, :2]])
     x = reference + 0.02 * rng.normal(size=(40, 3))
-    displacement, largest = displacement_norms(x, x, reference, np.arange(40))
-    distances = rng.uniform(0.0, 1.5, 300)
-    pairs = elements, 150, distances
+    x[20:] = reference[20:] if still else x[20:]
+    displacement, *largest = displacement_norms(x, x, reference, np.arange(40), 20)
+    assert (largest[1] == 0.0) == still
+    pairs = elements, 150, rng.uniform(0.0, 1.5, 300)
     for kernel, before, after in ((active_among, (x,), (limit,)), (pairs_possibly_within, (), (limit, 1.2))):
-        found, every = (kernel(*before, *pairs, displacement, most, *after) for most in (largest, np.inf))
+        found, every = (kernel(*before, *pairs, displacement, most, *after) for most in (sum(largest), np.inf))
         assert 0 < len(every) < 300
         assert np.array_equal(found, every)
