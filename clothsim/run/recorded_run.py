@@ -278,7 +278,7 @@ def _stepped(
     """Take all steps from `state` to the end or to a failure: the last state, its certificate, the failure."""
     session, run = output.session, output.session.scene.run_settings
     world, timers = session.built.world, session.integrator.potential.timers
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
         if log is not None and log.step == state.step + 1:
             log.write(output.directory)
         if report.failure is not None:

@@ -312,7 +312,7 @@ def last_positions(scene: Scene) -> tuple[World, Floats, str]:
     session = prepare(scene, build(scene))
     world, run = session.built.world, scene.run_settings
     state, reason = first_state(world, session.integrator.dt), ""
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
         if report.failure is not None:
             reason = report.failure.reason
             break
