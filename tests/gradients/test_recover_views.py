@@ -80,7 +80,7 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     assert content["from_minimum"] < 2.0
     assert err.count("start 1 of 1") > 4
     assert err.count("folds: pattern") == 1
-    assert err.count("One view") == 1
+    assert err.count("One view does not determine cloth.density, as") == 1
     assert len(content["folds"]) == 2
     assert [twin["name"] for twin in content["twins"]] == ["mesh", "step", "time", "start", "place"]
     for path, total in content["total_errors"].items():
@@ -122,6 +122,12 @@ def test_the_height_alone(folder):
         replace(found, pictures=tuple(replace(each, misfit=misfit) for each in found.pictures)) for misfit in (1.4, 1.6)
     )
     assert len(_picture_lines(unexplained)) == len(_picture_lines(fitted)) + 1
+    numbers = {"pattern.a.width": 0.1, "pattern.a.height": 0.1}
+    of_fewer = replace(found, values=numbers, fewer_pictures={"masks alone": numbers, "the view 0 alone": numbers})
+    masks, one = (line for line in _picture_lines(of_fewer) if "tell:" in line)
+    assert "pattern.a.width +- 10 %, pattern.a.height +- 10 %" in masks
+    assert "pattern.a.height +- 10 %; no others" in one
+    assert "width" not in one
 
 
 def test_a_search_that_ends_on_a_finer_mesh(folder):
