@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 
@@ -15,13 +16,19 @@ from clothsim.solve.newton.convergence import CONVERGED_PART
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.newton.stability import Mode, descent_from_saddle, lowest_mode
 from clothsim.solve.newton.statics import StaticModel
+from clothsim.solve.stepping.failure import budget_failure
 from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.state import Previous, Rest, State, Switch
 from clothsim.solve.stepping.stepping import Integrator, StepReport, advance
 
 
 def steps(
-    integrator: Integrator, state: State, duration: float, frames_per_second: float, until: str = "time"
+    integrator: Integrator,
+    state: State,
+    duration: float,
+    frames_per_second: float,
+    until: str = "time",
+    budget: float | None = None,
 ) -> Iterator[StepReport]:
     """Generate the steps from `state` to `duration` [s]; each frame falls on the end of a step.
 
@@ -37,18 +44,24 @@ def steps(
         Frame rate [1/s].
     until : {"time", "rest"}
         "rest": the first frame at rest is the last one, if it comes before the end.
+    budget : float, optional
+        CPU time of all steps [s].
 
     Yields
     ------
     StepReport
-        The last one may be of a step that failed.
+        The last one may be of a step that failed; where the budget is spent, it is a second one of the last step.
     """
+    ends = np.inf if budget is None else process_time() + budget
     while not finished(state, duration, frames_per_second, until):
         report = next_step(integrator, state, duration, frames_per_second)
         yield report
         if not report.converged:
             return
         state = report.state
+        if budget is not None and process_time() > ends and not finished(state, duration, frames_per_second, until):
+            yield replace(report, failure=budget_failure(budget, state, duration, report.dt))
+            return
 
 
 def next_step(integrator: Integrator, state: State, duration: float, frames_per_second: float) -> StepReport:
