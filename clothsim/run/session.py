@@ -136,7 +136,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
     system = _system(_pattern(built), settings, rigid_rows(built.world))
     newton, finer = _newton_settings(scene, built)
-    integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
+    integrator = _integrator(scene, built, Potential(built.energies, timers, built.world.n_unknowns), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
     remarks = [*_setting_notes(scene, integrator), slow, finer, reproducible, _endless(scene, built)]
@@ -158,7 +158,9 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
         pattern = _pattern(built)
         if not pattern.same_as(system.base):
             system = _system(pattern, settings, rigid_rows(built.world))
-    integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings)
+    integrator = _integrator(
+        scene, built, Potential(built.energies, timers, built.world.n_unknowns), system, before.settings
+    )
     return Session(scene, built, integrator, session.notes)
 
 
