@@ -61,9 +61,11 @@ class LevelSet:
 def level_set(positions: Floats, triangles: Ints, field: Floats, level: float) -> LevelSet:
     """Curve on which the piecewise linear `field` (n,) has the value `level`; without segments where none has."""
     values = field[triangles] - level
+    a, b, c = values.T  # a reduction over axis 1 takes ten times as long
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    crossed = np.flatnonzero(np.isfinite(low) & np.isfinite(high) & (low <= 0) & (high > 0))
+    corners, values = triangles[crossed], values[crossed]
     above = values > 0
-    crossed = np.flatnonzero(np.isfinite(values).all(axis=1) & above.any(axis=1) & ~above.all(axis=1))
-    corners, values, above = triangles[crossed], values[crossed], above[crossed]
     single = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), above.argmin(axis=1))
     rows = np.arange(len(crossed))
     ends = []

@@ -3,9 +3,14 @@
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import wraps
 from types import FrameType
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
 _NOTICE = b"\nStopping after this iteration; Ctrl-C again: at once.\n"
 
@@ -53,3 +58,27 @@ def interruption() -> Iterator[InterruptFlag]:
     finally:
         signal.signal(signal.SIGINT, handler)
     flag.check()
+
+
+def held_back(function: Callable[P, Result]) -> Callable[P, Result]:
+    """A function during which Ctrl-C waits: the KeyboardInterrupt comes when the function has ended.
+
+    Numba and LLVM ignore an exception within their callbacks, so that a Ctrl-C in the first tenth of a second of a run
+    was lost, and the run went on. Threads and handlers of a program are left alone, as by `interruption`.
+    """
+
+    @wraps(function)
+    def uninterrupted(*given: P.args, **named: P.kwargs) -> Result:
+        default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        if not default or threading.current_thread() is not threading.main_thread():
+            return function(*given, **named)
+        waiting: list[int] = []
+        signal.signal(signal.SIGINT, lambda number, frame: waiting.append(number))
+        try:
+            return function(*given, **named)
+        finally:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            if waiting:
+                raise KeyboardInterrupt
+
+    return uninterrupted

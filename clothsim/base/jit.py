@@ -16,6 +16,7 @@ from typing import Any
 from numba import njit
 from numba.extending import register_jitable
 
+from clothsim.base.interruption import held_back
 from clothsim.base.kernel_cache import KernelCache, KernelCompiler, PartCompiler
 
 
@@ -35,6 +36,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     compiled = njit(error_model="numpy", no_cfunc_wrapper=True, nogil=True, pipeline_class=KernelCompiler)(function)
     if compiled is not function:
         compiled._cache = KernelCache(compiled)  # as cache=True does, with numba's own
+        compiled.compile = held_back(compiled.compile)  # which loads, too
     return compiled
 
 

@@ -49,13 +49,14 @@ def equal(x: Floats, y: Floats) -> bool:
 
 @kernel
 def add_to(total: Floats, part: Floats) -> float:
-    """Add `part` (n, 3) to `total` in place; return the largest absolute component of `part`, 0 where it has none."""
-    largest = 0.0
-    for i in range(len(total)):
-        for k in range(3):
-            total[i, k] += part[i, k]
-            largest = max(largest, abs(part[i, k]))
-    return largest
+    """Add `part` (m, 3) to the first rows of `total` in place; return its largest absolute component, 0 without any."""
+    a = b = c = 0.0  # three chains of comparisons, which do not wait for one another
+    for i in range(len(part)):
+        total[i, 0] += part[i, 0]
+        total[i, 1] += part[i, 1]
+        total[i, 2] += part[i, 2]
+        a, b, c = max(a, abs(part[i, 0])), max(b, abs(part[i, 1])), max(c, abs(part[i, 2]))
+    return max(a, b, c)
 
 
 Vector = tuple[float, float, float]

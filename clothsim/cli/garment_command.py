@@ -19,6 +19,7 @@ from clothsim.cli.arguments import (
     as_positive_number,
     as_range,
     as_scale,
+    as_seconds,
 )
 from clothsim.cli.report import Report, messages
 
@@ -122,6 +123,9 @@ def add_to(commands: Any) -> None:
         action="append",
         metavar="NAME",
         help="a group, or several, of the body (default: the largest)",
+    )
+    dress.add_argument(
+        "--budget", metavar="TIME", help="CPU time after which it ends and names what is between the seams: 90s, 10min"
     )
     add_overwrite(dress, "replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
@@ -271,6 +275,7 @@ def _dress(arguments: argparse.Namespace) -> Report:
         "rotation_order": arguments.rotation_order,
         "scale": as_scale("--scale", arguments.scale),
         "body_group": arguments.body_group,
+        "budget": None if arguments.budget is None else as_seconds("--budget", arguments.budget),
         "overwrite": arguments.overwrite,
         "on_stage": lambda stage: message(_stage(stage)),
     }

@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from clothsim import Cloth, Pattern, Run
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
-from clothsim.base.inputs import renamed
+from clothsim.base.inputs import is_number, renamed, shown
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.base.stopwatch import Stopwatch
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
@@ -213,6 +214,7 @@ def dress(
     seams: str | Path | None = None,
     scale: float | None = None,
     body_group: str | Sequence[str] | None = None,
+    budget: float | None = None,
     overwrite: bool = False,
     on_stage: StageCallback = lambda stage: None,
     progress: Listener | None = None,
@@ -250,6 +252,9 @@ def dress(
         Metres per unit of the body's file; None: from its height.
     body_group : str or sequence of str, optional
         Group of the body's file.
+    budget : float, optional
+        CPU time [s] after which no further round or step begins: the garment fails, and its reason names the widest
+        seam and what is between its sides, or it is "sewn" where it was draped already. None: no limit.
     overwrite : bool
         True: replace an earlier run in the directory.
     on_stage : callable
@@ -274,6 +279,8 @@ def dress(
     'completed'
     """
     watch = Stopwatch()
+    if budget is not None and not (is_number(budget) and budget > 0.0):
+        raise InputError(f"budget is {shown(budget)}.", "Give CPU seconds, such as 240.0.")
     chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
     pattern = example_file(pattern, "_specification.json", PATTERN_FILE)
     directory = _directory(output, overwrite, (pattern, on, made_for, seams))
@@ -293,7 +300,8 @@ def dress(
     surface = surface_of(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
     make_directory(directory)
-    task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce)
+    ends = np.inf if budget is None else process_time() - watch.cpu_seconds() + budget
+    task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce, ends)
     notes = (
         *mesh.pattern.notes,
         *(grading.notes if grading else ()),
@@ -339,6 +347,8 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
     begun, done = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
     if not done.failure:
+        return begun, done
+    if process_time() >= task.ends:
         return begun, done
     second, differently = sewing_pose(own, (*in_the_way, *done.between))
     if differently == change:

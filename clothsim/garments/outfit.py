@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -140,7 +141,8 @@ def outfit(
     on_stage, progress, announce : callable, optional
         As of `dress`; `announce` of the drape of all.
     **settings
-        size, fabric, waistband and other arguments of `dress`, for each of the patterns.
+        size, fabric, waistband and other arguments of `dress`, for each of the patterns; a budget is that of each, and
+        of the drape of all.
 
     Returns
     -------
@@ -184,7 +186,8 @@ def outfit(
         worn = (*worn, *worn_in(sewn[-1].run, name))
     end = replace(end, worn=worn, sewn=tuple(sewn), notes=tuple(notes))
     try:
-        run = draped_together(worn, body, directory, progress, announce)
+        ends = process_time() + (settings.get("budget") or np.inf)
+        run = draped_together(worn, body, directory, progress, announce, ends)
     except InputError as error:
         return _written(replace(end, reason=f"The drape of all could not start: {error.sentence}"))
     if run.status != "completed":
@@ -287,14 +290,19 @@ def _seams_of(scene: Scene, cloth: str, called: str) -> tuple[Mapping[str, Any],
 
 
 def draped_together(
-    worn: Sequence[Worn], body: BodyMesh, folder: Path, listener: Listener | None, announce: Announcement | None
+    worn: Sequence[Worn],
+    body: BodyMesh,
+    folder: Path,
+    listener: Listener | None,
+    announce: Announcement | None,
+    ends: float = np.inf,
 ) -> Run:
     """Run of all garments on the real body until they rest. InputError for a start that cannot be simulated."""
     seams = [seam for each in worn for seam in each.seams]
     scene = dress_drape(body.up, seams, FRICTION).scene(
         cloth=[each.cloth for each in worn], body=Body(body.positions, body.triangles, name="body")
     )
-    return simulate_stage(scene, folder, named_stage("drape of all garments", listener), announce)
+    return simulate_stage(scene, folder, named_stage("drape of all garments", listener), announce, ends)
 
 
 def _sunk(before: Sequence[Worn], after: Sequence[Worn], body: BodyMesh) -> list[str]:

@@ -7,6 +7,8 @@ from pathlib import Path
 from time import process_time
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from clothsim import Gravity, Progress, Run, Scene, simulate
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import IntersectionWarning
@@ -127,6 +129,8 @@ CLOSING_REST = 0.3
 """Time for which closed seams come to rest [s]."""
 CONTACT_FRACTION = 0.1
 """Distance at which contact begins while seams close, as a fraction of the mean edge."""
+LEAST_BUDGET = 1e-3
+"""CPU time that a run is given at least [s]."""
 CLOSING_FRICTION = 0.5
 """Friction with the body once all seams were drawn together: stiffer springs would pull the garment off."""
 
@@ -255,8 +259,19 @@ def named_stage(name: str, listener: Listener | None) -> Listener | None:
     return None if listener is None else lambda progress: listener(replace(progress, stage=name))
 
 
-def simulate_stage(scene: Scene, folder: Path, listener: Listener | None, announce: Announcement | None = None) -> Run:
-    """Simulate without Python warnings of intersections: the stages count them."""
+def simulate_stage(
+    scene: Scene,
+    folder: Path,
+    listener: Listener | None,
+    announce: Announcement | None = None,
+    ends: float = np.inf,
+) -> Run:
+    """Simulate without Python warnings of intersections: the stages count them.
+
+    ends: the `process_time` at which a budget is spent, and the run ends as failed; it takes a step at least.
+    """
+    if ends < np.inf:
+        scene = replace(scene, run={**scene.run, "budget": max(ends - process_time(), LEAST_BUDGET)})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)
         return simulate(scene, folder, listener, announce, overwrite=True)

@@ -153,7 +153,7 @@ def pilot_stiffness(session: Session, names: Sequence[str]) -> dict[str, float]:
     """Return the largest stiffness [Pa] of adaptive contacts in a run of the scene; ClothsimError where it fails."""
     largest: dict[str, float] = {}
     run, state = session.scene.run_settings, first_state(session.built.world, session.integrator.dt)
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
         if report.failure is not None:
             raise ClothsimError(f"The pilot run failed: {report.failure.sentence}", report.failure.remedy)
         for name in names:
@@ -189,7 +189,7 @@ def held_energies(energies: Mapping[str, Energy], stiffness: Mapping[str, float]
 def forward(session: Session, state: State) -> Iterator[RecordedStep]:
     """Take the steps of a session one by one from its first state, without output; ClothsimError where one fails."""
     run = session.scene.run_settings
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
         if report.failure is not None:
             raise ClothsimError(report.failure.sentence, report.failure.remedy)
         yield recorded(state, report)

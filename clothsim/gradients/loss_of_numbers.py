@@ -11,6 +11,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.geometry.intersection.crossings import crossings
+from clothsim.gradients.finer_cloth import quartered
 from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Loss
 from clothsim.gradients.parameters import full_path, value_at, with_value
@@ -124,17 +125,24 @@ def scene_with(scene: Scene, values: Mapping[str, float], shaped: ShapedScene | 
     return scene if shaped is None else shaped.with_numbers(of_pattern, scene)
 
 
-def derivatives(values: Mapping[str, float], gradient: Gradient, shaped: ShapedScene | None) -> Floats:
-    """Return the derivatives of a loss by numbers of the scene and of its pattern, (k,)."""
+def derivatives(
+    values: Mapping[str, float], gradient: Gradient, shaped: ShapedScene | None, halvings: int = 0
+) -> Floats:
+    """Return the derivatives of a loss by numbers of the scene and of its pattern, (k,).
+
+    halvings: how often the run's cloth has four triangles for one of the pattern's mesh.
+    """
     of_pattern = {path: value for path, value in values.items() if path.startswith(SECTION)}
-    return np.array(
-        [
-            gradient.rest_along(shaped.numbers.field(of_pattern, path), shaped.name)
-            if shaped is not None and path in of_pattern
-            else float(gradient[path])
-            for path in values
-        ]
-    )
+    out = list[float]()
+    for path in values:
+        if shaped is None or path not in of_pattern:
+            out.append(float(gradient[path]))
+            continue
+        field = shaped.numbers.field(of_pattern, path)
+        for _ in range(halvings):
+            field = quartered(field)
+        out.append(gradient.rest_along(field, shaped.name))
+    return np.array(out)
 
 
 def evaluation(

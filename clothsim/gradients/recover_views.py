@@ -4,25 +4,28 @@ The sum of rho(r) over the residuals of all pictures, r over its noise and rho t
 logarithms q of the numbers. Its gradient is that of the adjoint of the run. Its Hessian is that of Gauss and Newton:
 the derivatives of the cloth's vertices by q are differences of runs at first, and then follow the steps by Broyden's
 update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations"); the correspondence is found
-again at each run, and held in a step. The drape is first pulled to its pictures (`pulled_drape`), since friction holds
-it where it was put on. A run begins from the drape that was accepted last, so that folds go on as they
-are. How far the end is from a minimum, in standard errors, does not rest on the differences.
+again at each run, and held in a step. Friction holds a drape where it was put on: it is first pulled to its pictures
+(`pulled_drape`), and its sum is that beside displacements of the cloth (`placed_drape`). A run begins from the drape
+that was accepted last, so that folds go on as they are. How far the end is from a minimum, in standard errors, does not
+rest on the differences.
 """
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 from scipy.optimize import lsq_linear
+from scipy.sparse import csr_array
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.clips.gauss_newton import broyden_update, halved_until_lower
 from clothsim.gradients.exact_system import NoMinimumError
 from clothsim.gradients.fabric_prior import SOURCE, bending_keys, bending_prior
+from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import full_path
@@ -45,8 +48,26 @@ KICK, WAVES = 1.0, 6
 """Root mean square of velocities that move cloth to other folds [m/s], and the waves that they are made of."""
 MOST_ITERATIONS, FEW_ITERATIONS = 10, 3
 """Steps of one start, and those before a drape that friction holds is pulled again."""
+ROUNDS, WORTH, LEAST = 3, 0.02, 3e-3
+"""Further pulls of such a drape, and the falls of the sum, relative to it, below which a pull or a step is the last:
+friction changes the sum at random by about as much."""
 ENOUGH = 0.5
 """Length of a step in standard errors of independent pixels, and drop of the sum, at which the search ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class SearchEnd:
+    """The last run of a search and the one before it, the derivatives of the vertices at the last, and what it took.
+
+    moves: (3 n, k); fresh: whether they are differences there; runs; adjoint: its seconds.
+    """
+
+    last: Seen
+    before: Seen
+    moves: Floats
+    fresh: bool
+    runs: int
+    adjoint: float
 
 
 def recover_views(
@@ -60,6 +81,7 @@ def recover_views(
     prior: bool = False,
     twins: bool = True,
     folds: int = 6,
+    finer: bool = False,
 ) -> ViewRecovery:
     """Find the numbers of a scene whose cloth ends as calibrated pictures show it.
 
@@ -77,6 +99,9 @@ def recover_views(
         Run four other models at the end, for the model's own error (`Twin`): about ten runs more.
     folds : int
         Drapes that the first start is chosen from by the normals: the scene's own, and others after seeded kicks.
+    finer : bool
+        End with a few steps on a cloth with four triangles for one, where it can be meshed so; each run costs five
+        times as much there. The values are of that cloth then.
 
     Raises
     ------
@@ -96,12 +121,12 @@ def recover_views(
     note = ""
     if prior:
         fit, note = _with_prior(fit)
-    rng, ends, runs = np.random.default_rng(seed), list[tuple[Seen, Seen, Floats]](), 1
+    rng, ends, runs = np.random.default_rng(seed), list[SearchEnd](), 1
     own = np.zeros((0, 3))
     first = fit.seen(problem.origin, own)
     if not first.parts:
         raise InputError(f"The pictures cannot be compared with the scene as it is: {first.failure}")
-    drapes, adjoint = [first], 0.0
+    drapes = [first]
     for _ in range(folds - 1):
         drapes.append(fit.seen(first.at, first.positions, _kick(first.positions, rng)))
         if progress is not None:
@@ -120,12 +145,19 @@ def recover_views(
         begun = drapes[int(np.argmin(misfits))] if start == 1 else fit.seen(problem.origin + offset, own)
         tell(begun)
         if begun.parts:
-            last, before, moves, taken, seconds = _pulled_and_descended(fit, begun, tell)
-            ends.append((last, before, moves))
-            runs, adjoint = runs + taken, adjoint + seconds
-    best = min(ends, key=lambda each: each[0].total)
-    search = SearchRecord(runs, tuple(each[0].total for each in ends), note, began, adjoint, misfits, twins)
-    return recovery_of(fit, first, best, search)
+            ends.append(_searched(fit, begun, tell))
+    best = min(ends, key=lambda each: each.last.total)
+    minima, coarse, shown = tuple(each.last.total for each in ends), None, first.positions
+    runs, adjoint = runs + sum(each.runs for each in ends), sum(each.adjoint for each in ends)
+    if finer:
+        with suppress(InputError):  # a cloth that cannot be meshed more finely ends as it is
+            fine_fit, weights = finer_fit(fit, best.last.at)
+            end = _on_finer_cloth(fine_fit, weights, best, tell)
+            if end is not None:
+                fit, coarse, best, shown = fine_fit, best.last.at, end, np.asarray(weights @ shown)
+                runs, adjoint = runs + end.runs, adjoint + end.adjoint
+    search = SearchRecord(runs, minima, note, began, adjoint, misfits, twins, coarse)
+    return recovery_of(fit, shown, (best.last, best.before, best.moves), search)
 
 
 def _kick(positions: Floats, rng: np.random.Generator) -> Floats:
@@ -195,46 +227,78 @@ def _step(fit: ViewFit, gradient: Floats, hessian: Floats, within: tuple[Floats,
     return np.asarray(lsq_linear(factor.T, -np.linalg.solve(factor, gradient), bounds=within).x)
 
 
-def _pulled_and_descended(
-    fit: ViewFit, begun: Seen, tell: Callable[[Seen], None]
-) -> tuple[Seen, Seen, Floats, int, float]:
-    """As of `_descended`, of the drape pulled to its pictures; where friction holds it, pulled again after FEW steps.
+def _searched(fit: ViewFit, begun: Seen, tell: Callable[[Seen], None]) -> SearchEnd:
+    """The end of a search from a drape that is pulled to its pictures; where friction holds it, again after FEW steps.
 
     A first guess of other widths is not pulled to the right place: the search would go on slowly from there.
     """
-    held = "friction" in fit.problem.scene.effects
+    held = fit.held
     drape = pulled(fit, begun)
     tell(drape)
     end = _descended(fit, drape, tell, FEW_ITERATIONS if held else MOST_ITERATIONS)
-    if not held:
-        return end
-    again = pulled(fit, end[0])
-    tell(again)
-    try:
-        further = _descended(fit, again, tell, MOST_ITERATIONS)
-    except ClothsimError:  # runs beside the pulled drape fail: the first search has its end
-        return end
-    last, before, moves, _, _ = min(further, end, key=lambda each: each[0].total)
-    return last, before, moves, end[3] + further[3], end[4] + further[4]
+    for _ in range(ROUNDS if held else 0):
+        again = pulled(fit, end.last)
+        tell(again)
+        try:
+            further = _descended(fit, again, tell, FEW_ITERATIONS, end.moves)
+        except ClothsimError:  # runs beside the pulled drape fail: the search before it has its end
+            break
+        gain = end.last.total - further.last.total
+        end = replace(further if gain > 0 else end, runs=end.runs + further.runs, adjoint=end.adjoint + further.adjoint)
+        if gain < WORTH * end.last.total:
+            break
+    return end if end.fresh else replace(end, moves=_moves_at(fit, end.last, tell), runs=end.runs + len(begun.at))
+
+
+def _on_finer_cloth(
+    finer: ViewFit, weights: csr_array, coarse: SearchEnd, tell: Callable[[Seen], None]
+) -> SearchEnd | None:
+    """A few steps on a cloth with four triangles for one, with the derivatives that the coarse one has, continued.
+
+    None where it cannot be run.
+    """
+    begun = finer.seen(coarse.last.at, np.asarray(weights @ coarse.last.positions))
+    tell(begun)
+    if not begun.parts:
+        return None
+    drape = pulled(finer, begun)
+    tell(drape)
+    moves = of_finer_cloth(weights, coarse.moves)
+    end = _descended(finer, drape, tell, FEW_ITERATIONS, moves, differences=False)
+    return replace(end, runs=end.runs + 2)
+
+
+def _moves_at(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> Floats:
+    """As of `_moves`. ClothsimError where a run fails."""
+    moves = _moves(fit, seen, tell)
+    if moves is None:
+        raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")
+    return moves
 
 
 def _descended(
-    fit: ViewFit, seen: Seen, tell: Callable[[Seen], None], most: int
-) -> tuple[Seen, Seen, Floats, int, float]:
-    """The last of `most` steps, the one before it, the derivatives at the last, runs, and seconds of the adjoint."""
-    k = len(seen.at)
+    fit: ViewFit,
+    seen: Seen,
+    tell: Callable[[Seen], None],
+    most: int,
+    moves: Floats | None = None,
+    differences: bool = True,
+) -> SearchEnd:
+    """The end after `most` steps; moves: derivatives to begin with; differences: whether others may be taken."""
+    k, runs, adjoint = len(seen.at), 0, 0.0
     largest = by_kind(fit.problem.paths, LARGEST_PATTERN_STEP, LARGEST_FABRIC_STEP)
     low, high = fit.problem.origin - fit.problem.ranges, fit.problem.origin + fit.problem.ranges
 
     def follow(at: Floats, begun: Seen) -> Seen:
         return fit.seen(at, begun.positions)
 
-    settled = follow(seen.at, seen)
-    seen = settled if settled.parts else seen
-    moves, fresh, runs, before, adjoint = _moves(fit, seen, tell), True, k + 1, seen, 0.0
+    if differences:
+        settled = follow(seen.at, seen)
+        seen, runs = settled if settled.parts else seen, 1
+    fresh, before = moves is None, seen
+    if moves is None:
+        moves, runs = _moves_at(fit, seen, tell), runs + k
     for _ in range(most):
-        if moves is None:
-            raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")
         gradient, hessian, _ = fit.linearised(seen, moves)
         if seen.trace is not None:
             before_adjoint = process_time()
@@ -243,19 +307,16 @@ def _descended(
             adjoint += process_time() - before_adjoint
         within = np.maximum(low - seen.at, -largest), np.minimum(high - seen.at, largest)
         step = _step(fit, gradient, hessian, within)
-        done = float(step @ hessian @ step) < ENOUGH**2
+        enough = LEAST * seen.total if fit.held else 0.0
+        done = float(step @ hessian @ step) < max(ENOUGH**2, enough)
         better, tried = (None, 0) if done else halved_until_lower(follow, seen, step, tell)
         runs += tried
         if better is not None:
             moves = broyden_update(moves, seen, better)
             gain, before, seen, fresh = seen.total - better.total, seen, better, False
-            done = gain < ENOUGH
+            done = gain < max(ENOUGH, enough)
         if better is None or done:
-            if fresh:
+            if fresh or not differences:
                 break
-            moves, fresh, runs = _moves(fit, seen, tell), True, runs + k
-    if not fresh or moves is None:
-        moves, runs = _moves(fit, seen, tell), runs + k
-    if moves is None:
-        raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")
-    return seen, before, moves, runs, adjoint
+            moves, fresh, runs = _moves_at(fit, seen, tell), True, runs + k
+    return SearchEnd(seen, before, moves, fresh, runs, adjoint)

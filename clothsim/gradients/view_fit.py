@@ -11,14 +11,17 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError
+from clothsim.gradients.finer_cloth import halved
 from clothsim.gradients.loss_of_numbers import Evaluation, LossOfNumbers, derivatives
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import Residuals
 from clothsim.gradients.pixel_losses import Normals
+from clothsim.gradients.placed_drape import PlacedDrape, precision_of_displacements
 from clothsim.gradients.run import Trace, traced
 from clothsim.gradients.views import View
+from clothsim.scene.scene import Scene
 
 BLOCK = 40
 """Side of a block of pixels that err alike."""
@@ -41,8 +44,9 @@ def by_kind(paths: Sequence[str], of_pattern: float, of_fabric: float) -> Floats
 class Seen:
     """A run, and what is left of the pictures.
 
-    at: logarithms (k,); total: the sum, inf where the run cannot be taken; begun: positions that it began from, empty
-    for the scene's own; trace: its steps, where the adjoint may go over them.
+    at: logarithms (k,); total: the sum, beside displacements of a drape that friction holds, inf where the run cannot
+    be taken; begun: positions that it began from, empty for the scene's own; trace: its steps, where the adjoint may go
+    over them; placed: what is left beside displacements.
     """
 
     at: Floats
@@ -52,17 +56,29 @@ class Seen:
     begun: Floats
     failure: str = ""
     trace: Trace | None = None
+    placed: PlacedDrape | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class ViewFit:
-    """The pictures of a problem, with the prior: mean (k,) and precision (k, k) of the logarithms."""
+    """The pictures of a problem, with the prior: mean (k,) and precision (k, k) of the logarithms.
+
+    halvings: how often the cloth of the runs has four triangles for one.
+    """
 
     problem: LossOfNumbers
     views: tuple[View, ...]
     triangles: Ints
     mean: Floats
     precision: Floats
+    halvings: int = 0
+
+    def scene_at(self, at: Floats) -> Scene:
+        """Return the scene with other numbers."""
+        scene = self.problem.scene_at(at)
+        for _ in range(self.halvings):
+            scene = halved(scene)[0]
+        return scene
 
     @property
     def pairs(self) -> list[tuple[View, str]]:
@@ -83,15 +99,20 @@ class ViewFit:
             found.append(replace(own, weights=BOTH_WAYS * own.weights) if isinstance(loss, MaskBorder) else own)
         return tuple(found)
 
+    @property
+    def held(self) -> bool:
+        """Whether friction holds the drape where it came to lie."""
+        return {"inertia", "friction"} <= self.problem.scene.effects.keys()
+
     def total(self, parts: Sequence[Residuals], at: Floats) -> float:
-        """The sum that is minimised."""
+        """The sum over the pictures, and the prior."""
         away = at - self.mean
         return sum(float(each.weights @ each.costs) for each in parts) + 0.5 * float(away @ self.precision @ away)
 
     def trace(self, at: Floats, begun: Floats, kick: Floats | None = None) -> Trace:
         """Run from some positions (n, 3) at rest or with velocities, or from the scene's own where they are empty."""
         start = {"start": begun, "velocity": np.zeros_like(begun) if kick is None else kick} if len(begun) else None
-        return traced(self.problem.scene_at(at), self.problem.stiffness, start=start)
+        return traced(self.scene_at(at), self.problem.stiffness, start=start)
 
     def seen(self, at: Floats, begun: Floats, kick: Floats | None = None) -> Seen:
         """Take a run as of `trace`; a failed one is an outcome too."""
@@ -101,17 +122,24 @@ class ViewFit:
             parts = self.residuals(x)
         except ClothsimError as error:
             return Seen(at, float("inf"), np.zeros((0, 3)), (), begun, error.sentence)
-        return Seen(at, self.total(parts, at), x, parts, begun, trace=trace)
+        total = self.total(parts, at)
+        if not self.held:
+            return Seen(at, total, x, parts, begun, trace=trace)
+        placed = PlacedDrape.of(parts, precision_of_displacements(x, self.triangles))
+        return Seen(at, total - placed.gain, x, parts, begun, trace=trace, placed=placed)
 
     def adjoint(self, seen: Seen, trace: Trace) -> Evaluation:
         """The sum and its derivative by the logarithms, through the adjoint of the run.
 
         NoMinimumError where a step of it did not end at a minimum of its energy.
         """
-        by_x = np.sum([each.jacobian.T @ (each.weights * each.slopes) for each in seen.parts], axis=0, dtype=np.float64)
+        if seen.placed is None:
+            by_x = np.sum([each.jacobian.T @ (each.weights * each.slopes) for each in seen.parts], axis=0)
+        else:
+            by_x = seen.placed.slope_left
         gradient = trace.gradient(Custom(lambda x: (seen.total, by_x.reshape(-1, 3))))
         values = self.problem.values(seen.at)
-        slope = derivatives(values, gradient, self.problem.shaped) * list(values.values())
+        slope = derivatives(values, gradient, self.problem.shaped, self.halvings) * list(values.values())
         slope = slope + self.precision @ (seen.at - self.mean)
         return Evaluation(values, seen.total, slope, gradient.newton_error)
 
@@ -133,10 +161,16 @@ class ViewFit:
     ) -> tuple[Floats, Floats, Floats]:
         """Gradient (k,), Gauss-Newton Hessian (k, k) and gradients of blocks (b, k), moves (3 n, k) of the vertices.
 
-        kept: which pictures count, by view and by what was measured.
+        kept: which pictures count, by view and by what was measured. Of a drape that friction holds the moves are those
+        beside displacements of the cloth.
         """
         k = len(seen.at)
         gradient, hessian = self.precision @ (seen.at - self.mean), self.precision.copy()
+        if self.held:
+            placed, own = self.placed(seen, kept), moves
+            moves = placed.beside(own)
+            bound = own - moves
+            hessian = hessian + bound.T @ (placed.precision @ bound)
         blocks = dict[tuple[str, int, int], Floats]()
         for (view, what), each in zip(self.pairs, seen.parts, strict=True):
             if not kept(view.name, what):
@@ -153,6 +187,26 @@ class ViewFit:
                 key = (view.name, *cell)
                 blocks[key] = blocks.get(key, 0.0) + own
         return gradient, hessian, np.array(list(blocks.values())).reshape(-1, k)
+
+    def placed(self, seen: Seen, kept: Callable[[str, str], bool] = lambda view, what: True) -> PlacedDrape:
+        """What is left of some of the pictures beside displacements."""
+        parts = [each for (view, what), each in zip(self.pairs, seen.parts, strict=True) if kept(view.name, what)]
+        if seen.placed is not None and len(parts) == len(seen.parts):
+            return seen.placed
+        return PlacedDrape.of(parts, precision_of_displacements(seen.positions, self.triangles))
+
+    def errors(
+        self, seen: Seen, moves: Floats, spread: float, kept: Callable[[str, str], bool] = lambda view, what: True
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return the covariance of the logarithms by noise, by displacements, and the Hessian, (k, k).
+
+        spread: of displacements, over that of their prior.
+        """
+        _, hessian, blocks = self.linearised(seen, moves, kept)
+        placed = self.placed(seen, kept)
+        inverse = np.asarray(np.linalg.inv(hessian + np.diag((UNTOLD * self.known) ** -2.0)), np.float64)
+        by_place = placed.covariance(placed.beside(moves) if self.held else moves, inverse)
+        return self.covariance(hessian, blocks), spread**2 * by_place, hessian
 
     def covariance(self, hessian: Floats, blocks: Floats) -> Floats:
         """Covariance of the logarithms (k, k) by blocks."""

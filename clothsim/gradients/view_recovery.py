@@ -3,30 +3,22 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from time import process_time
-from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag, csr_array, eye_array, kron
 
-from clothsim.base.arrays import Floats, Ints
-from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
+from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import count_intersecting_pairs
 from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION
-from clothsim.gradients.picture_loss import PictureLoss
 from clothsim.gradients.pulled_drape import pulled
 from clothsim.gradients.recover import Recovery
-from clothsim.gradients.run import traced
 from clothsim.gradients.view_fit import Seen, ViewFit, errors_of
 from clothsim.gradients.views import overlay
-from clothsim.keys.mesh_arrays import MeshArrays
-from clothsim.mesh.refinement import refined
 from clothsim.patterns.pattern import Pattern
 from clothsim.scene import paths as keys_by_path
-from clothsim.scene.scene import Scene
 
-HELD = ("inertia", "membrane", "bending", "gravity", "damping", "pins", "body_contact", "self_contact", "friction")
-"""Effects that name no vertices, or pins: a cloth with others is not meshed more finely for a twin."""
 BLUE, ORANGE = (0, 90, 200), (230, 120, 0)
 """Contours of the recovered cloth, and of the first guess."""
 
@@ -62,9 +54,11 @@ class Twin:
     ----------
     name : str
         "mesh" and "step" of half the size, "time" twice as long, "start" of the scene, pulled to the pictures,
-        in place of the last drape.
+        in place of the last drape; "place": the cloth displaced as far as the pictures show that the model does not
+        explain.
     shifts : mapping of str to float
-        Relative change of each number, in one step of Gauss and Newton from the recovered ones; empty if it failed.
+        Relative change of each number, in one step of Gauss and Newton from the recovered ones, of "mesh" with the
+        steps that a search took on the finer one, of "place" its standard deviation; empty if it failed.
     failure : str
         Why there is none.
     """
@@ -83,9 +77,10 @@ class ViewRecovery(Recovery):
     pictures : tuple of PictureFit
         Each of them.
     twins : tuple of Twin
-        Four other models.
+        Other models.
     fewer_pictures : mapping of str to mappings
-        Relative standard errors of fewer pictures at the same drape: "masks alone", "the view NAME alone".
+        Relative standard errors of fewer pictures at the same drape, with displacements of the cloth: "masks alone",
+        "the view NAME alone".
     wide : tuple of str
         Paths of numbers whose error, with the model's own, is more than half of what is known without pictures.
     from_minimum : float
@@ -129,7 +124,7 @@ class SearchRecord:
 
     runs; minima: sums at the ends of all starts; note: what the prior is; began: processor time at its start; adjoint:
     that of the adjoint [s]; folds: misfits of the drapes that the first start was chosen from; twins: whether other
-    models are to be run.
+    models are to be run; coarse: logarithms (k,) that the search ended at before the cloth was meshed more finely.
     """
 
     runs: int
@@ -139,17 +134,18 @@ class SearchRecord:
     adjoint: float
     folds: tuple[float, ...]
     twins: bool
+    coarse: Floats | None = None
 
 
-def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], search: SearchRecord) -> ViewRecovery:
+def recovery_of(fit: ViewFit, first: Floats, end: tuple[Seen, Seen, Floats], search: SearchRecord) -> ViewRecovery:
     """Return what a search found.
 
     Parameters
     ----------
     fit : ViewFit
         The pictures.
-    first : Seen
-        The run of the scene itself.
+    first : (n, 3) float64
+        Positions of the scene's own run [m].
     end : tuple
         The last run, the one before it, and the derivatives of the vertices at the last, (3 n, k).
     search : SearchRecord
@@ -157,14 +153,14 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
     """
     last, before, moves = end
     problem, paths = fit.problem, fit.problem.paths
-    _, hessian, blocks = fit.linearised(last, moves)
-    covariance = fit.covariance(hessian, blocks)
+    spread = fit.placed(last).spread()
+    covariance, by_place, hessian = fit.errors(last, moves, spread)
     known = fit.known
-    spread, directions = np.linalg.eigh(covariance / np.outer(known, known))
+    variances, directions = np.linalg.eigh(covariance / np.outer(known, known))
     errors = errors_of(covariance)
     loose = [
         directions[:, k] * np.sign(directions[np.abs(directions[:, k]).argmax(), k])
-        for k in np.flatnonzero(spread > 0.25)
+        for k in np.flatnonzero(variances > 0.25)
     ]
     trace = fit.trace(last.at, last.begun) if last.trace is None else last.trace
     before_adjoint = process_time()
@@ -175,7 +171,9 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
     values = problem.values(last.at)
     shaped = problem.shaped
     of_pattern = {path: value for path, value in values.items() if path.startswith(SECTION)}
-    twins = _twins(fit, last, moves) if search.twins else ()
+    shown = dict(zip(paths, np.sqrt(np.diag(by_place)).tolist(), strict=True))
+    others = _twins(fit, last, moves, search.coarse) if search.twins else ()
+    twins = (*others, Twin("place", shown)) if search.twins else ()
     found = ViewRecovery(
         problem.scene_at(last.at),
         values,
@@ -185,18 +183,18 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
         tuple(path for path, limit in zip(paths, at_limit, strict=True) if limit),
         replace(gradient, intersecting_pairs=count_intersecting_pairs(trace)),
         search.minima,
-        search.runs + len(twins),
+        search.runs + len(others),
         search.note,
         _fits(fit, last, before),
         twins,
-        _errors_of_fewer_pictures(fit, last, moves),
+        _errors_of_fewer_pictures(fit, last, moves, spread),
         (),
         float(np.max(np.abs(left) / np.maximum(errors, 1e-300))),
         search.folds,
         float("nan"),
         float("nan"),
         None if shaped is None else shaped.numbers.pattern(of_pattern),
-        _overlays(fit, first.positions, last.positions),
+        _overlays(fit, first, last.positions),
     )
     errors_with_model = found.total_errors
     wide = tuple(path for path, own in zip(paths, known, strict=True) if not errors_with_model[path] < 0.5 * own)
@@ -204,19 +202,22 @@ def recovery_of(fit: ViewFit, first: Seen, end: tuple[Seen, Seen, Floats], searc
     return replace(found, wide=wide, cpu_seconds=seconds, adjoint_fraction=adjoint / seconds)
 
 
-def _twins(fit: ViewFit, last: Seen, moves: Floats) -> tuple[Twin, ...]:
+def _twins(fit: ViewFit, last: Seen, moves: Floats, coarse: Floats | None) -> tuple[Twin, ...]:
     """The numbers of four other models, each in one step from those that were found."""
     solver = fit.problem.scene.solver
     key = "error" if solver.error else "dt"
     finer_steps = keys_by_path.replace(fit.problem.scene, f"solver.{key}", 0.5 * getattr(solver, key))
     stepped = replace(fit, problem=replace(fit.problem, scene=finer_steps))
     models: dict[str, Callable[[], tuple[ViewFit, Seen, Floats]]] = {
-        "mesh": lambda: _halved(fit, last, moves),
+        "mesh": lambda: _on_finer(fit, last, moves),
         "step": lambda: (stepped, stepped.seen(last.at, last.begun), moves),
         "time": lambda: (fit, fit.seen(last.at, last.positions), moves),
         "start": lambda: (fit, pulled(fit, fit.seen(last.at, np.zeros((0, 3)))), moves),
     }
     own, found = fit.left(last, moves), list[Twin]()
+    if coarse is not None:
+        found.append(Twin("mesh", dict(zip(fit.problem.paths, (last.at - coarse + own).tolist(), strict=True))))
+        models.pop("mesh")
     for name, model in models.items():
         try:
             other, seen, other_moves = model()
@@ -229,80 +230,13 @@ def _twins(fit: ViewFit, last: Seen, moves: Floats) -> tuple[Twin, ...]:
     return tuple(found)
 
 
-def _halved(fit: ViewFit, last: Seen, moves: Floats) -> tuple[ViewFit, Seen, Floats]:
+def _on_finer(fit: ViewFit, last: Seen, moves: Floats) -> tuple[ViewFit, Seen, Floats]:
     """The pictures, the run and the derivatives of a cloth with four triangles for one."""
-    scene, weights, triangles = halved(fit.problem.scene_at(last.at))
-    views = [replace(view, losses={what: _of_fine(loss) for what, loss in view.losses.items()}) for view in fit.views]
-    finer = replace(fit, views=tuple(views), triangles=triangles)
-    begun = np.asarray(weights @ last.positions)
-    x = traced(scene, fit.problem.stiffness, start={"start": begun, "velocity": 0.0 * begun}).cloth_positions()
-    parts = finer.residuals(x)
-    fine_moves = np.asarray(csr_array(kron(weights, eye_array(3))) @ moves)
-    return finer, Seen(last.at, finer.total(parts, last.at), x, parts, begun), fine_moves
+    finer, weights = finer_fit(fit, last.at)
+    return finer, finer.seen(last.at, np.asarray(weights @ last.positions)), of_finer_cloth(weights, moves)
 
 
-def _of_fine(loss: PictureLoss) -> PictureLoss:
-    """The loss of a picture for a cloth with four triangles for one."""
-    if not isinstance(loss, MaskBorder):
-        return loss
-    return replace(loss, label=(4 * np.asarray(loss.label, np.int64)[:, None] + np.arange(4)).ravel())
-
-
-def halved(scene: Scene) -> tuple[Scene, csr_array, Ints]:
-    """Return a scene whose cloths of arrays have four triangles for one, its vertices as combinations, and triangles.
-
-    InputError for another mesh, arrays of its keys, and effects that name vertices other than pins.
-    """
-    others = [name for name in scene.effects if name not in HELD]
-    if others:
-        raise InputError(f"The effect {others[0]} may name vertices, which a finer mesh has others of.")
-    tables, parts, fine, count = list[Any](), list[csr_array](), list[Ints](), 0
-    for keys in scene.cloths:
-        mesh = keys.mesh
-        if not isinstance(mesh, MeshArrays) or any(isinstance(value, np.ndarray) for value in keys.values()):
-            raise InputError("The cloth is not a mesh of arrays, or has keys that are arrays.")
-        weights, triangles = refined(mesh.triangles, len(mesh.vertices))
-        rest = mesh.vertices if mesh.rest is None else mesh.rest
-        groups = {name: (4 * rows[:, None] + np.arange(4)).ravel() for name, rows in mesh.groups.items()}
-        finer = MeshArrays.checked(
-            "cloth",
-            weights @ mesh.vertices,
-            triangles,
-            _quartered(rest) if mesh.is_flat else weights @ rest,
-            groups=groups,
-        )
-        tables.append({**keys, "mesh": finer})
-        parts.append(weights)
-        fine.append(triangles + count)
-        count += weights.shape[0]
-    changed: dict[str, Any] = {"cloth": tables}
-    made = replace(scene, **changed)
-    pins = scene.effects.get("pins")
-    if pins is not None and not isinstance(pins.select, str):
-        held = np.asarray(pins.select, np.int64)
-        if len(scene.cloths) > 1 or pins.group:
-            raise InputError("Pins are of several cloths, or of groups.")
-        own: Any = scene.cloths[0].mesh
-        made = keys_by_path.replace(made, "effects.pins.select", _with_middles(own, held).tolist())
-    return made, csr_array(block_diag(parts)), np.concatenate(fine)
-
-
-def _quartered(rest: Floats) -> Floats:
-    """Material coordinates (4 m, 3, 2) of four triangles for each, in the order of `refined`."""
-    a, b, c = (rest[:, k] for k in range(3))
-    ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
-    return np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3, 2)
-
-
-def _with_middles(mesh: MeshArrays, held: Ints) -> Ints:
-    """Vertices of the finer mesh that are held: also those between two that are."""
-    _, fine = refined(mesh.triangles, len(mesh.vertices))
-    ends = mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    middles = fine.reshape(-1, 4, 3)[:, 3].ravel()  # ab, bc, ca
-    return np.union1d(held, middles[np.isin(ends, held).all(axis=1)])
-
-
-def _errors_of_fewer_pictures(fit: ViewFit, last: Seen, moves: Floats) -> dict[str, dict[str, float]]:
+def _errors_of_fewer_pictures(fit: ViewFit, last: Seen, moves: Floats, spread: float) -> dict[str, dict[str, float]]:
     """Errors of numbers by path by fewer pictures, by the name of these."""
     kinds = {what for _, what in fit.pairs}
     parts: dict[str, Callable[[str, str], bool]] = {}
@@ -315,8 +249,8 @@ def _errors_of_fewer_pictures(fit: ViewFit, last: Seen, moves: Floats) -> dict[s
             parts[f"the mask of {first} alone"] = lambda view, what: view == first and what == "mask"
     out = {}
     for name, kept in parts.items():
-        _, hessian, blocks = fit.linearised(last, moves, kept)
-        errors = errors_of(fit.covariance(hessian, blocks))
+        by_noise, by_place, _ = fit.errors(last, moves, spread, kept)
+        errors = errors_of(by_noise + by_place)
         out[name] = {path: float(error) for path, error in zip(fit.problem.paths, errors, strict=True)}
     return out
 

@@ -166,6 +166,11 @@ class RunSettings(KeyTable):
     forces: Annotated[
         bool, Key("Record at each step the contact force on each body and the reaction of each group of pins")
     ] = False
+    budget: Annotated[
+        float | None,
+        Key("CPU time of its steps after which a run ends as failed, with a checkpoint to resume from", "s", above=0,
+            shown="none"),
+    ] = None  # fmt: skip
     allow_inside: Annotated[
         bool, Key("Allow cloth that starts wholly inside a body, where contact holds it; else it is refused")
     ] = False

@@ -29,12 +29,10 @@ def saved_simulation(session: Session, state: State, by_hand: HandMotions, histo
     more.
     """
     refuse_functions("effects", session.scene.effects)
-    saved = checkpoint_of(session, state, Certificate(intersections=history))
-    saved = replace(saved, counters={**saved.counters, "by_hand": by_hand.as_json()})
-    if not session.scene.file_names:
-        return saved
-    text, sources = relocated(session.scene)
-    return replace(saved, scene_text=text, files={name: source.read_bytes() for name, source in sources.items()})
+    text, sources = relocated(session.scene) if session.scene.file_names else (scene_text(session), {})
+    saved = checkpoint_of(session, state, Certificate(intersections=history), text)
+    files = {name: source.read_bytes() for name, source in sources.items()}
+    return replace(saved, counters={**saved.counters, "by_hand": by_hand.as_json()}, files=files)
 
 
 def restored_simulation(
@@ -65,10 +63,13 @@ def _written_files(saved: Checkpoint) -> Path:
     return folder
 
 
-def checkpoint_of(
-    session: Session, state: State, certificate: Certificate, directory: Path | None = None
-) -> Checkpoint:
-    """The checkpoint of a run at `state`; directory: of the run."""
+def scene_text(session: Session, directory: Path | None = None) -> str:
+    """The text of the scene for checkpoints, written once a run: meshes in memory are in it; directory: of the run."""
+    return session.scene.to_text(names_of_functions=True, here=directory)
+
+
+def checkpoint_of(session: Session, state: State, certificate: Certificate, text: str) -> Checkpoint:
+    """The checkpoint of a run at `state`; text: the `scene_text`."""
     potential = session.integrator.potential
     counters = {
         "certificate": certificate.as_json(),
@@ -76,7 +77,7 @@ def checkpoint_of(
         "phases": potential.timers.phases,
         "linear_solves": potential.timers.linear_solves,
     }
-    return Checkpoint(state, session.scene.to_text(names_of_functions=True, here=directory), counters)
+    return Checkpoint(state, text, counters)
 
 
 def restore(timers: Timers, counters: dict[str, Any]) -> None:

@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from threading import Thread
 
+from clothsim.base.interruption import held_back
 from clothsim.base.kernel_cache import can_store, is_cached
 from clothsim.base.parallel import available_cores
 from clothsim.physics.energies.membrane_kernels import fill
@@ -40,8 +41,12 @@ def start_precompiling() -> Callable[[], None]:
     return partial(let_finish, process)
 
 
+@held_back
 def kernels_are_compiled() -> bool:
-    """True where the kernel that takes longest is in the cache, or where there is no cache."""
+    """True where the kernel that takes longest is in the cache, or where there is no cache.
+
+    The first look starts LLVM, whose callbacks lose a Ctrl-C.
+    """
     return is_cached(fill) or not can_store()
 
 

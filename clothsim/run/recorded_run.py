@@ -36,7 +36,7 @@ from clothsim.geometry.intersection.proved_separations import Effort, ProvedSepa
 from clothsim.mesh.world import world_surfaces
 from clothsim.physics.energies.protocols import is_driven, with_material_at
 from clothsim.run.certificate import Certificate
-from clothsim.run.checkpoints import checkpoint_of
+from clothsim.run.checkpoints import checkpoint_of, scene_text
 from clothsim.run.fields import FIELDS, Configuration, at_start, field, world_stretches
 from clothsim.run.forces import step_forces
 from clothsim.run.intersections import IntersectionCheck, intersection_check_of
@@ -180,10 +180,14 @@ class _Checkpoints:
 
 @dataclass(frozen=True)
 class _Output:
-    """The directory of a run, its two files that grow, its checkpoints, and the intersection check of its states."""
+    """The directory of a run, its two files that grow, its checkpoints, and the intersection check of its states.
+
+    text: the scene of all checkpoints.
+    """
 
     session: Session
     directory: Path
+    text: str
     trajectory: TrajectoryWriter
     record: RecordWriter
     checkpoints: _Checkpoints
@@ -204,7 +208,7 @@ class _Output:
 
     def save(self, state: State, certificate: Certificate) -> None:
         """Make the state the one from which the run can go on."""
-        self.checkpoints.offer(checkpoint_of(self.session, state, certificate, self.directory))
+        self.checkpoints.offer(checkpoint_of(self.session, state, certificate, self.text))
 
 
 def recorded_run(
@@ -230,10 +234,11 @@ def recorded_run(
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies, ProvedSeparations())
     arrays = [_frame_array(name, values.shape[1:]) for name, values in _written_fields(session, state, None).items()]
     resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
+    text = scene_text(session, directory)
     if not resumed:
         # The checkpoint first: where the disk is full before the first frame is written, the run can still go on.
         certificate, _ = _checked(check, session, state, certificate, is_frame=True)
-        write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate, directory))
+        write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate, text))
     with (
         interruption() as flag,  # before the files: within a call of HDF5 a KeyboardInterrupt is lost
         _Checkpoints(directory) as checkpoints,
@@ -241,7 +246,7 @@ def recorded_run(
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed and state.step else None) as record,
     ):
         (directory / SUMMARY_NAME).unlink(missing_ok=True)  # not before: one that cannot continue keeps it
-        output = _Output(session, directory, trajectory, record, checkpoints, check)
+        output = _Output(session, directory, text, trajectory, record, checkpoints, check)
         if not resume_frame:
             output.frame(state)
         warm = started.wall_seconds()
@@ -278,7 +283,7 @@ def _stepped(
     """Take all steps from `state` to the end or to a failure: the last state, its certificate, the failure."""
     session, run = output.session, output.session.scene.run_settings
     world, timers = session.built.world, session.integrator.potential.timers
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
         if log is not None and log.step == state.step + 1:
             log.write(output.directory)
         if report.failure is not None:

@@ -136,7 +136,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
     system = _system(_pattern(built), settings, rigid_rows(built.world))
     newton, finer = _newton_settings(scene, built)
-    integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
+    integrator = _integrator(scene, built, Potential(built.energies, timers, built.world.n_unknowns), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
     remarks = [*_setting_notes(scene, integrator), slow, finer, reproducible, _endless(scene, built)]
@@ -158,7 +158,9 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
         pattern = _pattern(built)
         if not pattern.same_as(system.base):
             system = _system(pattern, settings, rigid_rows(built.world))
-    integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings)
+    integrator = _integrator(
+        scene, built, Potential(built.energies, timers, built.world.n_unknowns), system, before.settings
+    )
     return Session(scene, built, integrator, session.notes)
 
 
@@ -298,7 +300,7 @@ def _make_reproducible() -> str:
     return PRICE if library.threaded else ""
 
 
-def last_positions(scene: Scene) -> tuple[World, Floats, str]:
+def last_positions(scene: Scene) -> tuple[World, Floats, str, bool]:
     """Step a scene to its end without writing or checking anything.
 
     Returns
@@ -308,13 +310,15 @@ def last_positions(scene: Scene) -> tuple[World, Floats, str]:
         Cloth vertices after the last step that was taken [m].
     reason : str
         Why it came to no end; empty where it did.
+    touched : bool
+        True where contact acted at the end of a step.
     """
     session = prepare(scene, build(scene))
     world, run = session.built.world, scene.run_settings
-    state, reason = first_state(world, session.integrator.dt), ""
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+    state, reason, touched = first_state(world, session.integrator.dt), "", False
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
         if report.failure is not None:
             reason = report.failure.reason
             break
-        state = report.state
-    return world, state.positions[: world.n_cloth] + world.origin, reason
+        state, touched = report.state, touched or report.minimum_gap < np.inf
+    return world, state.positions[: world.n_cloth] + world.origin, reason, touched

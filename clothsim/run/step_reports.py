@@ -104,7 +104,7 @@ def state_after(world: World, report: StepReport) -> SimulationState:
         unstable=report.switches,
         minimum_gap=report.minimum_gap,
         kinetic_energy=0.5 * float(world.inertial_masses @ speeds) if "inertia" in acting else 0.0,
-        energies={name: energy.value(state.positions) for name, energy in acting.items()},
+        energies=dict(zip(acting, report.potential.values(state.positions), strict=False)),
         mechanical_energy=mechanical_energy(world, report.potential, state).total,
     )
 

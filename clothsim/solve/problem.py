@@ -83,7 +83,7 @@ class Problem:
         system = System(pattern, self.linear, self.threads, dependent=rigid_rows(self.world))
         timers = Timers(effects={name: EffectCounters() for name in self.energies})
         formula = self.formula if "inertia" in self.energies else BACKWARD_EULER
-        potential = Potential(dict(self.energies), timers)
+        potential = Potential(dict(self.energies), timers, self.world.n_unknowns)
         least = least_contact_time(self.world, self.energies)
         steps = self.newton, self.dt
         return Integrator(

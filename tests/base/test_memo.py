@@ -70,3 +70,5 @@ def test_the_mesh_that_was_asked_for_last_is_the_last_to_go():
         assert known(body) == -1.0
         assert known(np.array([float(garment)])) == garment
     assert calls == [-1.0, *range(2 * MESHES)]
+    known(np.array([0.0]))  # forgotten: MESHES others came after it
+    assert calls[-1] == 0.0

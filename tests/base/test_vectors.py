@@ -45,3 +45,11 @@ def test_a_part_is_added_and_its_largest_component_returned():
     assert add_to(total, part) == 4.0
     assert np.array_equal(total, 1.0 + part)
     assert add_to(np.zeros((0, 3)), np.zeros((0, 3))) == 0.0
+
+
+@pytest.mark.parametrize(("row", "axis"), [(0, 0), (0, 1), (1, 2)])
+def test_a_shorter_part_is_added_to_the_first_rows(row, axis):
+    total, part = np.ones((4, 3)), np.zeros((2, 3))
+    part[row, axis] = -2.0
+    assert add_to(total, part) == 2.0
+    assert np.array_equal(total, np.ones((4, 3)) + np.vstack([part, np.zeros((2, 3))]))

@@ -74,10 +74,10 @@ def file_and_body(name: str) -> tuple[str, str]:
     return DESIGNS[name], str(made_for).removesuffix("_apart")
 
 
-def measured(name: str, size: float, folder: Path, second: str = "") -> dict[str, Any]:
+def measured(name: str, size: float, folder: Path, budget: float, second: str = "") -> dict[str, Any]:
     """Dress one pattern in `folder` and return its row; "refused" where the input is refused.
 
-    second: another body, to which the pattern is graded from its own.
+    budget: CPU seconds; second: another body, to which the pattern is graded from its own.
     """
     file, own = file_and_body(name)
     row: dict[str, Any] = {"pattern": name, "body": second or own, "size": size}
@@ -86,7 +86,7 @@ def measured(name: str, size: float, folder: Path, second: str = "") -> dict[str
     started = process_time()
     try:
         on = bodies / f"{row['body']}.obj"
-        done = clothsim.dress(DATA / "patterns" / file, on, folder, size=size, overwrite=True, **graded)
+        done = clothsim.dress(DATA / "patterns" / file, on, folder, size=size, overwrite=True, budget=budget, **graded)
     except ClothsimError as error:
         return {**row, "status": "refused", "reason": str(error), "cpu_seconds": process_time() - started}
     row |= {"cpu_seconds": process_time() - started, **garment_entries(done)}
@@ -118,12 +118,15 @@ def garment_entries(done: Dress) -> dict[str, Any]:
 
 
 def run_one(name: str, size: str, output: Path, limit: int, second: str = "") -> dict[str, Any]:
-    """Row of one pattern, made by a process that may take `limit` CPU seconds; stored."""
+    """Row of one pattern, made by a process that has a budget of `limit` CPU seconds; stored.
+
+    The process is killed at twice that: a step, a weld or the pictures may come after it.
+    """
     folder = output / name
     folder.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "tests.benchmarks.dress_table", "--one", name, "--size", size, "-o", str(output)]
-    command += ["--on", second] if second else []
-    limited = ["bash", "-c", f'ulimit -t {limit}; exec "$@"', "bash", *command]
+    command += ["--limit", str(limit), *(["--on", second] if second else [])]
+    limited = ["bash", "-c", f'ulimit -t {2 * limit}; exec "$@"', "bash", *command]
     with (folder / "log.txt").open("w", encoding="utf-8") as log:
         code = subprocess.run(limited, env={**os.environ, **ONE_THREAD}, stdout=log, stderr=log, check=False).returncode
     if code:
@@ -218,7 +221,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     output, size = arguments.output, as_length("--size", arguments.size)
     if arguments.one:
-        store(output, measured(arguments.one, size, output / arguments.one, arguments.on))
+        store(output, measured(arguments.one, size, output / arguments.one, arguments.limit, arguments.on))
         return 0
     output.mkdir(parents=True, exist_ok=True)
     for name in arguments.only or (drawn(*arguments.draw) if arguments.draw else FILES):

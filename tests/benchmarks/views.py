@@ -169,6 +169,23 @@ def write_views(folder: Path, made: list[Camera], trace: Trace, noise=(1.0, 5.0)
     return folder / "views.toml"
 
 
+def fewer(file: Path, pictures: str) -> Path:
+    """Write views of the first camera ("one"), of masks alone ("masks"), or both ("mask"), and return their file."""
+    if pictures == "all":
+        return file
+    head, *tables = file.read_text(encoding="utf-8").split("[[view]]")
+    tables = tables if pictures == "masks" else tables[:1]
+    if pictures != "one":
+        tables = ["".join(line for line in each.splitlines(True) if "normals" not in line) for each in tables]
+    made = file.with_name(f"views_{pictures}.toml")
+    made.write_text("[[view]]".join([head, *tables]), encoding="utf-8")
+    return made
+
+
+PICTURES = ("all", "one", "masks", "mask")
+"""What `fewer` leaves."""
+
+
 def meshed(spacing: float, **factors: float) -> PatternMesh:
     """The pattern with factors of its numbers, meshed."""
     return mesh_pattern(pattern_of(entries(**factors)), spacing)
@@ -211,20 +228,21 @@ def table(found: clothsim.ViewRecovery, true: dict[str, float]) -> str:
     return text_table(header, rows)
 
 
-def fitted(folder: Path, seed: int, spacing: float, small: bool) -> int:
+def fitted(folder: Path, seed: int, spacing: float, small: bool, shown: str = "all", finer: bool = False) -> int:
     """Make the pictures of a seed, fit, print the table, and return how many numbers are within two of their errors."""
     count, size = (2, (160, 120)) if small else (4, (640, 480))
     fine, coarse, long, short = (0.04, 0.06, 0.6, 0.4) if small else (0.014, spacing, 1.6, 0.8)
     factors = truth_of(seed)
     truth = skirt(meshed(fine, **factors), BENDING, dt=0.04, ripple=0.004, duration=long, seed=seed)
-    views = write_views(folder, cameras(count, size), traced(truth), seed=seed)
+    views = fewer(write_views(folder, cameras(count, size), traced(truth), seed=seed), shown)
     before = time.process_time()
     mesh = meshed(coarse)
 
     def tell(start: int, run: object) -> None:
         print(f"{time.process_time() - before:.0f} CPU s: {run.loss:.5g} {run.failure}", flush=True)
 
-    found = clothsim.recover_views(skirt(mesh, 0.5 * BENDING, duration=short), views, FREE, progress=tell, pattern=mesh)
+    start = skirt(mesh, 0.5 * BENDING, duration=short)
+    found = clothsim.recover_views(start, views, FREE, progress=tell, pattern=mesh, finer=finer)
     for name, picture in found.overlays.items():
         Image.fromarray(picture).save(folder / f"overlay_{name}.png")
     true = true_values(factors)
@@ -245,11 +263,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("-o", "--output", type=Path, default=Path("views_output"))
     parser.add_argument("--small", action="store_true", help="two views of 160 x 120, coarse meshes")
     parser.add_argument("--size", type=float, default=0.02, help="of the fit's mesh [m]")
+    parser.add_argument("--pictures", choices=PICTURES, default="all", help="that the fit has")
+    parser.add_argument("--finer", action="store_true", help="end on a mesh of half the size")
     parser.add_argument("--seed", type=int, default=0, help="the first one")
     parser.add_argument("--seeds", type=int, default=1, help="how many")
     given = parser.parse_args(arguments)
     seeds = range(given.seed, given.seed + given.seeds)
-    within = [fitted(given.output / str(seed), seed, given.size, given.small) for seed in seeds]
+    within = [
+        fitted(given.output / str(seed), seed, given.size, given.small, given.pictures, given.finer) for seed in seeds
+    ]
     print(f"within two of their errors: {sum(within)} of {4 * len(within)} numbers")
     return 0
 

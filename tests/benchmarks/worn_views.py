@@ -72,17 +72,23 @@ def main(arguments: list[str] | None = None) -> int:
     """Make the pictures, recover, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("worn_views_output"))
-    parser.add_argument("--size", default="4cm", help="of the mesh of the fit; that of the truth is 35 mm")
+    parser.add_argument("--size", default="4cm", help="of the mesh of the fit")
     parser.add_argument("--pattern", default=PATTERN)
     parser.add_argument("--on", default=BODY)
     parser.add_argument("--true", action="append", metavar="PATH=FACTOR", help="a number of the true pattern")
-    parser.add_argument("--width", type=int, default=320, help="of the pictures [pixels]; their height is 3/4 of it")
+    parser.add_argument("--width", type=int, default=640, help="of the pictures [pixels]; their height is 3/4 of it")
+    parser.add_argument("--true-size", type=float, default=0.035, help="of the mesh of the truth [m]")
+    parser.add_argument("--pictures", choices=views.PICTURES, default="all", help="that the fit has")
+    parser.add_argument("--finer", action="store_true", help="end on a mesh of half the size")
     given = parser.parse_args(arguments)
     pairs = (text.rsplit("=", 1) for text in given.true or TRUTH)
     factors = {path: float(factor) for path, factor in pairs}
-    file, true = write_truth(given.output, 0.035, given.pattern, given.on, factors, (given.width, 3 * given.width // 4))
+    size = (given.width, 3 * given.width // 4)
+    file, true = write_truth(given.output, given.true_size, given.pattern, given.on, factors, size)
+    file = views.fewer(file, given.pictures)
     before, out = time.process_time(), given.output / "recovered"
     words = ["recover", "--views", str(file), "--pattern", given.pattern, "--on", given.on, "--size", given.size]
+    words += ["--finer"] * given.finer
     code = command([*words, "--free", ",".join(true), "-o", str(out), "--overwrite"])
     found = json.loads((out / "recovery.json").read_text())
     for path, value in true.items():

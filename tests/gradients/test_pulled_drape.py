@@ -5,23 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 from views import looking, seen
 
 from clothsim import load_scene, recover_views
 from clothsim.base.errors import ClothsimError
 from clothsim.gradients.loss_of_numbers import LossOfNumbers
 from clothsim.gradients.mask_border import MaskBorder
-from clothsim.gradients.picture_loss import Residuals
-from clothsim.gradients.pulled_drape import (
-    PULL,
-    SMOOTHNESS,
-    STEP,
-    frictionless_step,
-    pull_displacement,
-    pulled,
-    pulled_positions,
-)
+from clothsim.gradients.pulled_drape import STEP, frictionless_step, pulled, pulled_positions
+from clothsim.gradients.recover_views import SearchEnd
 from clothsim.gradients.run import traced
 from clothsim.gradients.view_fit import ViewFit
 from clothsim.gradients.views import View
@@ -92,29 +83,12 @@ def test_friction_is_off_while_the_cloth_is_pulled_and_holds_it_then(lying):
     assert np.abs(again.positions - found.positions).max() < 1e-3
 
 
-def test_a_pull_is_bound_and_lowers_the_sum(lying):
+def test_a_pull_lowers_the_sum(lying):
     fit, first = lying
-    moved = pull_displacement(first.parts, first.positions, fit.triangles)
-    lengths = np.linalg.norm(moved, axis=1)
-    assert lengths.max() <= PULL * np.ptp(first.positions, axis=0).max() * (1 + 1e-12)
-    slope = sum(each.jacobian.T @ (each.weights * each.slopes) for each in first.parts)
-    assert slope @ moved.ravel() < 0.0
-    assert fit.total(fit.residuals(first.positions + 0.5 * moved), first.at) < first.total
+    moved = first.placed.displacement.reshape(-1, 3)
+    assert fit.total(fit.residuals(first.positions + 0.5 * moved), first.at) < fit.total(first.parts, first.at)
     positions = pulled_positions(fit, first, frictionless_step(fit.problem.scene))
-    assert fit.total(fit.residuals(positions), first.at) < first.total
-
-
-def test_a_displacement_is_the_least_of_the_sum_and_its_bounds():
-    """A triangle of size 1, pushed at a vertex: (J'WJ + (1 + s L) / PULL^2) u = -J'W r."""
-    positions, triangles = np.array([[0.0, 0, 0], [1.0, 0, 0], [0, 0.5, 0]]), np.array([[0, 1, 2]])
-    one = Residuals(np.array([1e-3]), csr_array(np.eye(1, 9)), np.array([2.0]), np.zeros((1, 2)), huber=1.0)
-    positions, triangles = np.array([[0.0, 0, 0], [1.0, 0, 0], [0, 0.5, 0]]), np.array([[0, 1, 2]])
-    one = Residuals(np.array([1e-3]), csr_array(np.eye(1, 9)), np.array([2.0]), np.zeros((1, 2)), huber=1.0)
-    laplacian = np.array([[2.0, -1, -1], [-1, 2, -1], [-1, -1, 2]])
-    matrix = (np.eye(3) + SMOOTHNESS * laplacian) / PULL**2
-    matrix[0, 0] += 2.0
-    expected = np.linalg.solve(matrix, [-2e-3, 0.0, 0.0])
-    assert pull_displacement([one], positions, triangles)[:, 0] == pytest.approx(expected, rel=1e-9)
+    assert fit.total(fit.residuals(positions), first.at) < fit.total(first.parts, first.at)
 
 
 def test_what_is_not_pulled(lying):
@@ -126,7 +100,7 @@ def test_what_is_not_pulled(lying):
     effects = {name: each for name, each in scene.effects.items() if name != "friction"}
     smooth = replace(fit, problem=replace(fit.problem, scene=replace(scene, effects=effects)))
     assert pulled(smooth, first) is first
-    better = replace(first, total=0.0)
+    better = replace(first, parts=tuple(replace(each, values=0.0 * each.values) for each in first.parts))
     assert pulled(fit, better) is better
 
 
@@ -154,30 +128,35 @@ def test_a_search_begins_where_the_pictures_show_the_cloth(lying, monkeypatch):
     assert pulls[1] < 0.05 * pulls[0]
 
 
-def test_runs_and_seconds_of_both_searches_are_added(lying, monkeypatch):
-    fit, first = lying
-    module, ends = sys.modules[recover_views.__module__], [(2, 0.5), (7, 1.25)]
+def ending(drape, total, runs, seconds):
+    """The end of a search at a drape with some sum."""
+    return SearchEnd(replace(drape, total=total), drape, np.zeros((3 * len(drape.positions), 1)), True, runs, seconds)
 
-    def descended(own, drape, tell, most):
-        return drape, drape, np.zeros((3 * len(drape.positions), 1)), *ends[int(most == module.MOST_ITERATIONS)]
+
+def test_runs_and_seconds_of_all_rounds_are_added(lying, monkeypatch):
+    fit, first = lying
+    module = sys.modules[recover_views.__module__]
+    ends = iter([(100.0, 2, 0.5), (50.0, 7, 1.25), (49.9, 1, 0.25)])
+
+    def descended(own, drape, tell, most, moves=None):
+        return ending(drape, *next(ends))
 
     monkeypatch.setattr(module, "_descended", descended)
-    *_, runs, seconds = module._pulled_and_descended(fit, first, lambda drape: None)
-    assert (runs, seconds) == (9, 1.75)
+    end = module._searched(fit, first, lambda drape: None)
+    assert (end.last.total, end.runs, end.adjoint) == (49.9, 10, 2.0)  # a round that is worth little is the last
 
 
-def test_a_second_search_that_fails_leaves_the_end_of_the_first(lying, monkeypatch):
+def test_a_round_that_fails_leaves_the_end_of_the_one_before(lying, monkeypatch):
     fit, first = lying
     module, calls = sys.modules[recover_views.__module__], []
 
-    def descended(own, drape, tell, most):
+    def descended(own, drape, tell, most, moves=None):
         if calls:
             raise ClothsimError("The runs beside it fail.")
         calls.append(most)
-        return drape, drape, np.zeros((3 * len(drape.positions), 1)), 2, 0.5
+        return ending(drape, 3.0, 2, 0.5)
 
     monkeypatch.setattr(module, "_descended", descended)
-    end, _, _, runs, seconds = module._pulled_and_descended(fit, first, lambda drape: None)
+    end = module._searched(fit, first, lambda drape: None)
     assert calls == [module.FEW_ITERATIONS]
-    assert end.total < 0.05 * first.total
-    assert (runs, seconds) == (2, 0.5)
+    assert (end.last.total, end.runs, end.adjoint) == (3.0, 2, 0.5)

@@ -80,9 +80,9 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     assert content["from_minimum"] < 2.0
     assert err.count("start 1 of 1") > 4
     assert err.count("folds: pattern") == 1
-    assert err.count("One view") == 1
+    assert err.count("One view does not determine cloth.density, as") == 1
     assert len(content["folds"]) == 2
-    assert [twin["name"] for twin in content["twins"]] == ["mesh", "step", "time", "start"]
+    assert [twin["name"] for twin in content["twins"]] == ["mesh", "step", "time", "start", "place"]
     for path, total in content["total_errors"].items():
         shifts = [twin["shifts"][path] for twin in content["twins"]]
         assert 0.0 < content["model_errors"][path] == pytest.approx(np.linalg.norm(shifts))
@@ -99,6 +99,7 @@ def test_the_height_of_a_towel_from_its_outline(capsys, folder):
     refused(capsys, *words[:-2], "--on", "towel.toml")
     refused(capsys, "recover", "towel.toml", "--target", "mask.png", "--free", "density", "--folds", "2")
     refused(capsys, *words[:-2], "--folds", "0")
+    refused(capsys, "recover", "towel.toml", "--target", "mask.png", "--free", "density", "--finer")
     dressing = ["recover", "--views", "views.toml", "--pattern", "towel_specification.json", "--free", "density"]
     refused(capsys, *dressing, "--on", "nobody", "-o", "worn")
     assert not (folder / "worn_dressed").exists()
@@ -121,6 +122,23 @@ def test_the_height_alone(folder):
         replace(found, pictures=tuple(replace(each, misfit=misfit) for each in found.pictures)) for misfit in (1.4, 1.6)
     )
     assert len(_picture_lines(unexplained)) == len(_picture_lines(fitted)) + 1
+    numbers = {"pattern.a.width": 0.1, "pattern.a.height": 0.1}
+    of_fewer = replace(found, values=numbers, fewer_pictures={"masks alone": numbers, "the view 0 alone": numbers})
+    masks, one = (line for line in _picture_lines(of_fewer) if "tell:" in line)
+    assert "pattern.a.width +- 10 %, pattern.a.height +- 10 %" in masks
+    assert "pattern.a.height +- 10 %; no others" in one
+    assert "width" not in one
+
+
+def test_a_search_that_ends_on_a_finer_mesh(folder):
+    found = recover_views(load_scene("towel.toml"), "views.toml", ["pattern.towel.height"], folds=1, finer=True)
+    mesh, *others = found.twins
+    assert mesh.name == "mesh"
+    assert 0.0 < abs(mesh.shifts["pattern.towel.height"]) < 0.02  # how far the steps on it went
+    assert [twin.name for twin in others] == ["step", "time", "start", "place"]
+    assert not any(twin.failure for twin in found.twins)
+    assert abs(found.values["pattern.towel.height"] / (1.06 * HEIGHT) - 1.0) < 0.02
+    assert found.overlays["from here"].shape == (120, 160, 3)
 
 
 def test_a_pattern_with_other_numbers_is_the_one_that_is_meshed():

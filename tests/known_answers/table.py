@@ -21,6 +21,7 @@ from tests.known_answers import (
     a13_rigid_scenes,
     a14_rods,
     a15_bending_scenes,
+    a16_curled_strip,
 )
 from tests.known_answers.row import Outcome, Row, Seen
 
@@ -40,6 +41,7 @@ ROWS: tuple[Row, ...] = (
     *a13_rigid_scenes.ROWS,
     *a14_rods.ROWS,
     *a15_bending_scenes.ROWS,
+    *a16_curled_strip.ROWS,
 )
 
 HEADER = ("row", "what", "ours", "exact", "off", "coarser", "bar", "order", "hinges off", "CPU s", "passed")

@@ -63,12 +63,15 @@ def test_a_bias_strip_is_as_stiff_as_its_compliance_where_narrow_and_as_its_stif
     assert pulled_elastic(4, 32.0, stiffness) == pytest.approx(stiffness[0, 0], rel=0.05)
 
 
-@pytest.mark.parametrize(("solver", "bar"), [({}, 0.05), ({"tolerance": 1e-6}, 3e-3)], ids=["default", "strict"])
+@pytest.mark.parametrize(
+    ("solver", "bar"), [({}, 0.05), *(({"tolerance": speed}, 3e-3) for speed in (1e-6, 1e-5, 1e-3, 1e-2))]
+)
 @pytest.mark.parametrize("dt", [0.2, 0.5])
 def test_a_deep_beam_leaves_its_plane_for_its_equilibrium_in_few_steps_of_the_load(dt, solver, bar):
     """Where 100 steps of the load end at .0934 of its length aside, 2 and 5 ended flat, or a hundredth of the way.
 
     Near its critical load the mode is soft: a relative residual of .0016, at which the default stops, is 4 % of it.
+    A tolerance of 1e-5 m/s or more left it at .0006, after four times the first step beside the saddle.
     """
     run = ended(deep_beam_scene(1.06, 0.05, 2, dt=dt, **solver))
     tip = np.isclose(run.positions[0][:, 0], LENGTH / 2)

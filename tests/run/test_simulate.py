@@ -14,6 +14,7 @@ from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 from clothsim.run import recorded_run
 from clothsim.run.fields import FIELDS
+from clothsim.scene.scene import Scene
 from clothsim.solve.stepping.mechanical_energy import ALLOWED
 
 FILES = {TRAJECTORY_NAME, RECORD_NAME, SUMMARY_NAME, CHECKPOINT_NAME}
@@ -243,6 +244,19 @@ def test_the_checkpoint_is_the_last_frame(run):
     saved = read_checkpoint(run.directory / CHECKPOINT_NAME).state
     assert (saved.frame, saved.step, saved.time) == (4, 8, 0.16)
     assert np.array_equal(saved.positions[:25], run.positions(-1))
+
+
+def test_no_frame_writes_the_scene_as_text_again(tmp_path, monkeypatch):
+    """The meshes in memory of a dressing are megabytes of it."""
+    to_text, counts = Scene.to_text, []
+    for duration in (0.04, 0.16):
+        texts = []
+        monkeypatch.setattr(
+            Scene, "to_text", lambda *given, seen=texts, **more: seen.append(1) or to_text(*given, **more)
+        )
+        simulate(small_scene(run={"duration": duration}), tmp_path / str(duration))
+        counts.append(len(texts))
+    assert counts[0] == counts[1] > 0
 
 
 def test_nothing_to_resume_is_refused(tmp_path):

@@ -6,7 +6,7 @@ from real_data import DATA, needs_data
 
 from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
-from transfer.body_frame import body_frame
+from transfer.body_frame import body_frame, level_set
 from transfer.errors import TransferError
 
 MANNEQUIN = GENERATORS["mannequin"]()
@@ -65,3 +65,16 @@ def test_real_bodies_look_along_z(name):
 
     mesh = read_mesh(DATA / "bodies" / f"{name}.obj")
     np.testing.assert_allclose(body_frame(mesh.positions, mesh.triangles).axes, np.eye(3), atol=0.02)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_level_crosses_triangles_with_finite_values_on_both_sides(bad):
+    """The level itself counts as below: of triangles that touch it, those from above are crossed."""
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    values = np.array([[-1.0, 1.0, 2.0], [1.0, 2.0, 3.0], [-1.0, -2.0, -3.0], [0.0, 1.0, 1.0], [0.0, -1.0, -1.0]])
+    values = np.concatenate([values, [[-1.0, 1.0, bad], [bad, bad, bad]]])
+    points = np.concatenate([np.column_stack([corners, heights]) for heights in np.nan_to_num(values)])
+    curve = level_set(points, np.arange(len(points)).reshape(-1, 3), values.ravel(), 0.0)
+    assert curve.triangles.tolist() == [0, 3]
+    assert np.abs(curve.starts[:, 2]).max() < 1e-15
+    assert np.abs(curve.ends[:, 2]).max() < 1e-15

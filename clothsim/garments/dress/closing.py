@@ -292,9 +292,16 @@ class ClosingResult:
 
 
 def close(
-    state: SewingState, wearer: Wearer, fabrics: Fabrics, folder: Path, listener: Listener | None
+    state: SewingState,
+    wearer: Wearer,
+    fabrics: Fabrics,
+    folder: Path,
+    listener: Listener | None,
+    ends: float = np.inf,
 ) -> ClosingResult:
     """Draw all open seams together. InputError for a start that cannot be simulated.
+
+    ends: the `process_time` at which a budget is spent, and the closing fails.
 
     After each round the pairs that are closed are welded: at the corners of several panels springs against contact
     would keep one another apart.
@@ -302,7 +309,7 @@ def close(
     body, surface = wearer.body, wearer.surface
     runs: list[Run] = []
     waiting, further = deque(sewing_phases(state, surface)), deque(stiffer_phases(state))
-    largest, name, limit = 0.0, "", np.inf
+    largest, limit = 0.0, np.inf
     while waiting or (state.open_seams and further):
         drawn = not waiting
         phase = further.popleft() if drawn else waiting.popleft()
@@ -315,30 +322,38 @@ def close(
         limit = CLOSED * contact_gap(scene) if waiting else NEAR * mean_edge(state)
         most = len(runs) + 1 + len(waiting) + len(further)
         label = f"close, round {len(runs) + 1} of at most {most}"
-        run = simulate_stage(scene, folder / f"close{len(runs)}", named_stage(label, listener))
+        run = simulate_stage(scene, folder / f"close{len(runs)}", named_stage(label, listener), ends=ends)
         completed, moved = run.status == "completed", state.moved_to(run.positions(-1))
         welded = welded_where_closed(moved, limit, surface) if completed else moved
-        before, gap = largest, worst_gap(welded)
-        if drawn and before <= limit and (not completed or gap[0] > limit):
+        before, gap = largest, worst_gap(welded)[0]
+        if drawn and before <= limit and (not completed or gap > limit):
             break  # stiffer springs opened what was closed: it stays as it was
         runs.append(run)
         if not completed:
-            between = limbs_between(moved, _open_seams(moved), wearer, mean_edge(state))
-            return ClosingResult(moved, f"While the seams were closed: {run.reason}", "", tuple(runs), between)
+            open_seam, between = _between_sides(moved, wearer, NEAR * mean_edge(state))
+            failure = f"While the seams were closed: {run.reason} {open_seam}".strip()
+            return ClosingResult(moved, failure, "", tuple(runs), between)
         idle = largest <= limit and len(welded.joined) == len(state.joined)
-        state, (largest, name) = welded, gap
+        state, largest = welded, gap
         if drawn and (idle or largest > max(WIDE * mean_edge(state), PROGRESS * before)):
             break
     seconds = sum(float(run.times[-1]) for run in runs)
     closed = f"pairs within {1e3 * limit:.2g} mm welded, largest gap left {1e3 * largest:.2g} mm"
     description = f"{len(runs)} rounds, {seconds:.2g} s; {closed}"
-    failure, between = "", ()
-    if largest > limit:
-        own = [seam for seam in state.mesh.seams if seam.name == name]
-        here, between = (limbs_between(state, seams, wearer, limit) for seams in (own, _open_seams(state)))
-        what = f"between them: {', '.join(f'the {limb}' for limb in here)}" if here else "between them: no limb, cloth"
-        failure = f"Seam {name} stays open by {1e3 * largest:.3g} mm (closed: {1e3 * limit:.2g} mm), {what}."
+    failure, between = _between_sides(state, wearer, limit)
     return ClosingResult(state, failure, description, tuple(runs), between)
+
+
+def _between_sides(state: SewingState, wearer: Wearer, limit: float) -> tuple[str, tuple[str, ...]]:
+    """A sentence on the widest seam, if it is open by more than a limit [m], and the limbs between those of all."""
+    gap, name = worst_gap(state)
+    if gap <= limit:
+        return "", ()
+    own = [seam for seam in state.mesh.seams if seam.name == name]
+    here, between = (limbs_between(state, seams, wearer, limit) for seams in (own, _open_seams(state)))
+    what = ", ".join(f"the {limb}" for limb in here) or "no limb, cloth"
+    sentence = f"Seam {name} stays open by {1e3 * gap:.3g} mm (closed: {1e3 * limit:.2g} mm), between them: {what}."
+    return sentence, between
 
 
 def _open_seams(state: SewingState) -> list[MeshedSeam]:

@@ -76,7 +76,9 @@ def _free_distance(state: SewingState, chosen: Ints, direction: Floats, body: Bo
     obstacle = np.concatenate([body.positions, state.positions])
     faces = np.concatenate([body.triangles, others + len(body.positions)])
     ahead = first_hits(state.positions[chosen], direction, obstacle, faces)
-    behind = first_hits(obstacle[np.unique(faces)], -direction, state.positions, own)
+    used = np.zeros(len(obstacle), bool)
+    used[faces] = True
+    behind = first_hits(obstacle[used], -direction, state.positions, own)
     return float(min(ahead.min(initial=np.inf), behind.min(initial=np.inf)))
 
 

@@ -56,7 +56,10 @@ SLID = 0.07
 
 @dataclass(frozen=True)
 class DressTask:
-    """What all stages share: the body and its surface, fabric, directory and listeners."""
+    """What all stages share: the body and its surface, fabric, directory and listeners.
+
+    ends: the `process_time` at which the budget of all stages is spent.
+    """
 
     body: BodyMesh
     surface: BodySurface
@@ -66,6 +69,7 @@ class DressTask:
     on_stage: StageCallback
     progress: Listener | None
     announce: Announcement | None
+    ends: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -142,7 +146,7 @@ def _close(task: DressTask, done: DressState) -> DressState:
     """Seams drawn together under contact."""
     started = process_time()
     try:
-        closing = close(done.state, done.on, task.fabrics, task.directory, task.progress)
+        closing = close(done.state, done.on, task.fabrics, task.directory, task.progress, task.ends)
     except InputError as error:
         return done.failed(f"The closing could not start: {error.sentence}")
     done = _add_stage(task, done, "close", closing.state, closing.description, started)
@@ -171,7 +175,7 @@ def _return(task: DressTask, done: DressState) -> DressState:
     """The body moved back to its own pose under the garment."""
     started = process_time()
     try:
-        run = returned_body(done.state, done.on, task.fabrics, task.directory / "return", task.progress)
+        run = returned_body(done.state, done.on, task)
     except InputError as error:
         return done.failed(f"The body could not move back to its pose: {error.sentence}")
     if run.status != "completed":
@@ -188,7 +192,7 @@ def _drape(task: DressTask, done: DressState) -> DressState:
         held, notes = edges_held(done.state, task.body)
         done = replace(done, notes=(*done.notes, *notes))
     try:
-        run = drape_sewn(held, task.body, task.fabrics, task.directory, task.progress, task.announce)
+        run = drape_sewn(held, task)
     except InputError as error:
         return replace(done, status="sewn", reason=f"The drape could not start: {error.sentence}")
     if run.status != "completed":
@@ -267,14 +271,7 @@ def open_seam_tables(state: SewingState) -> list[dict[str, Any]]:
     ]
 
 
-def drape_sewn(
-    state: SewingState,
-    body: BodyMesh,
-    fabrics: Fabrics,
-    folder: Path,
-    listener: Listener | None,
-    announce: Announcement | None,
-) -> Run:
+def drape_sewn(state: SewingState, task: DressTask) -> Run:
     """Run of the garment under gravity until it rests.
 
     One that hangs on the shoulders is shaken down before, in the folder `shaken`; that is left out where it sinks, or
@@ -285,17 +282,18 @@ def drape_sewn(
     InputError
         A start that cannot be simulated.
     """
+    body = task.body
     if hangs_on_shoulders(state.positions, body):
-        first = named_stage("shake down, before the drape", listener)
-        shaken = _drape_with_friction(state, body, fabrics, folder / "shaken", SLIPPERY, first, announce)
+        first = named_stage("shake down, before the drape", task.progress)
+        shaken = _drape_with_friction(state, task, task.directory / "shaken", SLIPPERY, first)
         sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
         if shaken.status == "completed" and sank < SANK * np.ptp(body.positions @ body.up):
             state = state.moved_to(shaken.positions(-1))
-    last = named_stage("drape, the last stage", listener)
-    return _drape_with_friction(state, body, fabrics, folder, FRICTION, last, announce)
+    last = named_stage("drape, the last stage", task.progress)
+    return _drape_with_friction(state, task, task.directory, FRICTION, last)
 
 
-def returned_body(state: SewingState, posed: Wearer, fabrics: Fabrics, folder: Path, listener: Listener | None) -> Run:
+def returned_body(state: SewingState, posed: Wearer, task: DressTask) -> Run:
     """Run of the garment under a body that moves from the pose in which it was sewn to its own.
 
     Raises
@@ -305,23 +303,19 @@ def returned_body(state: SewingState, posed: Wearer, fabrics: Fabrics, folder: P
     """
     rate = (len(posed.way) - 1) / MOTION_SECONDS
     moving = Body(posed.way[0], posed.body.triangles, frames=posed.way, frames_per_second=rate, name="body")
-    stiffness = carrying_stiffness(fabrics.main, posed.way[-1])
+    stiffness = carrying_stiffness(task.fabrics.main, posed.way[-1])
     scene = fit_motion(stiffness, open_seam_tables(state), self_contact=True, slips=False).scene(
-        cloth=sewn_cloth(state, fabrics), body=moving
+        cloth=sewn_cloth(state, task.fabrics), body=moving
     )
-    return simulate_stage(scene, folder, named_stage("body back to its pose", listener))
+    listener = named_stage("body back to its pose", task.progress)
+    return simulate_stage(scene, task.directory / "return", listener, ends=task.ends)
 
 
 def _drape_with_friction(
-    state: SewingState,
-    body: BodyMesh,
-    fabrics: Fabrics,
-    folder: Path,
-    friction: float,
-    listener: Listener | None,
-    announce: Announcement | None,
+    state: SewingState, task: DressTask, folder: Path, friction: float, listener: Listener | None
 ) -> Run:
+    body = task.body
     scene = dress_drape(body.up, open_seam_tables(state), friction).scene(
-        cloth=sewn_cloth(state, fabrics), body=Body(body.positions, body.triangles, name="body")
+        cloth=sewn_cloth(state, task.fabrics), body=Body(body.positions, body.triangles, name="body")
     )
-    return simulate_stage(scene, folder, listener, announce)
+    return simulate_stage(scene, folder, listener, task.announce, task.ends)

@@ -96,11 +96,13 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         n = len(self.areas)
         force = -self.gradient(step.positions)[:n]
         inward, in_contact = _contact_directions(force)
-        loads = -(step.gradient[:n] * inward).sum(axis=1) / self.areas
+        loads = -(step.gradient[:n] * inward).sum(axis=1)
+        if self.name not in step.memory:  # the first step: stretched cloth at rest may bring any of its forces
+            loads = np.where(in_contact, loads, lengths(step.gradient[:n]))
         speeds = lengths(step.velocities[:n])
         approach = np.where(in_contact, (step.velocities[:n] * inward).sum(axis=1), speeds)
         stiffness = barrier_stiffness(
-            float(loads[in_contact].max(initial=0.0)),
+            float((loads / self.areas).max(initial=0.0)),
             float(self.masses.sum() / self.areas.sum()) if n else 0.0,
             float(approach.max(initial=0.0)),
             self.d_hat,

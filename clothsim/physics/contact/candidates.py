@@ -11,6 +11,7 @@ the reference is not a configuration that ever occurred, only one for which the 
 
 from dataclasses import dataclass
 from time import thread_time
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,17 @@ MAX_FRACTION_OUTSIDE = 0.25
 
 PATH_TOLERANCE = 1e-3
 """Fraction of the skin within which positions lie on a path: x + t dx is rounded."""
+
+
+class Displacement(NamedTuple):
+    """Displacement of each row of x from the reference (N,) [m], and by how much a pair may approach by it [m].
+
+    A pair has one side in each group: beside bodies that stand still by what the cloth moves, not by twice that.
+    """
+
+    by_row: Floats
+    approach: float
+
 
 SLACK = 0.9
 """Fraction of a distance that one step may use up (the conservative rescaling of additive CCD, Li et al. 2021)."""
@@ -112,7 +124,8 @@ class Candidates:
         pairs = self._pairs
         if not len(pairs):
             return pairs
-        return pairs.subset(active_among(x, pairs.elements, pairs.n_points, self._distances, displacement, distance))
+        listed = pairs.elements, pairs.n_points, self._distances, displacement.by_row, displacement.approach
+        return pairs.subset(active_among(x, *listed, distance))
 
     def minimum_gap(self, x: Floats) -> float:
         """Smallest distance of an active pair less the offset [m]; inf where no pair is active."""
@@ -165,7 +178,7 @@ class Candidates:
         self.seconds["candidates"] += thread_time() - start - (self.seconds["CCD"] - ccd_seconds)
         return most
 
-    def _limit_of_listed(self, displacement: Floats, x: Floats, dx: Floats, most: float) -> float:
+    def _limit_of_listed(self, displacement: Displacement, x: Floats, dx: Floats, most: float) -> float:
         """Collision-free fraction over the listed pairs."""
         if not len(self._pairs):
             return most
@@ -182,7 +195,7 @@ class Candidates:
         self.seconds["CCD"] += thread_time() - start
         return float(fraction)
 
-    def _may_reach_floor(self, displacement: Floats) -> Ints:
+    def _may_reach_floor(self, displacement: Displacement) -> Ints:
         """Indices of the pairs that the CCD may stop, if no row of x moves further than `displacement`.
 
         With d the distance at the reference, such a pair is at most d + displacement apart at the start of the path,
@@ -192,28 +205,30 @@ class Candidates:
         remainder = 1.0 - SLACK * (1.0 - 2.0 * TOLERANCE)
         factor = (1.0 + remainder) / (1.0 - remainder)
         pairs = self._pairs
-        return pairs_possibly_within(pairs.elements, pairs.n_points, self._distances, displacement, self.offset, factor)
+        listed = pairs.elements, pairs.n_points, self._distances, displacement.by_row, displacement.approach
+        return pairs_possibly_within(*listed, self.offset, factor)
 
     def _ensure_covers(
-        self, before: Floats, after: Floats, distance: float, displacement: Floats | None = None
-    ) -> Floats:
+        self, before: Floats, after: Floats, distance: float, displacement: Displacement | None = None
+    ) -> Displacement:
         """Update the list unless it holds all pairs closer than `distance` <= activation_distance + skin on a path.
 
-        Returns the displacement of each row of x from the reference (N,) [m]; displacement: the same for the present
-        reference.
+        Returns the displacement from the reference; displacement: the same for the present reference.
         """
         margin = 0.5 * (self.activation_distance + 4.0 * self.skin - distance)
         if self._path is not None:
             displacement = self._displacements(before, after) if displacement is None else displacement
-            if displacement.max(initial=0.0) <= margin or self._follows_path(before, after, margin):
+            if displacement.approach <= 2.0 * margin or self._follows_path(before, after, margin):
                 return displacement
         self._update_list(before, after)
         return self._displacements(before, after)
 
-    def _displacements(self, before: Floats, after: Floats) -> Floats:
-        """Largest distance of each row of x from the reference on a path (N,) [m]."""
+    def _displacements(self, before: Floats, after: Floats) -> Displacement:
+        """Largest distance of each row of x from the reference on a path."""
         assert self._path is not None
-        return displacement_norms(before, after, self._path[0], self.surface.rows)
+        rows, n_first = self.surface.rows, self.surface.n_first
+        by_row, first, second = displacement_norms(before, after, self._path[0], rows, n_first)
+        return Displacement(by_row, first + (second if n_first < len(rows) else first))
 
     def _follows_path(self, before: Floats, after: Floats, margin: float) -> bool:
         """True where all rows stay within `margin` [m] of the listed path at one common fraction."""
@@ -254,7 +269,7 @@ class Candidates:
         """Rows of x that leave the skin on a path, (N,); None where all pairs are to be searched."""
         if self._path is None:
             return None
-        outside = ~(self._displacements(before, after) <= self.skin)
+        outside = ~(self._displacements(before, after).by_row <= self.skin)
         few = outside.sum() <= MAX_FRACTION_OUTSIDE * len(self.surface.first.points)
         second_still = self.surface.is_self_contact or not outside[self.surface.second.points].any()
         return outside if few and second_still else None

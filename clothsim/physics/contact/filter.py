@@ -11,17 +11,25 @@ from clothsim.physics.contact.distance import distance_squared
 
 
 @kernel
-def displacement_norms(before: Floats, after: Floats, reference: Floats, rows: Ints) -> Floats:
+def displacement_norms(
+    before: Floats, after: Floats, reference: Floats, rows: Ints, n_first: int
+) -> tuple[Floats, float, float]:
     """Distance of each of `rows` of x from its reference position, the larger at both ends of a path, (N,) [m].
 
-    before, after, reference (N, 3) [m]. 0 for all other rows, inf for non-finite positions.
+    before, after, reference (N, 3) [m]. 0 for all other rows, inf for non-finite positions. And the largest of the
+    first n_first rows and of the others, which are most often of bodies that stand still.
     """
-    displacement = np.zeros(len(reference))
-    for row in rows:
-        i = natural(row)
+    displacement, first, second = np.zeros(len(reference)), 0.0, 0.0
+    for k in range(len(rows)):
+        i = natural(rows[k])
         norm_squared = max(_offset_squared(before, reference, i), _offset_squared(after, reference, i))
-        displacement[i] = np.sqrt(norm_squared)
-    return displacement
+        if norm_squared > 0.0:
+            displacement[i] = np.sqrt(norm_squared)
+            if k < n_first:
+                first = max(first, displacement[i])
+            else:
+                second = max(second, displacement[i])
+    return displacement, first, second
 
 
 @part
@@ -48,12 +56,17 @@ def _approach_bound(elements: Ints, e: int, n_points: int, displacement: Floats)
 
 @kernel
 def pairs_possibly_within(
-    elements: Ints, n_points: int, distances: Floats, displacement: Floats, limit: float, factor: float
+    elements: Ints, n_points: int, distances: Floats, displacement: Floats, approach: float, limit: float, factor: float
 ) -> Ints:
-    """Indices of the pairs with a cached distance of at most limit [m] + factor times their approach bound."""
-    indices = np.empty(len(elements), np.int64)
+    """Indices of the pairs with a cached distance of at most limit [m] + factor times their approach bound.
+
+    approach: the largest approach bound of any pair, `displacement` (N,) [m] being that of the rows of x.
+    """
+    indices, reach = np.empty(len(elements), np.int64), limit + factor * approach
     count = 0
     for e in range(len(elements)):
+        if distances[e] > reach:  # whichever rows they are of
+            continue
         if distances[e] <= limit + factor * _approach_bound(elements, e, n_points, displacement):
             indices[count] = e
             count += 1
@@ -62,16 +75,18 @@ def pairs_possibly_within(
 
 @kernel
 def active_among(
-    x: Floats, elements: Ints, n_points: int, distances: Floats, displacement: Floats, limit: float
+    x: Floats, elements: Ints, n_points: int, distances: Floats, displacement: Floats, approach: float, limit: float
 ) -> Ints:
     """Indices of the pairs closer than `limit` [m] at x (N, 3) [m].
 
     distances (p,) [m] are cached at reference positions from which each row of x has since moved by `displacement` (N,)
-    [m]: most pairs are decided by them, only the others are measured.
+    [m], and no pair by more than `approach` together: most pairs are decided by these, only the others are measured.
     """
-    indices = np.empty(len(elements), np.int64)
+    indices, reach = np.empty(len(elements), np.int64), ROUND_OFF_FACTOR * (limit + approach)
     count = 0
     for e in range(len(elements)):
+        if distances[e] > reach:  # whichever rows they are of
+            continue
         change = _approach_bound(elements, e, n_points, displacement)
         if distances[e] > ROUND_OFF_FACTOR * (limit + change):
             continue

@@ -128,7 +128,7 @@ def kinetic_energy_of_impact(velocities: Floats, masses: Floats) -> float:
     1.0
     """
     n = len(masses)
-    bodies, momentum = velocities[n:], masses @ velocities[:n]
+    bodies, momentum = velocities[n:] if velocities[n:].any() else velocities[:0], masses @ velocities[:n]
     gains = masses.sum() * (bodies**2).sum(axis=1) - 2 * bodies @ momentum
     return 0.5 * (float(masses @ (velocities[:n] ** 2).sum(axis=1)) + max(float(gains.max(initial=0.0)), 0.0))
 

@@ -150,6 +150,11 @@ class ContactSurface:
         both = np.concatenate([self.first.points, self.second.points])
         return np.unique(both) if self.n_shared else both
 
+    @property
+    def n_first(self) -> int:
+        """Number of the first `rows` that are of the first group alone, each pair having one side there; else all."""
+        return len(self.rows) if self.n_shared else len(self.first.points)
+
     @cached_property
     def vertex_areas(self) -> Floats:
         """A third of the incident rest triangles of each row of x, (N,) [m2]; half of the edges of rods."""

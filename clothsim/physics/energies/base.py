@@ -113,6 +113,13 @@ class Energy(abc.ABC):
     exact_in_newton: ClassVar[bool] = True
     """False where Newton's exact model takes the projected Hessian too: the exact one costs more than it saves."""
 
+    def reads_beyond(self, n: int) -> bool:
+        """True where E depends on more than the first n rows of x, as may be by default: else it is called with those.
+
+        A cloth beside a body is a tenth of x.
+        """
+        return True
+
     @abc.abstractmethod
     def value(self, x: Floats) -> float:
         """E(x) [J]; +inf where x is not admissible, never NaN."""

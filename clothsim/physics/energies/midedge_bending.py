@@ -86,6 +86,10 @@ class MidedgeBending(ElementGradients, Energy, Restrictable):
 
     _bent: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
+    def reads_beyond(self, n: int) -> bool:
+        """True where a hinge has a row from n on."""
+        return bool(self.vertices.max(initial=-1) >= n)
+
     def by_point(self) -> Self:
         """The same energy with an element of three strains for each point."""
         n = self.points.shape[1] // 3

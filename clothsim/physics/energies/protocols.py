@@ -353,3 +353,7 @@ class Elementwise(Restrictable):
         """The elements with a vertex that moves."""
         selected = np.flatnonzero(moving[getattr(self, self.per_element[0])].any(axis=1))
         return replace(cast("Any", self), **{name: getattr(self, name)[selected] for name in self.per_element})
+
+    def reads_beyond(self, n: int) -> bool:
+        """True where an element has a row from n on."""
+        return bool(getattr(self, self.per_element[0]).max(initial=-1) >= n)

@@ -247,6 +247,10 @@ class SeamsEnergy(Links, Coupling, Driven, Joining, EnergyReport, PastSensitivit
         """True where no stitch acts and no closed seam bends."""
         return super().idle and not self._bends
 
+    def reads_beyond(self, n: int) -> bool:
+        """True where a stitch, or a hinge across a closed seam, has a row from n on."""
+        return super().reads_beyond(n) or self.bending.reads_beyond(n)
+
     def begin(self, step: Step) -> Self:
         """A copy with the lengths of the strings at the end of the step."""
         now, then = step.time, step.time + step.dt

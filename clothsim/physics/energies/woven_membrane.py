@@ -93,6 +93,10 @@ class FibresEnergy(Energy, Restrictable):
         inverses = world.rest_shape_inverses @ thread_axes(world, angles)
         return cls(world.triangles[chosen], inverses[chosen], world.rest_areas[chosen], law)
 
+    def reads_beyond(self, n: int) -> bool:
+        """True where a triangle has a row from n on."""
+        return bool(self.triangles.max(initial=-1) >= n)
+
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The threads of the triangles with a moving vertex."""
         selected = np.flatnonzero(moving[self.triangles].any(axis=1))
@@ -160,6 +164,10 @@ class ThreadedMembrane(Energy, Restrictable, EnergyReport):
     def triangles(self) -> Ints:
         """The elastic triangles, (m, 3)."""
         return self.sheet.triangles
+
+    def reads_beyond(self, n: int) -> bool:
+        """True where a triangle has a row from n on."""
+        return self.sheet.reads_beyond(n)
 
     def with_triangles(self, triangles: Ints) -> Self:
         """Copy of the elements between other vertices, `triangles (m, 3)`."""

@@ -29,7 +29,9 @@ FIRST_FORCE = 0.1
 """
 
 CONVERGED_PART = 0.1
-"""Largest fraction that counts in FIRST_FORCE: a card that slides was held at a residual of 2 %."""
+"""Largest fraction that counts in FIRST_FORCE: a card that slides was held at a residual of 2 %. A solve that leaves an
+unstable equilibrium has it where the scene gives a tolerance (`time_loop`).
+"""
 FEWEST = 2
 """Fewest iterations of a step that a time error ends: the first one has the projected Hessian, whose step says nothing
 of a buckle or of friction that is about to slip.

@@ -48,10 +48,13 @@ class Potential:
         Energies by name, in the order of summation.
     timers : Timers
         Timers and counters of their calls.
+    unknowns : int, optional
+        Number of rows of x that are unknowns; energies that read no other rows are called with these alone.
     """
 
     energies: Mapping[str, Energy]
     timers: Timers
+    unknowns: int | None = None
     _values: Memo[tuple[float, ...]] = field(
         default_factory=partial(Memo, keeps_first=True), init=False, repr=False, compare=False
     )
@@ -68,8 +71,9 @@ class Potential:
                     bound[name] = energy.begin(step)
                     if is_idle(bound[name]):
                         continue
-                    part = bound[name].gradient(step.positions)
-                    gradient += slower * part if energy.incremental else part  # momentum over contact's time scale
+                    rows = self._rows_of(bound[name])
+                    part = bound[name].gradient(step.positions[rows])
+                    gradient[rows] += slower * part if energy.incremental else part  # momentum over contact's time
         for name, energy in self.energies.items():
             if energy.depends_on_other_energies:
                 with self.timers.effect(name, ""):
@@ -85,6 +89,14 @@ class Potential:
     def acting(self) -> Mapping[str, Energy]:
         """Energies that are not idle in this step."""
         return {name: energy for name, energy in self.energies.items() if not is_idle(energy)}
+
+    @cached_property
+    def _rows(self) -> Mapping[str, slice]:
+        """The rows of x that each acting energy is called with."""
+        return {name: self._rows_of(energy) for name, energy in self.acting.items()}
+
+    def _rows_of(self, energy: Energy) -> slice:
+        return slice(None) if self.unknowns is None or energy.reads_beyond(self.unknowns) else slice(self.unknowns)
 
     @property
     def lagging(self) -> Mapping[str, Energy]:
@@ -120,7 +132,7 @@ class Potential:
         values: list[float] = []
         with self.timers.effects_in_turn() as effects:
             for name, energy in self.acting.items():
-                value = energy.value(x)
+                value = energy.value(x[self._rows[name]])
                 effects.done(name, "evaluations")
                 if not math.isfinite(value):
                     return (*values, np.inf)
@@ -139,9 +151,10 @@ class Potential:
         total, largest = np.zeros_like(x), 0.0
         with self.timers.effects_in_turn() as effects:
             for name, energy in self.acting.items():
-                part = np.ascontiguousarray(energy.gradient(x), np.float64)
-                if part.shape != x.shape:
-                    part = np.ascontiguousarray(np.broadcast_to(part, x.shape))
+                own = x[self._rows[name]]
+                part = np.ascontiguousarray(energy.gradient(own), np.float64)
+                if part.shape != own.shape:
+                    part = np.ascontiguousarray(np.broadcast_to(part, own.shape))
                 largest = max(largest, add_to(total, part))
                 effects.done(name, "gradients")
         return total, largest
@@ -166,7 +179,7 @@ class Potential:
             ]
 
     def _hessian(self, effects: EffectsInTurn, name: str, x: Floats, project: bool) -> Hessian:
-        hessian = self.energies[name].hessian(x, project)
+        hessian = self.energies[name].hessian(x[self._rows[name]], project)
         effects.done(name, "hessians")
         self.timers.effects[name].hessian_nonzeros = int(hessian.nnz)
         if isinstance(hessian, SumHessian):

@@ -135,7 +135,7 @@ def first_row(world: World, label: int) -> int:
 
 
 class Cause(StrEnum):
-    """Causes of a failure: the ends of a Newton solve but convergence, and an intersection in a frame."""
+    """Causes of a failure: the ends of a Newton solve but convergence, an intersection in a frame, a spent budget."""
 
     ITERATION_LIMIT = "iteration limit"
     LINE_SEARCH = "line search"
@@ -145,6 +145,7 @@ class Cause(StrEnum):
     NOT_FINITE = "not finite"
     SINGULAR = "singular"
     INTERSECTION = "intersection"
+    BUDGET = "budget"
 
 
 @dataclass(frozen=True)
@@ -257,6 +258,13 @@ def crossing_failure(crossing: "Crossing", state: State, dt: float) -> Failure:
     remedy = "Contact should have prevented it: please report it with the archive that `clothsim bundle` makes."
     sentence = f"{crossing.sentence}."
     return Failure(Cause.INTERSECTION, sentence, element, crossing.position, remedy, state.step, state.time, dt)
+
+
+def budget_failure(budget: float, state: State, duration: float, dt: float) -> Failure:
+    """Describe the end of a run that spent its CPU time [s] before its duration [s]."""
+    sentence = f"The budget of {budget:.3g} CPU s is spent, {duration - state.time:.3g} s are left to simulate."
+    remedy = "Set a larger run.budget, or go on with `clothsim resume`."
+    return Failure(Cause.BUDGET, sentence, "", None, remedy, state.step, state.time, dt)
 
 
 def try_sentence(world: World, constraints: Collection[Constraint], potential: Potential, result: NewtonResult) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 
@@ -11,16 +12,23 @@ from clothsim.geometry.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.protocols import ChangingMaterial
+from clothsim.solve.newton.convergence import CONVERGED_PART
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.newton.stability import Mode, descent_from_saddle, lowest_mode
 from clothsim.solve.newton.statics import StaticModel
+from clothsim.solve.stepping.failure import budget_failure
 from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.state import Previous, Rest, State, Switch
 from clothsim.solve.stepping.stepping import Integrator, StepReport, advance
 
 
 def steps(
-    integrator: Integrator, state: State, duration: float, frames_per_second: float, until: str = "time"
+    integrator: Integrator,
+    state: State,
+    duration: float,
+    frames_per_second: float,
+    until: str = "time",
+    budget: float | None = None,
 ) -> Iterator[StepReport]:
     """Generate the steps from `state` to `duration` [s]; each frame falls on the end of a step.
 
@@ -36,18 +44,24 @@ def steps(
         Frame rate [1/s].
     until : {"time", "rest"}
         "rest": the first frame at rest is the last one, if it comes before the end.
+    budget : float, optional
+        CPU time of all steps [s].
 
     Yields
     ------
     StepReport
-        The last one may be of a step that failed.
+        The last one may be of a step that failed; where the budget is spent, it is a second one of the last step.
     """
+    ends = np.inf if budget is None else process_time() + budget
     while not finished(state, duration, frames_per_second, until):
         report = next_step(integrator, state, duration, frames_per_second)
         yield report
         if not report.converged:
             return
         state = report.state
+        if budget is not None and process_time() > ends and not finished(state, duration, frames_per_second, until):
+            yield replace(report, failure=budget_failure(budget, state, duration, report.dt))
+            return
 
 
 def next_step(integrator: Integrator, state: State, duration: float, frames_per_second: float) -> StepReport:
@@ -116,7 +130,10 @@ def with_rest_state(integrator: Integrator, before: State, report: StepReport, u
         report = stabilised(integrator, before, report) if static else out_of_plane(integrator, report)
     slow = report.state.slow_steps + 1 if report.fastest < integrator.rest_speed else 0
     rest = report.state.rest if slow else Rest.MOVING
-    if report.frame_done and rest is not Rest.REACHED and (static or slow >= SLOW_STEPS):
+    kept = static and bool(report.switches) and not report.switches[-1].left
+    if kept:
+        rest = Rest.UNSTABLE
+    elif report.frame_done and rest is not Rest.REACHED and (static or slow >= SLOW_STEPS):
         with integrator.potential.timers.phase("stability"):
             report, rest = _looked_at(integrator, report, until, static)
         slow = slow if rest is Rest.REACHED else 0
@@ -245,16 +262,17 @@ def step_from_rest(integrator: Integrator, state: State, later: float) -> Step:
 def stabilised(integrator: Integrator, before: State, report: StepReport) -> StepReport:
     """Return the report of a quasi-static step, repeated along unstable modes until its end is stable.
 
-    A repetition that fails is not taken: the equilibrium is then kept, and recorded as such. The last of MOST_SWITCHES
-    repetitions may be unstable, too.
+    A repetition that fails is not taken: the equilibrium is then kept, and recorded as such. So is one that is still
+    unstable after MOST_SWITCHES of them.
     """
-    for _ in range(MOST_SWITCHES):
+    for count in range(MOST_SWITCHES + 1):
         model = static_model(integrator, report)
         size = _extent(report.state.positions[: integrator.world.n_cloth])
         side = unstable_side(integrator, model, STATIC_AMPLITUDE * size, LONGEST_EXTENSION)
         if side is None:
             break
-        again = _repeated(integrator, before, report, side.dx) if side.dx.any() else None
+        leaves = side.dx.any() and count < MOST_SWITCHES
+        again = _repeated(integrator, before, report, side.dx) if leaves else None
         if again is None:
             kept = replace(side, dx=np.zeros_like(side.dx))
             return replace(report, switches=(*report.switches, kept.record()))
@@ -270,10 +288,20 @@ def stabilised(integrator: Integrator, before: State, report: StepReport) -> Ste
 
 
 def _repeated(integrator: Integrator, before: State, report: StepReport, dx: Floats) -> StepReport | None:
-    """The report of a step repeated from its end displaced by dx; None where it fails: a shorter one is of no use."""
-    displaced_start = replace(before, positions=report.state.positions + dx)
-    again = advance(integrator, displaced_start, report.state.time, retries=False)
-    return again if again.converged and again.state.time == report.state.time else None
+    """The report of a step repeated from its end displaced by dx; None where it fails: a shorter one is of no use.
+
+    Beside a saddle steps are short, and one below a tolerance in m/s is no sign of a minimum: with a tolerance a solve
+    by the motion since the displacement goes before (`StaticStop`).
+    """
+    own, start, iterations = integrator.settings, report.state.positions + dx, 0
+    by_motion = replace(own, error_fraction=CONVERGED_PART)
+    for settings in (own,) if own.error_fraction else (by_motion, own):
+        solver = replace(integrator, settings=settings)
+        again = advance(solver, replace(before, positions=start), report.state.time, retries=False)
+        if not again.converged or again.state.time != report.state.time:
+            return None
+        start, iterations = again.state.positions, iterations + again.result.iterations
+    return replace(again, result=replace(again.result, iterations=iterations))
 
 
 def out_of_plane(integrator: Integrator, report: StepReport) -> StepReport:

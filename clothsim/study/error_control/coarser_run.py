@@ -12,6 +12,7 @@ from clothsim.study.error_control.resolution import (
     Resolution,
     Runs,
     Trial,
+    acting,
     another_shape,
     differences_of,
     has_cells_for,
@@ -83,7 +84,7 @@ def _estimate(trials: list[Trial], coarser: Coarsened, newton: Any) -> dict[str,
         return {"total": f"not estimated (a coarser run failed: {trials[-1].reason})", "known": False, "fixed": fixed}
     differences = differences_of(*trials)
     moved, further = differences.fine, differences.coarse
-    found = from_three(differences, coarser.parameters)
+    found = from_three(differences, acting(coarser.parameters, trials))
     reason = found.reason
     if another_shape(trials[0], max(moved, further)):
         reason = f"a coarser run ends in another shape, {max(moved, further):.2g} m away"

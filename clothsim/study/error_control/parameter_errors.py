@@ -196,7 +196,7 @@ def from_three(differences: Differences, parameters: Collection[str]) -> ThreeRu
     differences : Differences
         Of the three runs.
     parameters : collection of str
-        What is coarser; with a d_hat the scene has contact.
+        What is coarser; with a d_hat contact acted in a run.
 
     Returns
     -------

@@ -25,6 +25,7 @@ from clothsim.study.error_control.resolution import (
     Resolution,
     Runs,
     Trial,
+    acting,
     another_shape,
     differences_of,
     distance_at,
@@ -169,7 +170,7 @@ def _estimate_from_three(search: ResolutionSearch, found: Found) -> ThreeRuns:
         if trials[-1].reason:
             return ThreeRuns(found.resolution_error, trials[-1].reason)
     differences = differences_of(*trials)
-    three = from_three(differences, search.refinable.parameters)
+    three = from_three(differences, acting(search.refinable.parameters, trials))
     if another_shape(found.trial, differences.fine):
         return replace(three, reason="coarser runs end in another shape")
     return three

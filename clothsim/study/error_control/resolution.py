@@ -170,6 +170,8 @@ class Trial:
         Processor seconds.
     reason : str
         Why it came to no end; empty where it did.
+    touched : bool
+        True where contact acted at the end of a step.
     """
 
     resolution: Resolution
@@ -177,6 +179,7 @@ class Trial:
     positions: Floats
     seconds: float
     reason: str = ""
+    touched: bool = True
 
 
 Runs = Callable[[Scene, list[Session]], Run]
@@ -189,8 +192,8 @@ ANOTHER_SHAPE = 0.1
 def trial_at(scene: Scene, resolution: Resolution) -> Trial:
     """Run a scene at a resolution without writing anything."""
     started = process_time()
-    world, positions, reason = last_positions(scene)
-    return Trial(resolution, world_material(world), positions, process_time() - started, reason)
+    world, positions, reason, touched = last_positions(scene)
+    return Trial(resolution, world_material(world), positions, process_time() - started, reason, touched)
 
 
 def written_run(runs: Runs, scene: Scene, resolution: Resolution) -> tuple[Run, Trial]:
@@ -198,7 +201,9 @@ def written_run(runs: Runs, scene: Scene, resolution: Resolution) -> tuple[Run, 
     started, sessions = process_time(), list[Session]()
     run = runs(scene, sessions)
     seconds = process_time() - started
-    return run, Trial(resolution, world_material(sessions[0].built.world), run.positions(-1), seconds)
+    touched = run.summary["certificate"]["minimum_gap"] is not None
+    material = world_material(sessions[0].built.world)
+    return run, Trial(resolution, material, run.positions(-1), seconds, touched=touched)
 
 
 def with_estimate(run: Run, entries: Mapping[str, Any], *notes: str) -> Run:
@@ -248,6 +253,12 @@ def differences_of(fine: Trial, middle: Trial, coarse: Trial) -> Differences:
         return Differences(0.0, 0.0)
     cosine = (weights @ (first * second).sum(axis=1)) / (moved * further) if moved * further > 0 else 1.0
     return Differences(float(moved), float(further), float(cosine))
+
+
+def acting(parameters: Collection[str], trials: Collection[Trial]) -> tuple[str, ...]:
+    """Return the parameters without d_hat where contact acted in no run: their differences are those of no contact."""
+    touched = any(trial.touched for trial in trials)
+    return tuple(name for name in parameters if touched or name != D_HAT)
 
 
 def distance_at(points: Material) -> Distance:

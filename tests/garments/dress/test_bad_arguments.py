@@ -29,6 +29,8 @@ CASES = {
     "size in words": ({"size": "2cm"}, "size"),
     "size of a thousandth of a millimetre": ({"size": 1e-6}, "size"),
     "unknown fabric": ({"fabric": "steel"}, "steel"),
+    "no budget": ({"budget": 0.0}, "budget"),
+    "budget in words": ({"budget": "90s"}, "budget"),
     "unknown origin": ({"origin": "head"}, "head"),
     "body in centimetres": ({"on": worn(100 * POSITIONS)}, "tall"),
     "body in kilometres": ({"on": worn(POSITIONS / 1000)}, "tall"),

@@ -74,6 +74,14 @@ def test_a_seam_that_stiffer_springs_do_not_bring_nearer_is_given_up(tmp_path):
     assert worst_gap(closing.state)[0] > WIDE * mean_edge(closing.state)
 
 
+def test_a_closing_whose_budget_is_spent_names_the_seam_and_what_is_between(tmp_path):
+    state, wearer = on_both_sides_of_a_slab(0.2)
+    closing = close(state, wearer, Fabrics("cotton"), tmp_path, None, ends=0.0)
+    assert (len(closing.runs), len(closing.runs[0].record()), closing.between) == (1, 1, ("body",))
+    assert state.mesh.seams[0].name in closing.failure
+    assert "the body" in closing.failure
+
+
 def test_stiffer_rounds_end_where_one_welds_nothing(tmp_path):
     state, wearer = on_both_sides_of_a_slab(0.02)
     closing = close(state, wearer, Fabrics("cotton"), tmp_path, None)
@@ -86,7 +94,7 @@ def test_a_stiffer_round_that_opens_a_seam_is_not_taken(tmp_path, monkeypatch, s
     state, wearer = on_both_sides_of_a_slab(0.02)
     real, rounds = closing_rounds.simulate_stage, []
 
-    def simulated(*given):
+    def simulated(*given, ends):
         rounds.append(
             real(*given) if not rounds else Mock(**{"status": status, "positions.return_value": state.positions})
         )

@@ -1,5 +1,6 @@
 """Drape of a sewn garment: one that hangs on the shoulders is shaken down with little friction, others are not."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,13 +9,14 @@ import trimesh
 from capsule_bodies import person
 from sewing_patterns import panel, specification
 
-from clothsim.garments.dress.pipeline import drape_sewn, end_of_drape
+from clothsim.garments.dress.pipeline import DressTask, drape_sewn, end_of_drape
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 from clothsim.run.results import open_run
+from transfer.signed_distance import body_surface
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +24,12 @@ def ball() -> BodyMesh:
     """A ball of .3 m about the origin, as a body."""
     made = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
     return BodyMesh("ball", np.asarray(made.vertices), np.asarray(made.faces), 1.0, ())
+
+
+def task_on(body: BodyMesh, folder: Path, ends: float = np.inf) -> DressTask:
+    """A task of cotton on a body, with the `process_time` at which its budget is spent."""
+    surface = body_surface(body.positions, body.triangles)
+    return DressTask(body, surface, Fabrics("cotton"), False, folder, lambda stage: None, None, None, ends)
 
 
 def sheet_over(body: BodyMesh, aside: float = 0.0) -> SewingState:
@@ -35,7 +43,7 @@ def sheet_over(body: BodyMesh, aside: float = 0.0) -> SewingState:
 
 def test_what_hangs_on_the_shoulders_is_shaken_down(ball, tmp_path):
     state = sheet_over(ball)
-    run = drape_sewn(state, ball, Fabrics("cotton"), tmp_path, None, None)
+    run = drape_sewn(state, task_on(ball, tmp_path))
     assert run.status == "completed"
     shaken = open_run(tmp_path / "shaken")
     assert np.array_equal(shaken.positions(0), state.positions)
@@ -45,8 +53,13 @@ def test_what_hangs_on_the_shoulders_is_shaken_down(ball, tmp_path):
 
 def test_what_friction_alone_holds_is_draped_as_it_was_sewn(ball, tmp_path):
     state = sheet_over(ball, aside=0.05)
-    run = drape_sewn(state, ball, Fabrics("cotton"), tmp_path, None, None)
+    run = drape_sewn(state, task_on(ball, tmp_path))
     assert np.array_equal(run.positions(0), state.positions)
+
+
+def test_a_drape_ends_with_the_budget(ball, tmp_path):
+    run = drape_sewn(sheet_over(ball, aside=0.05), task_on(ball, tmp_path, ends=0.0))
+    assert (run.status, run.summary["failure"]["cause"], len(run.record())) == ("failed", "budget", 1)
 
 
 @pytest.mark.parametrize(("top", "hangs"), [(0.85, True), (0.76, False)])

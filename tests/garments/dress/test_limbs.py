@@ -15,7 +15,7 @@ from clothsim.garments.dress.limbs import (
     limbs_between,
     sewing_pose,
 )
-from clothsim.garments.dress.pipeline import returned_body
+from clothsim.garments.dress.pipeline import DressTask, returned_body
 from clothsim.garments.dress.sewing_state import Fabrics, as_placed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import count_penetrations
@@ -118,6 +118,8 @@ def test_nothing_helps_where_no_limb_is_between(wearer):
 def test_a_garment_goes_back_with_the_body(wearer, tmp_path):
     posed, _ = sewing_pose(wearer, ["left leg"])
     state = tube(0.3, 0.6, 0.66)
-    run = returned_body(state, posed, Fabrics("cotton"), tmp_path, None)
+    fabrics = Fabrics("cotton")
+    task = DressTask(wearer.body, wearer.surface, fabrics, False, tmp_path, lambda stage: None, None, None)
+    run = returned_body(state, posed, task)
     assert run.status == "completed"
     assert count_penetrations(run.positions(-1), state.triangles, wearer.surface).clean

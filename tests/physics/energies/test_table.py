@@ -202,6 +202,18 @@ def test_body_rows_of_the_gradient_are_there_where_the_body_matters_and_only_the
     assert not isinstance(energy, ContactGap) or np.isfinite(energy.minimum_gap(x))
 
 
+@every_energy
+def test_only_an_energy_that_needs_bodies_reads_beyond_the_cloth(name):
+    energy, world = made(name)
+    x, n = position(world), world.n_cloth
+    if EXAMPLES[name].with_bodies:
+        assert energy.reads_beyond(n)
+    elif not energy.reads_beyond(n):
+        assert energy.value(x[:n]) == energy.value(x)
+        assert np.array_equal(energy.gradient(x[:n]), energy.gradient(x)[:n])
+        assert np.array_equal(dense_hessian(energy, x[:n]), dense_hessian(energy, x)[: 3 * n, : 3 * n])
+
+
 @pytest.mark.parametrize("name", CONSTRAINTS)
 def test_constraints_prescribe_rows_of_x(name):
     constraint, world = made(name)

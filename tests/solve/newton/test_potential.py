@@ -11,6 +11,7 @@ from solving import step_at
 
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.physics.energies.inertia import InertiaEnergy
 from clothsim.physics.energies.protocols import ContactGap, Coupling, Idling, Lagged
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers
@@ -58,6 +59,23 @@ def test_forces_of_too_few_or_too_many_rows_are_no_gradient(rows):
     potential = Potential({"pull": Pull(np.ones((rows, 3)))}, Timers())
     with pytest.raises(ValueError, match="broadcast"):
         potential.gradient(np.zeros((300, 3)))
+
+
+def test_what_reads_no_bodies_is_called_without_them():
+    """A force on the cloth alone and one on all: the sum is that of both over all rows."""
+    x, n = np.random.default_rng(3).normal(size=(9, 3)), 4
+    rows = np.arange(n)[:, None]
+    inertia = InertiaEnergy(rows, np.arange(1.0, n + 1), np.zeros((n, 3)), 0.5)
+    energies = {"inertia": inertia, "pull": Pull(np.arange(27.0).reshape(9, 3))}
+    alone, beside = Potential(energies, Timers()), Potential(energies, Timers(), n)
+    seen = []
+    gradient = InertiaEnergy.gradient
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(InertiaEnergy, "gradient", lambda energy, x: seen.append(len(x)) or gradient(energy, x))
+        assert np.array_equal(beside.gradient(x), alone.gradient(x))
+    assert seen == [n, 9]
+    assert beside.value(x) == alone.value(x)
+    assert beside.largest_force(x) == alone.largest_force(x)
 
 
 def test_a_value_that_is_refused_ends_the_sum():

@@ -10,6 +10,7 @@ from solving import integrator_of
 from clothsim.keys.fabric import Fabric
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.world import make_world
+from clothsim.solve.stepping import time_loop
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2
 from clothsim.solve.stepping.state import Rest, first_state
 from clothsim.solve.stepping.time_loop import MOST_SWITCHES, STEPS_BETWEEN_LOOKS, steps
@@ -102,6 +103,13 @@ def test_a_kept_equilibrium_is_recorded_and_stays():
     assert any(report.switches for report in moving)
 
 
+def test_a_step_that_is_unstable_after_its_last_switch_says_so(monkeypatch):
+    monkeypatch.setattr(time_loop, "MOST_SWITCHES", 0)
+    reports = last(strip(False), 0.1)
+    assert [switch.left for switch in reports[-1].switches] == [False]
+    assert reports[-1].state.rest is Rest.UNSTABLE
+
+
 @pytest.mark.parametrize("dynamic", [False, True])
 @pytest.mark.parametrize("stretch", [1.0, 1.3])
 def test_a_stable_flat_strip_is_left_in_place_with_the_same_bits(stretch, dynamic):
@@ -155,6 +163,7 @@ def test_a_repetition_that_fails_is_tried_once_and_the_state_counts_as_kept():
     integrator = replace(integrator, settings=replace(integrator.settings, max_iterations=1))
     reports = last((integrator, first_state(world, 0.1)), 0.1)
     assert [[switch.left for switch in report.switches] for report in reports] == [[False]]
+    assert reports[-1].state.rest is Rest.UNSTABLE
     assert not reports[-1].state.positions[:, 2].any()
     assert integrator.potential.timers.linear_solves < 20
 

@@ -133,7 +133,7 @@ def test_rows_have_names():
 
 def test_every_end_but_convergence_is_a_cause():
     ends = {ending.name for ending in Ending if ending is not Ending.CONVERGED}
-    assert {cause.name for cause in Cause} == {*ends, Cause.INTERSECTION.name}
+    assert {cause.name for cause in Cause} == {*ends, Cause.INTERSECTION.name, Cause.BUDGET.name}
 
 
 @pytest.mark.parametrize(

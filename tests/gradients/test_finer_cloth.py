@@ -1,4 +1,4 @@
-"""Finer meshes of a cloth, with which the model's own error is measured."""
+"""Cloths with four triangles for one."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import clothsim
 from clothsim import Cloth, Scene
 from clothsim.base.errors import InputError
-from clothsim.gradients.view_recovery import halved
+from clothsim.gradients.finer_cloth import halved, quartered
 from tests.benchmarks import views
 
 
@@ -54,3 +54,11 @@ def test_a_sewn_skirt_keeps_its_area():
 def test_what_is_meshed_no_more_finely(scene, named):
     with pytest.raises(InputError, match=named):
         halved(scene())
+
+
+def test_what_is_linear_over_triangles_is_so_over_their_quarters():
+    scene = flat([clothsim.Membrane()])
+    rest = scene.cloths[0].mesh.rest
+    slope, at = np.array([[2.0, 3.0], [-1.0, 0.5]]), np.array([0.1, 0.2])
+    np.testing.assert_allclose(quartered(rest @ slope + at), quartered(rest) @ slope + at, atol=1e-15)
+    np.testing.assert_allclose(quartered(rest), halved(scene)[0].cloths[0].mesh.rest, atol=1e-15)
