@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
@@ -16,7 +17,7 @@ from clothsim.base.linalg import unit
 from clothsim.base.triangles import area_vectors
 from clothsim.render.camera import Viewpoint
 from clothsim.render.colour_scale import Scale
-from clothsim.render.surface_look import Surface, cloth_shell, creased_normals, vertex_values
+from clothsim.render.surface_look import THREAD, Surface, cloth_shell, creased_normals, vertex_values
 
 PALETTE = np.array(
     [[0.055, 0.125, 0.245], [0.55, 0.24, 0.075], [0.115, 0.20, 0.125], [0.40, 0.055, 0.075], [0.62, 0.55, 0.43]]
@@ -25,8 +26,11 @@ PALETTE = np.array(
 BACKDROP = np.array([0.78, 0.78, 0.79])
 RIBS, TEXELS, RIB_PIXELS = 48, 768, 2.4
 """Ribs and texels of a tile of the weave, and the least width of a rib in a picture [pixels]."""
-RIB, MELANGE = 1.6e-3, 0.05
-"""Width of a rib [m], and the variation of the brightness of its threads."""
+RIB, RELIEF = 1.6e-3, 0.25
+"""Width of a rib [m], and how much darker the cloth is between two."""
+MELANGE, SLUB = 0.025, 3.0
+"""Variation of the brightness of the threads, which changes along a thread after so many ribs: threads that were the
+same all along would be seen as a plaid."""
 DEPTH = 5
 """Bounces of light."""
 PATHS = 6
@@ -78,7 +82,7 @@ def render(
             normals = creased_normals(surface.positions, surface.triangles)
             shapes.append(_mesh(mi, surface.positions[surface.triangles], normals, _LACQUER))
         else:
-            shapes += _cloth(mi, surface, threads[n_cloths % len(threads)], scale, max(RIB, RIB_PIXELS * pixel))
+            shapes += _cloth(mi, surface, threads[n_cloths % len(threads)], scale, pixel)
             n_cloths += 1
     aovs = "colour:albedo,normal:sh_normal,depth:depth"
     scene = {
@@ -128,11 +132,12 @@ def _mesh(
     return mesh
 
 
-def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, rib: float) -> list[Any]:
-    """The meshes of a cloth and of its stitches.
+def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, pixel: float) -> list[Any]:
+    """The meshes of a cloth and, where their threads are as wide as a pixel, of its stitches.
 
-    dyes: (2, 3) linear RGB of its threads; rib: width of the ribs of its weave [m].
+    dyes: (2, 3) linear RGB of its threads; pixel: its width on the cloth [m].
     """
+    rib = max(RIB, RIB_PIXELS * pixel)
     shell, stitches = cloth_shell(surface)
     values = vertex_values(surface)
     if scale is not None and len(values):
@@ -140,10 +145,10 @@ def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, rib: fl
         made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, None, rib), shell.uv, painted)]
     else:
         made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, dyes, rib), shell.uv)]
-    if len(stitches):
+    if len(stitches) and pixel < 2.0 * THREAD:
         facing = unit(area_vectors(stitches))
         normals = np.broadcast_to(facing[:, None], stitches.shape)
-        made.append(_mesh(mi, stitches, normals, _diffuse(0.25 * dyes.mean(axis=0) + 0.02)))
+        made.append(_mesh(mi, stitches, normals, _diffuse(0.6 * dyes.mean(axis=0) + 0.01)))
     return made
 
 
@@ -185,10 +190,11 @@ def _twill() -> tuple[Floats, Floats]:
     phase = 2.0 * np.pi * RIBS * (u + v)
     height = (0.5 + 0.5 * np.cos(phase)) * (0.85 + 0.15 * np.cos(2.0 * np.pi * RIBS * (u - v)))
     random = np.random.default_rng(11)
-    warp, weft = random.normal(size=(2, 2 * RIBS))
+    warp, weft = gaussian_filter1d(random.normal(size=(2, 2 * RIBS, TEXELS)), SLUB * TEXELS / RIBS, mode="wrap")
     at = np.arange(TEXELS) * 2 * RIBS // TEXELS
-    threads = 1.0 + MELANGE * 0.5 * (warp[at][None, :] + weft[at][:, None])
-    return height, np.clip(threads * (0.86 + 0.20 * height), 0.3, 1.5)
+    threads = 1.0 + MELANGE * (warp[at].T + weft[at]) / warp.std()
+    threads *= 1.0 - RELIEF * (1.0 - height)
+    return height, np.clip(threads / threads.mean(), 0.3, 1.5)
 
 
 def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: float) -> dict[str, Any]:
@@ -227,10 +233,10 @@ def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: f
 
     return {
         "backdrop": _mesh(mi, strip(left, far), strip(facing, facing), _diffuse(BACKDROP)),
-        "key": panel(-0.95 * right + 0.85 * upright + 0.55 * level, 2.6, 0.75, [12.5, 12.0, 11.2]),
-        "fill": panel(1.0 * right + 0.35 * upright + 0.7 * level, 3.2, 1.0, [1.1, 1.2, 1.35]),
+        "key": panel(-1.05 * right + 0.85 * upright + 0.25 * level, 2.6, 0.7, [20.0, 19.3, 18.2]),
+        "fill": panel(1.0 * right + 0.35 * upright + 0.7 * level, 3.2, 1.0, [0.75, 0.8, 0.9]),
         "rim": panel(0.75 * right + 0.9 * upright - 0.75 * level, 2.4, 0.5, [5.0, 5.0, 5.2]),
-        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 0.30}},
+        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 0.20}},
     }
 
 
@@ -262,6 +268,7 @@ def _denoised(light: Any, colour: Any, normal: Any, depth: Any, extent: float) -
     height, width = depth.shape
     base = np.maximum(colour, 0.02)
     seen = light / base
+    lit = (seen.max(axis=2, keepdims=True) > UNLIT).astype(np.float32)
     slopes = [_lesser_slope(depth, axis) for axis in (0, 1)]
     for level in range(ROUNDS):
         step = 2**level
@@ -270,22 +277,24 @@ def _denoised(light: Any, colour: Any, normal: Any, depth: Any, extent: float) -
         tolerance = np.inf if level < FINER else 0.5 ** (level - FINER + 1)
         reach = 2 * step
         around = ((reach, reach), (reach, reach), (0, 0))
-        padded = [np.pad(each, around, mode="edge") for each in (seen, normal, depth[..., None])]
+        padded = [np.pad(each, around, mode="edge") for each in (seen, normal, depth[..., None], lit)]
         for i in range(5):
             for j in range(5):
                 rows, columns = slice(i * step, i * step + height), slice(j * step, j * step + width)
-                other, facing, far = (each[rows, columns] for each in padded)
+                other, facing, far, counts = (each[rows, columns] for each in padded)
                 alike = np.clip((facing * normal).sum(axis=2), 0.0, 1.0) ** 64
                 plane = depth + step * ((i - 2) * slopes[0] + (j - 2) * slopes[1])
                 near = np.exp(-np.abs(far[..., 0] - plane) / (0.004 * extent * step))
                 close = np.exp(-np.abs(other.mean(axis=2) - brightness) / (tolerance * np.maximum(brightness, 0.05)))
-                w = (_KERNEL[i] * _KERNEL[j] * alike * near * close)[..., None]
+                w = (_KERNEL[i] * _KERNEL[j] * alike * near * close)[..., None] * counts
                 total += w * other
                 weight += w
         seen = np.where(weight > 1e-6, total / np.maximum(weight, 1e-6), seen)
-    whole = np.linalg.norm(normal, axis=2) >= WHOLE
+    trusted = np.where(np.linalg.norm(normal, axis=2, keepdims=True) >= WHOLE, 1.0, _OUT_OF_REACH)
+    trusted = (trusted * np.where(lit > 0.0, 1.0, _OUT_OF_REACH)).astype(np.float32)
     features = np.concatenate([normal, 3.0 * colour], axis=2)
-    seen[~whole] = _beside_outlines(seen, features, whole)[~whole]
+    mended = trusted[..., 0] < 1.0
+    seen[mended] = _beside_outlines(seen, features, trusted)[mended]
     return seen * base
 
 
@@ -298,25 +307,26 @@ def _lesser_slope(depth: Any, axis: int) -> Any:
 
 WHOLE, CLOSE = 0.985, 0.03
 """Length of the mean normal below which a pixel shows two surfaces, and the variance of what looks the same there."""
+UNLIT = 0.03
+"""Light, relative to the colour, of a pixel that a smooth normal turns away from the camera: it does not count."""
 _OUT_OF_REACH = 1e-6
-"""Weight of neighbours that show two surfaces themselves: they count where there are no others."""
+"""Weight of neighbours that show two surfaces themselves, and of those without light."""
 
 
-def _beside_outlines(seen: Any, features: Any, whole: Any) -> Any:
+def _beside_outlines(seen: Any, features: Any, trusted: Any) -> Any:
     """Light (h, w, 3) of the neighbours that show one surface, those of the nearest normal and colour before others.
 
-    features: (h, w, 6) mean normal and colour; whole: (h, w) which show one surface.
+    features: (h, w, 6) mean normal and colour; trusted: (h, w, 1) weights of the pixels.
     """
     height, width, _ = features.shape
     total, weight = np.zeros_like(seen), np.zeros((height, width, 1), np.float32)
-    counted = np.where(whole, 1.0, _OUT_OF_REACH)[..., None].astype(np.float32)
     around = ((2, 2), (2, 2), (0, 0))
-    padded, light, trusted = (np.pad(each, around, mode="edge") for each in (features, seen, counted))
+    padded, light, weights = (np.pad(each, around, mode="edge") for each in (features, seen, trusted))
     for i in range(5):
         for j in range(5):
             rows, columns = slice(i, i + height), slice(j, j + width)
             apart = ((padded[rows, columns] - features) ** 2).sum(axis=2, keepdims=True)
-            w = trusted[rows, columns] / (CLOSE + apart) ** 2
+            w = weights[rows, columns] / (CLOSE + apart) ** 2
             total += w * light[rows, columns]
             weight += w
     return total / weight

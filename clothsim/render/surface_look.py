@@ -220,6 +220,33 @@ def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
     return np.concatenate([x, middles]), quarters.transpose(2, 0, 1).reshape(-1, 3), edges
 
 
+FAIRING = 10
+"""Steps of smoothing: they reach about one edge of the mesh before it was halved twice."""
+FARTHEST, OF_EDGE = 5e-4, 0.15
+"""How far smoothing moves a vertex [m]: half the thickness that is drawn; and relative to the median edge."""
+
+
+def faired(x: Floats, triangles: Ints) -> Floats:
+    """Positions (n, 3) [m] of a cloth without the facets of its coarse mesh, near those that were simulated.
+
+    Vertices go half the way to the mean of their neighbours, those of the border to the mean along the border.
+    """
+    ends, border = half_edges(triangles), border_edges(triangles)[0]
+    on_border = np.zeros(len(x), bool)
+    on_border[border] = True
+    inner = ends[~on_border[ends].all(axis=1)]
+    row, column = np.concatenate([inner, inner[:, ::-1], border, border[:, ::-1]]).T
+    counts = ~on_border[row] | on_border[column]
+    near = csr_array((np.ones(counts.sum()), (row[counts], column[counts])), shape=(len(x), len(x)))
+    number = near.sum(axis=1)[:, None]
+    smooth = x
+    for _ in range(FAIRING):
+        smooth = np.where(number > 0, 0.5 * (smooth + near @ smooth / np.maximum(number, 1.0)), x)
+    moved = smooth - x
+    limit = min(FARTHEST, OF_EDGE * float(np.median(np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1))))
+    return x + moved * np.minimum(1.0, limit / np.maximum(np.linalg.norm(moved, axis=1, keepdims=True), 1e-12))
+
+
 THICKNESS, HEM_LAYERS = 1.0e-3, 2.2
 """Thickness that is drawn [m], and the factor on it in a hem. Contact keeps layers about as far apart."""
 THICKEST = 0.004
@@ -248,7 +275,8 @@ class Shell:
 
 def cloth_shell(surface: Surface) -> tuple[Shell, Floats]:
     """The faces, rims and hems of a cloth, and the triangles (k, 3, 3) of its stitches [m]."""
-    x, triangles = surface.positions, surface.triangles
+    triangles = surface.triangles
+    x = faired(surface.positions, triangles)
     normals = vertex_normals(x, triangles)
     distance, along = _border_distance(surface)
     size = float(np.ptp(x, axis=0).max())

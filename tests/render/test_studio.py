@@ -144,6 +144,34 @@ def test_no_light_crosses_a_jump_of_the_depth():
     assert smooth[:, 20].mean() == pytest.approx(0.8, rel=0.01)
 
 
+def test_fairing_rounds_folds_and_stays_near():
+    flat = square()
+    x = flat.positions.copy()
+    x[:, 2] = 0.02 * np.abs(x[:, 0] - 0.2)  # a fold along a row of vertices
+    smooth = surface_look.faired(x, flat.triangles)
+    moved = np.linalg.norm(smooth - x, axis=1).max()
+    assert 0.1 * surface_look.FARTHEST < moved <= surface_look.FARTHEST * (1 + 1e-9)
+    kinks = [np.abs(np.diff(each[:, 2].reshape(41, 41)[20], n=2)).max() for each in (x, smooth)]
+    assert kinks[1] < 0.7 * kinks[0]
+    assert np.allclose(surface_look.faired(flat.positions, flat.triangles)[:, 2], 0.0)
+
+
+def test_pixels_turned_away_from_the_camera_leave_no_slit():
+    light = np.full((40, 40, 3), 0.4, np.float32)
+    light[5:35, 20:22] = 0.0
+    normal = np.broadcast_to([0.0, 0.0, 1.0], (40, 40, 3))
+    smooth = studio._denoised(light, np.full((40, 40, 3), 0.5, np.float32), normal, np.ones((40, 40)), 1.0)
+    assert smooth.min() == pytest.approx(0.4, rel=1e-3)
+
+
+def test_the_weave_has_the_mean_colour_of_its_threads_and_no_plaid():
+    _, threads = studio._twill()
+    assert threads.mean() == pytest.approx(1.0, abs=0.01)
+    between, all_along = threads.std(), threads.mean(axis=0).std()
+    assert between > 0.08
+    assert all_along < 0.2 * between
+
+
 def test_a_cloth_has_the_colours_that_are_given():
     assert dyes_of("red, #0000ff/white").shape == (2, 2, 3)
     for wrong in ("reed", "red/white/blue", ""):
