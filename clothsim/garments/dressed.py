@@ -28,7 +28,7 @@ from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turn
 from clothsim.garments.dress.rings import arms_between, lowered_to_crotch
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.fit.moving_body import BODY, REST, START
-from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh, stands
+from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface, read_body_mesh, stands
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, run_stages
 from clothsim.garments.tightness import Tightness, tight_entries
@@ -36,7 +36,7 @@ from clothsim.garments.waistband import parts_for_edges
 from clothsim.patterns import PatternMesh, joined_vertices, mesh_pattern, write_specification
 from clothsim.render import draw_pattern, laid_out
 from transfer.errors import TransferError
-from transfer.signed_distance import BodySurface, body_surface
+from transfer.signed_distance import BodySurface
 
 
 @dataclass(frozen=True)
@@ -412,6 +412,6 @@ def body_of_wearer(on: Any, scale: float | None, group: str | Sequence[str] | No
 def surface_of(body: BodyMesh) -> BodySurface:
     """The body for distance queries. InputError for one without a volume."""
     try:
-        return body_surface(body.positions, body.triangles)
+        return known_surface(body.positions, body.triangles)
     except TransferError as error:
         raise InputError(f"{body.name}: {error}") from error

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
+from clothsim.base.memo import known_for_arrays
 from clothsim.base.triangles import distinct_edges, half_edges
 from clothsim.engine import body_mesh, build, cloth_mesh, components, example_file, refuse_unwearable, worn_shape
 from clothsim.files import MeshFile, moved_obj, read_clothes, read_mesh
@@ -23,6 +24,8 @@ from transfer.errors import TransferError
 from transfer.signed_distance import body_surface
 from transfer.wrap import union
 
+known_surface = known_for_arrays(body_surface)
+"""The surface of a body, or of the wrap of an outfit: each is asked for several times."""
 NO_VERTICES: Ints = np.zeros(0, np.int64)
 HEADER = "# fitted by clothsim: positions in metres; else as in {name}{changes}\n"
 
@@ -168,7 +171,7 @@ class BodyMesh:
         if len(pieces) > 1 and is_closed(largest) and stands(BodyMesh(self.name, self.positions, largest, 1.0, ())):
             return self, ""  # its eyes change none of its landmarks
         try:
-            surface = body_surface(self.positions, self.triangles)
+            surface = known_surface(self.positions, self.triangles)
             cell = CELL * float(np.ptp(self.positions[self.triangles.ravel()], axis=0).max())
             made = BodyMesh(self.name, *union(surface, cell), self.scale, ())
             _ = made.parts

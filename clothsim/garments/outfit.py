@@ -22,11 +22,11 @@ from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import example_file, intersecting_pairs, refuse_earlier_run
 from clothsim.garments.dress.pipeline import FRICTION, unrest
 from clothsim.garments.dressed import PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
-from clothsim.garments.inputs import BodyMesh, as_body_mesh
+from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface
 from clothsim.garments.penetration import Counts, count_penetrations
 from clothsim.garments.stages import Announcement, Listener, StageCallback, dress_drape, named_stage, simulate_stage
 from transfer.errors import TransferError
-from transfer.signed_distance import BodySurface, body_surface
+from transfer.signed_distance import BodySurface
 from transfer.wrap import TriangleMesh, wrap
 
 CELL, LAYER = 0.01, 0.007
@@ -364,7 +364,7 @@ def _holds(made: TriangleMesh, surface: BodySurface, garments: Sequence[Triangle
     """True where body and garments lie inside a wrap: no vertex outside, no triangle through it."""
     positions, triangles = made
     try:
-        outside = body_surface(positions, triangles)
+        outside = known_surface(positions, triangles)
     except TransferError:
         return False
     used = np.unique(surface.triangles)

@@ -8,7 +8,7 @@ from fitting_cases import capsule_figure, in_file, moebius_strip, tube_garment
 from tangles import joined
 
 from clothsim.base.errors import InputError
-from clothsim.garments.inputs import is_closed, read_body_mesh, read_garment, worn_in_scene
+from clothsim.garments.inputs import is_closed, known_surface, read_body_mesh, read_garment, worn_in_scene
 from clothsim.mesh.generators.shapes import capsule, rectangle, slab, sphere, tube
 
 CAPSULE = capsule(radius=0.2, height=1.7, segments=12)
@@ -214,3 +214,10 @@ def test_a_scene_without_a_body_is_refused(tmp_path):
         worn_in_scene(file)
     with pytest.raises(InputError, match="body"):
         read_body_mesh(file)
+
+
+def test_the_surface_of_a_body_is_found_once():
+    positions, triangles = sphere(radius=0.3, subdivisions=1)
+    found = known_surface(positions, triangles)
+    assert known_surface(positions.copy(), triangles.copy()) is found
+    assert known_surface(2.0 * positions, triangles) is not found
