@@ -270,11 +270,10 @@ def simulate_stage(
 
     ends: the `process_time` at which a budget is spent, and the run ends as failed; it takes a step at least.
     """
-    if ends < np.inf:
-        scene = replace(scene, run={**scene.run, "budget": max(ends - process_time(), LEAST_BUDGET)})
+    budget = max(ends - process_time(), LEAST_BUDGET) if ends < np.inf else None  # not of the scene, which is resumed
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)
-        return simulate(scene, folder, listener, announce, overwrite=True)
+        return simulate(scene, folder, listener, announce, overwrite=True, budget=budget)
 
 
 def _add_fitted_contact(

@@ -150,16 +150,22 @@ def refuse_undifferentiable(session: Session) -> None:
 
 
 def pilot_stiffness(session: Session, names: Sequence[str]) -> dict[str, float]:
-    """Return the largest stiffness [Pa] of adaptive contacts in a run of the scene; ClothsimError where it fails."""
-    largest: dict[str, float] = {}
+    """Return the largest stiffness [Pa] of adaptive contacts in a run of the scene; ClothsimError where it fails.
+
+    That of a first step in which a contact did not act counts only without others: it bears the loads of all vertices,
+    those of pins too.
+    """
+    largest, unused = dict[str, float](), dict[str, float]()
     run, state = session.scene.run_settings, first_state(session.built.world, session.integrator.dt)
     for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
         if report.failure is not None:
             raise ClothsimError(f"The pilot run failed: {report.failure.sentence}", report.failure.remedy)
         for name in names:
-            kappa = float(report.potential.energies[name].stiffness)  # type: ignore[attr-defined]
-            largest[name] = max(largest.get(name, 0.0), kappa)
-    return largest
+            contact = cast("Any", report.potential.energies[name])
+            idle = report.state.step == 1 and not np.isfinite(contact.minimum_gap(report.state.positions))
+            found = unused if idle else largest
+            found[name] = max(found.get(name, 0.0), float(contact.stiffness))
+    return unused | largest
 
 
 def stiffness_of(energies: Mapping[str, Energy]) -> dict[str, float]:

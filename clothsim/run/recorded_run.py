@@ -89,7 +89,9 @@ class IterateLog:
         return observe
 
     def write(self, directory: Path) -> None:
-        """Write the file into `directory`; InputError where that fails."""
+        """Write the file into `directory`, if the step was begun; InputError where that fails."""
+        if not self._dts:  # a budget was spent before
+            return
         content = BytesIO()
         np.savez(
             content,
@@ -182,12 +184,13 @@ class _Checkpoints:
 class _Output:
     """The directory of a run, its two files that grow, its checkpoints, and the intersection check of its states.
 
-    text: the scene of all checkpoints.
+    text: the scene of all checkpoints; budget: CPU time of the steps [s].
     """
 
     session: Session
     directory: Path
     text: str
+    budget: float | None
     trajectory: TrajectoryWriter
     record: RecordWriter
     checkpoints: _Checkpoints
@@ -221,8 +224,12 @@ def recorded_run(
     log: IterateLog | None,
     resumed: bool,
     on_report: Callable[[StepReport], None] | None = None,
+    budget: float | None = None,
 ) -> Run:
-    """Step to the end of the scene and write each frame when it is done; on_report: called with each step taken."""
+    """Step to the end of the scene and write each frame when it is done.
+
+    on_report: called with each step taken; budget: CPU time of the steps [s], in place of that of the scene.
+    """
     surfaces = world_surfaces(session.built.world)
     scripted = _scripted(session.built)
     asked = session.scene.solver_settings.error
@@ -246,7 +253,8 @@ def recorded_run(
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed and state.step else None) as record,
     ):
         (directory / SUMMARY_NAME).unlink(missing_ok=True)  # not before: one that cannot continue keeps it
-        output = _Output(session, directory, text, trajectory, record, checkpoints, check)
+        budget = session.scene.run_settings.budget if budget is None else budget
+        output = _Output(session, directory, text, budget, trajectory, record, checkpoints, check)
         if not resume_frame:
             output.frame(state)
         warm = started.wall_seconds()
@@ -283,7 +291,7 @@ def _stepped(
     """Take all steps from `state` to the end or to a failure: the last state, its certificate, the failure."""
     session, run = output.session, output.session.scene.run_settings
     world, timers = session.built.world, session.integrator.potential.timers
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, output.budget):
         if log is not None and log.step == state.step + 1:
             log.write(output.directory)
         if report.failure is not None:

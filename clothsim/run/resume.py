@@ -103,8 +103,9 @@ def begun_run(
     announcements: Iterable[Announcement | None],
     dump_iterates: int | None,
     permissions: tuple[bool, bool],
+    budget: float | None = None,
 ) -> Run:
-    """Simulate a scene with fixed settings; permissions: overwrite and force of `simulate`."""
+    """Simulate a scene with fixed settings; permissions: overwrite and force of `simulate`; budget: as there."""
     started = Stopwatch()
     overwrite, force = permissions
     session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
@@ -117,7 +118,9 @@ def begun_run(
             if announce is not None:
                 announce(session)
         state = first_state(session.built.world, session.integrator.dt)
-        run = recorded_run(session, state, Certificate(), directory, started, listeners, log, resumed=False)
+        run = recorded_run(
+            session, state, Certificate(), directory, started, listeners, log, resumed=False, budget=budget
+        )
     warn_of(run.intersections, session.built.energies)
     return run
 

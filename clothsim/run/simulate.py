@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.base.inputs import refuse_uncallable
 from clothsim.scene.cost import expected_cost, refuse_costly
 from clothsim.scene.scene import Scene
@@ -35,6 +36,7 @@ def simulate(
     overwrite: bool = False,
     force: bool = False,
     differentiable: bool = False,
+    budget: float | None = None,
 ) -> "Run":
     """Simulate a scene to its end.
 
@@ -62,6 +64,8 @@ def simulate(
         that starts inside a body (run.allow_inside).
     differentiable : bool
         True: the run keeps its steps and has a method `gradient` (docs/howto/gradients.md).
+    budget : float, optional
+        CPU time [s] of the steps of a run that is written, in place of run.budget; not of one that resumes it.
 
     Returns
     -------
@@ -100,6 +104,8 @@ def simulate(
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
     refuse_earlier_run(directory, overwrite, (), (scene,))  # before minutes of building, and again under the lock
     if isinstance(scene, Scene):
+        if budget is not None:
+            replace(scene, run={**scene.run, "budget": budget})  # refused as that key is
         if force:
             scene = replace(scene, run={**scene.run, "allow_inside": True})
         _tell_cost(scene, message, force)
@@ -107,6 +113,8 @@ def simulate(
         if differentiable or asked.error or asked.estimate:
             scene.refuse_without_cloth("solver.error, solver.estimate or a gradient")
     if differentiable:
+        if budget is not None:
+            raise InputError("A differentiable run has no argument budget.", "Give the scene run.budget.")
         differentiably = _loaded("differentiable")
         return differentiably(scene, output, progress, announce, on_step, message, overwrite)
     own: list[Scene] = []
@@ -119,7 +127,7 @@ def simulate(
         if progress is not None and len(own) > 1:
             label = f"run {len(own)}"
             listener = lambda done: progress(replace(done, stage=label))  # noqa: E731
-        return begun_run(some, directory, (listener, on_step), announced, dump_iterates, (replace_it, force))
+        return begun_run(some, directory, (listener, on_step), announced, dump_iterates, (replace_it, force), budget)
 
     tell = message or (lambda line: None)
     if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is not a scene

@@ -51,6 +51,21 @@ def test_each_resumed_run_has_a_budget_of_its_own(tmp_path):
 
 
 @pytest.mark.usefixtures("clock")
+def test_a_step_that_the_budget_left_out_has_no_iterates(tmp_path):
+    simulate(falling(budget=0.5), tmp_path, dump_iterates=2)
+    assert not list(tmp_path.glob("iterates*"))
+
+
+@pytest.mark.usefixtures("clock")
+def test_a_budget_of_one_run_is_not_of_its_scene(tmp_path):
+    run = simulate(falling(budget=0.5), tmp_path / "of a scene", budget=3.5)
+    assert (len(run.record()), run.scene.run_settings.budget) == (4, 0.5)
+    run = simulate(falling(), tmp_path / "one", budget=3.5)
+    assert (run.status, len(run.record()), run.scene.run_settings.budget) == ("failed", 4, None)
+    assert resume(tmp_path / "one").status == "completed"
+
+
+@pytest.mark.usefixtures("clock")
 def test_runs_without_files_and_with_gradients_have_it_too():
     assert "budget" in last_positions(falling(budget=0.5))[2]
     assert last_positions(falling(budget=100.0))[2] == ""
@@ -62,3 +77,10 @@ def test_runs_without_files_and_with_gradients_have_it_too():
 def test_a_budget_is_a_positive_number(budget):
     with pytest.raises(InputError, match="budget"):
         falling(budget=budget)
+    with pytest.raises(InputError, match="budget"):
+        simulate(falling(), budget=budget)
+
+
+def test_a_differentiable_run_has_that_of_its_scene():
+    with pytest.raises(InputError, match=r"run\.budget"):
+        simulate(falling(), budget=1.0, differentiable=True)

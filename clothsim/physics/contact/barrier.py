@@ -96,23 +96,24 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         n = len(self.areas)
         force = -self.gradient(step.positions)[:n]
         inward, in_contact = _contact_directions(force)
-        loads = -(step.gradient[:n] * inward).sum(axis=1)
-        if self.name not in step.memory:  # the first step: stretched cloth at rest may bring any of its forces
-            loads = np.where(in_contact, loads, lengths(step.gradient[:n]))
         speeds = lengths(step.velocities[:n])
         approach = np.where(in_contact, (step.velocities[:n] * inward).sum(axis=1), speeds)
-        stiffness = barrier_stiffness(
-            float((loads / self.areas).max(initial=0.0)),
+        scale = (
             float(self.masses.sum() / self.areas.sum()) if n else 0.0,
             float(approach.max(initial=0.0)),
             self.d_hat,
             step.dt,
             step.contact_time_scale or step.dt,
         )
+        pressures = -(step.gradient[:n] * inward).sum(axis=1) / self.areas
+        stiffness = barrier_stiffness(float(pressures[in_contact].max(initial=0.0)), *scale)
         # the lowest of a pile, or the first link of a chain, bears all
         load = sum(body.load(step) for body in self.heavy)
         stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
         before = float(step.memory.get(self.name, stiffness))
+        if self.name not in step.memory:  # the first step: stretched cloth at rest may bring any of its forces
+            pressures = lengths(step.gradient[:n]) / self.areas
+            stiffness = max(stiffness, barrier_stiffness(float(pressures[~in_contact].max(initial=0.0)), *scale))
         if stiffness > before and "inertia" in step.bound:
             kinetic = kinetic_energy_of_impact(step.velocities, self.masses)
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)

@@ -355,5 +355,6 @@ class Elementwise(Restrictable):
         return replace(cast("Any", self), **{name: getattr(self, name)[selected] for name in self.per_element})
 
     def reads_beyond(self, n: int) -> bool:
-        """True where an element has a row from n on."""
-        return bool(getattr(self, self.per_element[0]).max(initial=-1) >= n)
+        """True where an integer of an element may be a row from n on."""
+        arrays = [getattr(self, name) for name in self.per_element]
+        return any(bool(array.max(initial=-1) >= n) for array in arrays if array.dtype.kind in "iu")

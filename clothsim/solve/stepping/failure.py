@@ -260,9 +260,9 @@ def crossing_failure(crossing: "Crossing", state: State, dt: float) -> Failure:
     return Failure(Cause.INTERSECTION, sentence, element, crossing.position, remedy, state.step, state.time, dt)
 
 
-def budget_failure(budget: float, state: State, duration: float, dt: float) -> Failure:
-    """Describe the end of a run that spent its CPU time [s] before its duration [s]."""
-    sentence = f"The budget of {budget:.3g} CPU s is spent, {duration - state.time:.3g} s are left to simulate."
+def budget_failure(state: State, duration: float, dt: float) -> Failure:
+    """Describe the end of a run that spent its CPU time before its duration [s]."""
+    sentence = f"The budget of CPU time is spent, {duration - state.time:.3g} s are left to simulate."
     remedy = "Set a larger run.budget, or go on with `clothsim resume`."
     return Failure(Cause.BUDGET, sentence, "", None, remedy, state.step, state.time, dt)
 

@@ -60,7 +60,7 @@ def steps(
             return
         state = report.state
         if budget is not None and process_time() > ends and not finished(state, duration, frames_per_second, until):
-            yield replace(report, failure=budget_failure(budget, state, duration, report.dt))
+            yield replace(report, failure=budget_failure(state, duration, report.dt))
             return
 
 

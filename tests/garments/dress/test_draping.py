@@ -60,6 +60,7 @@ def test_what_friction_alone_holds_is_draped_as_it_was_sewn(ball, tmp_path):
 def test_a_drape_ends_with_the_budget(ball, tmp_path):
     run = drape_sewn(sheet_over(ball, aside=0.05), task_on(ball, tmp_path, ends=0.0))
     assert (run.status, run.summary["failure"]["cause"], len(run.record())) == ("failed", "budget", 1)
+    assert run.scene.run_settings.budget is None  # else one that resumes it ends after a step, too
 
 
 @pytest.mark.parametrize(("top", "hangs"), [(0.85, True), (0.76, False)])

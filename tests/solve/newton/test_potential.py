@@ -12,7 +12,7 @@ from solving import step_at
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.inertia import InertiaEnergy
-from clothsim.physics.energies.protocols import ContactGap, Coupling, Idling, Lagged
+from clothsim.physics.energies.protocols import ContactGap, Coupling, Elementwise, Idling, Lagged
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers
 
@@ -76,6 +76,20 @@ def test_what_reads_no_bodies_is_called_without_them():
     assert seen == [n, 9]
     assert beside.value(x) == alone.value(x)
     assert beside.largest_force(x) == alone.largest_force(x)
+
+
+def test_rows_of_bodies_in_any_array_of_the_elements_count():
+    """An effect of a user may name the row of a cloth and that of a body in two arrays."""
+
+    @dataclass(frozen=True, eq=False)
+    class Tether(Elementwise):
+        rows: np.ndarray
+        ends: np.ndarray
+        per_element = ("rows", "ends")
+
+    tether = Tether(np.array([[0], [1]]), np.array([5, 4]))
+    assert tether.reads_beyond(5)
+    assert not tether.reads_beyond(6)
 
 
 def test_a_value_that_is_refused_ends_the_sum():
