@@ -49,14 +49,14 @@ def add_to(commands: Any) -> None:
     recover.add_argument("--on", type=Path, metavar="BODY", help="with --views and --pattern: dress BODY first")
     recover.add_argument("--free", metavar="NAMES", help="youngs_modulus,pattern.front.width")
     recover.add_argument("--prior", action="store_true", help="combine bending with 618 measured fabrics")
-    recover.add_argument("--test", choices=("cusick",), help="outlines of drapes")
+    recover.add_argument("--test", choices=("cusick",), help="outlines of drapes (.npz), with --set density=0.15")
     recover.add_argument("--pattern", type=Path, metavar="FILE", help="pattern.json of a cloth of arrays")
     recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", metavar="N", help="starts of the search (default 2, of pictures 1)")
     recover.add_argument("--folds", metavar="N", help="with --views: drapes to choose a start from (6)")
-    recover.add_argument("--no-twins", action="store_true", help="with --views: skip the other models at the end")
-    recover.add_argument("--finer", action="store_true", help="with --views: end on a mesh of half the size")
+    recover.add_argument("--no-twins", action="store_true", help="with --views: no other models at the end")
+    recover.add_argument("--finer", action="store_true", help="with --views: end on half the mesh size")
     recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
     add_set(recover)
     add_overwrite(recover, "replace an earlier run in the output directory")
@@ -72,7 +72,6 @@ Find the numbers with which a scene, fabric or pattern hangs as in a target or i
 
   clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
   clothsim recover skirt.toml --views views.toml --free pattern.front.width -o recovered
-  clothsim recover --test cusick outlines.npz --set density=0.15 --prior
 """
 
 

@@ -10,6 +10,14 @@ from clothsim.base.interruption import held_back, interruption
 from clothsim.base.jit import kernel
 
 
+@pytest.fixture(autouse=True)
+def _python_s_own_handler():
+    """In the background of a shell SIGINT is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @held_back
 def interrupted(steps: list[str]) -> str:
     signal.raise_signal(signal.SIGINT)

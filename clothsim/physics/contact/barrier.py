@@ -33,6 +33,8 @@ class ActiveSet:
     count: int
 
 
+FIRST_REACH = 10.0
+"""Distance from what a vertex may touch, in d_hat, within which its load counts in the first step."""
 PREDICTION_LENGTH = 30.0
 """Length, in d_hat, to which a displacement is followed to predict contacts: a guess is not worth a long search."""
 
@@ -111,9 +113,14 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         load = sum(body.load(step) for body in self.heavy)
         stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
         before = float(step.memory.get(self.name, stiffness))
-        if self.name not in step.memory:  # the first step: stretched cloth at rest may bring any of its forces
-            pressures = lengths(step.gradient[:n]) / self.areas
-            stiffness = max(stiffness, barrier_stiffness(float(pressures[~in_contact].max(initial=0.0)), *scale))
+        if (
+            self.name not in step.memory and not in_contact.any()
+        ):  # the first step: stretched cloth at rest may bring any of its forces
+            x, reach = step.positions, self.offset + FIRST_REACH * self.d_hat
+            near = np.unique(self.candidates.search.pairs(x, x, reach)[0].elements)
+            near = near[near < n]
+            pressures = lengths(step.gradient[near]) / self.areas[near]
+            stiffness = max(stiffness, barrier_stiffness(float(pressures.max(initial=0.0)), *scale))
         if stiffness > before and "inertia" in step.bound:
             kinetic = kinetic_energy_of_impact(step.velocities, self.masses)
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
