@@ -113,9 +113,8 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         load = sum(body.load(step) for body in self.heavy)
         stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
         before = float(step.memory.get(self.name, stiffness))
-        if (
-            self.name not in step.memory and not in_contact.any()
-        ):  # the first step: stretched cloth at rest may bring any of its forces
+        if self.name not in step.memory and not in_contact.any():
+            # The first step: stretched cloth at rest may bring any of its forces to what is near.
             x, reach = step.positions, self.offset + FIRST_REACH * self.d_hat
             near = np.unique(self.candidates.search.pairs(x, x, reach)[0].elements)
             near = near[near < n]
