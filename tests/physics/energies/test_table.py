@@ -212,6 +212,8 @@ def test_only_an_energy_that_needs_bodies_reads_beyond_the_cloth(name):
         assert energy.value(x[:n]) == energy.value(x)
         assert np.array_equal(energy.gradient(x[:n]), energy.gradient(x)[:n])
         assert np.array_equal(dense_hessian(energy, x[:n]), dense_hessian(energy, x)[: 3 * n, : 3 * n])
+        acts = np.flatnonzero(energy.gradient(x).any(axis=1))
+        assert not len(acts) or energy.reads_beyond(acts[-1])  # the last row of an element counts
 
 
 @pytest.mark.parametrize("name", CONSTRAINTS)
