@@ -233,9 +233,19 @@ class History(abc.ABC):
 class AdaptiveStiffness(History):
     """An energy with a stiffness for each step: what it stores at the same positions changes from step to step."""
 
+    stiffness: float
+    """Stiffness of the step that it is bound to [Pa]."""
+
     @abc.abstractmethod
     def stiffness_energy(self, x: Floats, before: float) -> float:
         """E(x) less that with the stiffness `before` [J]."""
+
+    @abc.abstractmethod
+    def stiffness_needed(self, start: Floats, x: Floats, gradient: Floats) -> float:
+        """Stiffness [Pa] with which the step from `start` (N, 3) [m] would not sink into the barrier.
+
+        x, gradient: end of its solve [m], and the gradient of all energies there [N]; (N, 3) both.
+        """
 
 
 class Restrictable(abc.ABC):

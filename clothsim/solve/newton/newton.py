@@ -3,6 +3,7 @@
 Every loop is bounded and every end has a name (`outcome.Ending`).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,6 +62,16 @@ TOLERANCE_ALONE = ErrorBalance()
 LAST_DIGITS = float(np.finfo(float).eps)
 MAX_PATCH_ITERATIONS = 10
 """Newton iterations on a patch before the next global one."""
+PROBE_PERIOD = 10
+"""Iterations after which a solve is asked whether it sinks: a gap that a first long step left opens in fewer."""
+
+Probe = Callable[[Floats], bool]
+"""True for positions from which a solve is not worth going on: contact is too soft there, and is made stiffer."""
+
+
+def no_probe(x: Floats) -> bool:
+    """Go on, whatever the gaps."""
+    return False
 
 
 @dataclass(frozen=True)
@@ -143,6 +154,8 @@ class Newton:
         Stop by the time error of the step.
     least_force : float
         Force that is no imbalance [N]; inf: the force balance is not checked.
+    sinks : callable
+        Asked every PROBE_PERIOD iterations whether contact is too soft; True ends the solve.
     """
 
     potential: Potential
@@ -152,6 +165,7 @@ class Newton:
     observe: Observer = unobserved
     balance: ErrorBalance | MotionStop = TOLERANCE_ALONE
     least_force: float = np.inf
+    sinks: Probe = no_probe
 
     def minimise(self, x: Floats, target: Prescribed) -> NewtonResult:
         """Minimise E from x, with the target's vertices at their positions (Dirichlet).
@@ -266,6 +280,8 @@ class Newton:
             return NewtonResult(x, how, count, speed, residual, remaining, elimination_iterations, relative)
 
         for count in range(iterations, iterations + settings.max_iterations):
+            if count > iterations and (count - iterations) % PROBE_PERIOD == 0 and self.sinks(x):
+                return ended(_at_fastest(Ending.SUNK, x, previous), count)
             direction = model.direction(x, still, trust, cached)
             dx, gradient, cached = direction.dx, direction.gradient, direction.cached
             residual = model.residual(gradient)
