@@ -100,14 +100,14 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         inward, in_contact = _contact_directions(force)
         speeds = lengths(step.velocities[:n])
         approach = np.where(in_contact, (step.velocities[:n] * inward).sum(axis=1), speeds)
-        scale = (
+        stiffness = barrier_stiffness(
+            self._pressure(step.gradient, inward),
             float(self.masses.sum() / self.areas.sum()) if n else 0.0,
             float(approach.max(initial=0.0)),
             self.d_hat,
             step.dt,
             step.contact_time_scale or step.dt,
         )
-        stiffness = barrier_stiffness(self._pressure(step.gradient, inward), *scale)
         # the lowest of a pile, or the first link of a chain, bears all
         load = sum(body.load(step) for body in self.heavy)
         stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
@@ -175,16 +175,17 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         """E(x) less that with the stiffness `before` [J]."""
         return (self.stiffness - before) * (self.value(x) / self.stiffness) if self.stiffness != before else 0.0
 
-    def stiffness_needed(self, start: Floats, x: Floats, gradient: Floats) -> float:
-        """Stiffness [Pa] that bears the loads at x; its own where it does so, or where pairs were active at the start.
+    def has_sunk(self, start: Floats, x: Floats) -> bool:
+        """True where gaps at x are below SUNK of d_hat, and no pair was active at the start: a rise adds no energy.
 
         Before its first contact stretched cloth shows no load, and its barrier is as soft as its weight allows.
         """
-        sunk = self.minimum_gap(x) < SUNK * self.d_hat and self.minimum_gap(start) == np.inf
-        if not self.adaptive or not sunk:
-            return self.stiffness
+        return self.adaptive and self.minimum_gap(x) < SUNK * self.d_hat and self.minimum_gap(start) == np.inf
+
+    def stiffness_needed(self, x: Floats, gradient: Floats) -> float:
+        """Stiffness [Pa] that bears the loads at x."""
         force = -self.gradient(x)
-        return max(self.stiffness, self._pressure(gradient + force, _contact_directions(force[: len(self.areas)])[0]))
+        return self._pressure(gradient + force, _contact_directions(force[: len(self.areas)])[0])
 
     def _pressure(self, gradient: Floats, inward: Floats) -> float:
         """Largest pressure [Pa] on a vertex in contact of other energies with this gradient (N, 3) [N]."""

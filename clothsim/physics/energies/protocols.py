@@ -241,11 +241,12 @@ class AdaptiveStiffness(History):
         """E(x) less that with the stiffness `before` [J]."""
 
     @abc.abstractmethod
-    def stiffness_needed(self, start: Floats, x: Floats, gradient: Floats) -> float:
-        """Stiffness [Pa] with which the step from `start` (N, 3) [m] would not sink into the barrier.
+    def has_sunk(self, start: Floats, x: Floats) -> bool:
+        """True where the stiffness is too small for the step from `start` to x, (N, 3) [m] both, and may rise."""
 
-        x, gradient: end of its solve [m], and the gradient of all energies there [N]; (N, 3) both.
-        """
+    @abc.abstractmethod
+    def stiffness_needed(self, x: Floats, gradient: Floats) -> float:
+        """Stiffness [Pa] that bears the loads at x; gradient: of all energies there, (N, 3) [N]."""
 
 
 class Restrictable(abc.ABC):

@@ -280,13 +280,11 @@ class Newton:
             return NewtonResult(x, how, count, speed, residual, remaining, elimination_iterations, relative)
 
         for count in range(iterations, iterations + settings.max_iterations):
-            if count > iterations and (count - iterations) % PROBE_PERIOD == 0 and self.sinks(x):
-                return ended(_at_fastest(Ending.SUNK, x, previous), count)
             direction = model.direction(x, still, trust, cached)
             dx, gradient, cached = direction.dx, direction.gradient, direction.cached
-            residual = model.residual(gradient)
-            if direction.end is not None:
-                return ended(direction.end, count)
+            residual, end = model.residual(gradient), direction.end or self._sunk(x, dx, count - iterations)
+            if end is not None:
+                return ended(end, count)
             before, speed = speed, self._speed(dx)
             lengths_before, lengths = lengths, self.balance.rms(dx, trust.exact)
             if speed == 0.0:
@@ -340,6 +338,11 @@ class Newton:
             Ending.ITERATION_LIMIT, x, dx, tolerance=settings.tolerance, limit=settings.max_iterations, speed=speed
         )
         return ended(self._classify_failure(end, x, speed, model), iterations + settings.max_iterations)
+
+    def _sunk(self, x: Floats, dx: Floats, count: int) -> Outcome | None:
+        """Outcome of a solve that is probed after `count` iterations and sinks into contact."""
+        probed = count > 0 and count % PROBE_PERIOD == 0
+        return _at_fastest(Ending.SUNK, x, dx) if probed and self.sinks(x) else None
 
     def _classify_failure(self, end: Outcome, x: Floats, speed: float, model: QuadraticModel) -> Outcome:
         """Outcome of a solve that fails: UNBALANCED where its steps are short enough and only forces are left."""

@@ -231,13 +231,13 @@ class Potential:
 
     def stiffnesses_needed(self, start: Floats, x: Floats) -> dict[str, float]:
         """Return the stiffness [Pa] of each contact that is too soft for the step from `start` to x, by its name."""
-        needed = {}
+        found = {}
         for name, energy in self.acting.items():
-            if isinstance(energy, AdaptiveStiffness):
-                stiffness = energy.stiffness_needed(start, x, self.gradient(x))
-                if stiffness > energy.stiffness:
-                    needed[name] = stiffness
-        return needed
+            if isinstance(energy, AdaptiveStiffness) and energy.has_sunk(start, x):
+                needed = energy.stiffness_needed(x, self.gradient(x))
+                if needed > energy.stiffness:
+                    found[name] = needed
+        return found
 
     def grips(self) -> list[Grip]:
         """Return what holds the rows of x up to a limit (friction)."""
