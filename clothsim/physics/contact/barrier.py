@@ -178,9 +178,13 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
     def has_sunk(self, start: Floats, x: Floats) -> bool:
         """True where gaps at x are below SUNK of d_hat, and no pair was active at the start: a rise adds no energy.
 
-        Before its first contact stretched cloth shows no load, and its barrier is as soft as its weight allows.
+        Before its first contact stretched cloth shows no load, and its barrier is as soft as its weight allows. A body
+        that goes further than d_hat in the step is another matter: the load is then that of the step's own length.
         """
-        return self.adaptive and self.minimum_gap(x) < SUNK * self.d_hat and self.minimum_gap(start) == np.inf
+        if not self.adaptive or self.minimum_gap(x) >= SUNK * self.d_hat or self.minimum_gap(start) < np.inf:
+            return False
+        n = len(self.areas)
+        return float(np.abs(x[n:] - start[n:]).max(initial=0.0)) < self.d_hat
 
     def stiffness_needed(self, x: Floats, gradient: Floats) -> float:
         """Stiffness [Pa] that bears the loads at x."""

@@ -92,6 +92,9 @@ class TestStep:
         deep, near, half = (above_the_ball(world, contact, gap * contact.d_hat) for gap in (0.005, 0.02, 0.5))
         assert [contact.has_sunk(free, x) for x in (deep, near, half, free)] == [True, False, False, False]
         assert not contact.has_sunk(half, deep)
+        beyond = free.copy()
+        beyond[world.n_cloth :, 0] += 1.1 * contact.d_hat  # the ball of the start, aside by more than d_hat
+        assert not contact.has_sunk(beyond, deep)
         assert not replace(contact, adaptive=False).has_sunk(free, deep)
 
     def test_the_stiffness_needed_is_the_largest_pressure_of_other_energies(self, world):
