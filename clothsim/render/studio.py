@@ -249,7 +249,7 @@ def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: f
 
     return {
         "backdrop": _mesh(mi, strip(left, far), strip(facing, facing), _diffuse(BACKDROP)),
-        "key": panel(-1.05 * right + 0.85 * upright + 0.05 * level, 3.6, 0.76, [46.0, 44.5, 42.5]),
+        "key": panel(-1.05 * right + 0.75 * upright + 0.05 * level, 3.6, 0.76, [40.0, 38.7, 37.0]),
         "fill": panel(1.0 * right + 0.35 * upright + 0.7 * level, 3.2, 1.0, [0.6, 0.65, 0.75]),
         "rim": panel(0.75 * right + 0.9 * upright - 0.75 * level, 2.4, 0.5, [9.0, 9.0, 9.4]),
         "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 0.15}},
@@ -274,8 +274,14 @@ def _sensor(mi: Any, camera: Viewpoint, size: tuple[int, int], extent: float) ->
     }
 
 
+SHOULDER = 0.45
+"""Linear light from which on it is compressed: white cloth that lies under the lamp still shows its folds."""
+
+
 def _developed(light: Any) -> Floats:
     """SRGB in [0, 1] of linear light, its brightest part compressed."""
     linear = np.maximum(light, 0.0)
-    linear = np.where(linear < 0.7, linear, 0.7 + 0.3 * (1.0 - np.exp(-(linear - 0.7) / 0.3)))
+    linear = np.where(
+        linear < SHOULDER, linear, 1.0 - (1.0 - SHOULDER) * np.exp((SHOULDER - linear) / (1.0 - SHOULDER))
+    )
     return np.clip(np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055), 0.0, 1.0)
