@@ -103,7 +103,7 @@ def test_a_cloth_of_kilometres_costs_no_more_points_of_its_border(monkeypatch):
 
 
 def test_traced_cloth_has_its_colour_and_a_shadow():
-    pytest.importorskip("mitsuba", reason="an extra: pip install 'clothsim[look]'")
+    pytest.importorskip("mitsuba_oidn", reason="an extra: pip install 'clothsim[look]'")
     above = square()
     settings = {
         "size": (96, 72),
@@ -124,7 +124,7 @@ def test_traced_cloth_has_its_colour_and_a_shadow():
 
 
 def test_traced_light_has_no_noise():
-    pytest.importorskip("mitsuba", reason="an extra: pip install 'clothsim[look]'")
+    pytest.importorskip("mitsuba_oidn", reason="an extra: pip install 'clothsim[look]'")
     settings = {"size": (96, 96), "up": "z", "view": (0.0, -1.0, 0.4), "title": "", "renderer": "auto"}
     setup = picture_setup([[square()]], colour="red", style="studio", samples=1, **settings)
     wall = rendered_without_legend(setup, [square()])[:16].mean(axis=2)
@@ -198,7 +198,7 @@ def test_a_cloth_has_the_colours_that_are_given():
 
 
 def test_a_traced_check_has_both_dyes():
-    pytest.importorskip("mitsuba", reason="an extra: pip install 'clothsim[look]'")
+    pytest.importorskip("mitsuba_oidn", reason="an extra: pip install 'clothsim[look]'")
     settings = {"size": (96, 72), "up": "z", "view": (0.0, -1.0, 0.8), "title": "", "renderer": "auto"}
     setup = picture_setup([[square()]], colour="red/white", style="studio", samples=1, **settings)
     image = rendered_without_legend(setup, [square()])[28:44, 36:60]
