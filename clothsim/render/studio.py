@@ -106,7 +106,8 @@ def _mitsuba() -> Any:
         mitsuba, _ = import_module("mitsuba"), import_module("mitsuba_oidn")
     except ImportError as error:
         raise InputError(
-            'The style "studio" needs Mitsuba and its denoiser.', "pip install 'clothsim[look]', or use the style \"fabric\"."
+            'The style "studio" needs Mitsuba and its denoiser.',
+            "pip install 'clothsim[look]', or use the style \"fabric\".",
         ) from error
     mitsuba.set_variant("scalar_rgb")
     return mitsuba
