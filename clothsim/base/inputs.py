@@ -127,7 +127,7 @@ def renamed(**now: str) -> Callable[[Callable[Given, Result]], Callable[Given, R
     return decorate
 
 
-def explained(
+def with_remedies(
     hint: Callable[[str], str] = lambda name: "",
 ) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
     """Decorator of a public function: arguments that it does not take, or lacks, are InputErrors with a remedy.
@@ -136,7 +136,7 @@ def explained(
 
     Examples
     --------
-    >>> @explained()
+    >>> @with_remedies()
     ... def half(number):
     ...     return number / 2
     >>> half(nummber=3)
