@@ -139,10 +139,10 @@ def with_remedies(
     >>> @with_remedies()
     ... def half(number):
     ...     return number / 2
-    >>> half(nummber=3)
+    >>> half(numbers=3)
     Traceback (most recent call last):
         ...
-    clothsim.base.errors.InputError: half() got an unexpected keyword argument 'nummber'. Did you mean 'number'?
+    clothsim.base.errors.InputError: half() got an unexpected keyword argument 'numbers'. Did you mean 'number'?
     """
 
     def decorate(function: Callable[Given, Result]) -> Callable[Given, Result]:

@@ -20,6 +20,7 @@ from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import stretch_range, worst_gap
 from clothsim.garments.dress.corrections import lifted
+from clothsim.garments.dress.fans import folded_fans
 from clothsim.garments.dress.grading import Grading, graded
 from clothsim.garments.dress.limbs import Wearer, sewing_pose
 from clothsim.garments.dress.measurements import measurement_entries
@@ -300,6 +301,7 @@ def dress(
     joined_vertices(mesh)  # an error now, not after the closing
     surface = surface_of(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
+    mesh, fan_notes = folded_fans(mesh, body, surface)
     make_directory(directory)
     ends = np.inf if budget is None else process_time() - watch.cpu_seconds() + budget
     task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce, ends)
@@ -308,6 +310,7 @@ def dress(
         *(grading.notes if grading else ()),
         *placing_notes,
         *arm_notes,
+        *fan_notes,
         *body.notes,
         *(
             ()
