@@ -13,7 +13,7 @@ from clothsim import Cloth, Pattern, Run
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
-from clothsim.base.inputs import is_number, renamed, shown
+from clothsim.base.inputs import is_number, renamed, shown, with_remedies
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.base.stopwatch import Stopwatch
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
@@ -199,6 +199,7 @@ def _texture(state: SewingState) -> Floats:
 
 
 @renamed(cut_for="made_for", hold="waistband")
+@with_remedies()
 def dress(
     pattern: str | Path | Pattern,
     on: str | Path | Any,
