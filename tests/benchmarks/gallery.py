@@ -89,15 +89,20 @@ EXAMPLES = (
         "flag",
         "A flag in gusts",
         "run flag --set cloth.cells=[105,70] --set run.duration=0.28",
-        "--colour firebrick --view=-0.6,-1,0.1 --frame 7",
+        "--colour #a8322a --view=-0.6,-1,0.1",
     ),
     Example(
         "knit_denim",
         "A knit and a denim",
-        "run knit_denim --set cloth.knit.cells=28 --set cloth.denim.cells=28",
+        "run knit_denim --set cloth.knit.cells=34 --set cloth.denim.cells=34",
         "--colour #c8963c,#35507c --view=-0.4,-1,0.35",
     ),
-    Example("tunic", "Six panels, sewn and worn", "dress tunic --on shirt --size 15mm", "--colour #9c4a36"),
+    Example(
+        "tunic",
+        "Six panels, sewn and worn",
+        "dress tunic --on shirt --size 15mm",
+        "--colour #9c4a36 --view=0.45,-1,0.15",
+    ),
     Example(
         "spin",
         "A cloth that a turning ball drags round",
