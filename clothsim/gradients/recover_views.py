@@ -25,13 +25,13 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.clips.gauss_newton import broyden_update, halved_until_lower
 from clothsim.gradients.exact_system import NoMinimumError
 from clothsim.gradients.fabric_prior import SOURCE, bending_keys, bending_prior
-from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
+from clothsim.gradients.finer_cloth import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import full_path
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import Obstacle
-from clothsim.gradients.pulled_drape import pulled
+from clothsim.gradients.placed_drape import pulled
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.gradients.view_fit import Seen, ViewFit, by_kind
 from clothsim.gradients.view_recovery import SearchRecord, ViewRecovery, recovery_of

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.files.characters.quaternions import to_matrices
-from clothsim.files.characters.skeleton import Pose, Skeleton, skeleton_at
+from clothsim.files.characters.skeleton import Pose, Skeleton, skeleton_at, to_matrices
 from clothsim.mesh.generators.mannequin.generator import (
     JOINTS,
     PARENTS,
