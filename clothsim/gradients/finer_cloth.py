@@ -4,13 +4,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag, csr_array, eye_array, kron
+from scipy.sparse import block_diag, csr_array
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.gradients.mask_border import MaskBorder
-from clothsim.gradients.picture_loss import PictureLoss
-from clothsim.gradients.view_fit import ViewFit
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.mesh.refinement import refined
 from clothsim.scene import paths as keys_by_path
@@ -80,28 +77,3 @@ def _with_middles(mesh: MeshArrays, held: Ints) -> Ints:
     ends = mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     middles = fine.reshape(-1, 4, 3)[:, 3].ravel()  # ab, bc, ca
     return np.union1d(held, middles[np.isin(ends, held).all(axis=1)])
-
-
-# The end of a search of pictures, on a cloth with four triangles for one.
-
-
-def finer_fit(fit: ViewFit, at: Floats) -> tuple[ViewFit, csr_array]:
-    """Return the pictures for the finer cloth, and its vertices as combinations of those of the cloth.
-
-    InputError where the cloth cannot be meshed more finely.
-    """
-    _, weights, triangles = halved(fit.scene_at(at))
-    views = [replace(view, losses={what: _of_fine(loss) for what, loss in view.losses.items()}) for view in fit.views]
-    return replace(fit, views=tuple(views), triangles=triangles, halvings=fit.halvings + 1), weights
-
-
-def of_finer_cloth(weights: csr_array, moves: Floats) -> Floats:
-    """Return derivatives (3 m, k) of the finer cloth's vertices from those of the cloth's, (3 n, k)."""
-    return np.asarray(csr_array(kron(weights, eye_array(3))) @ moves)
-
-
-def _of_fine(loss: PictureLoss) -> PictureLoss:
-    """The loss of a picture for the finer cloth."""
-    if not isinstance(loss, MaskBorder):
-        return loss
-    return replace(loss, label=(4 * np.asarray(loss.label, np.int64)[:, None] + np.arange(4)).ravel())

@@ -5,7 +5,7 @@ logarithms q of the numbers. Its gradient is that of the adjoint of the run. Its
 the derivatives of the cloth's vertices by q are differences of runs at first, and then follow the steps by Broyden's
 update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations"); the correspondence is found
 again at each run, and held in a step. Friction holds a drape where it was put on: it is first pulled to its pictures
-(`pulled_drape`), and its sum is that beside displacements of the cloth (`placed_drape`). A run begins from the drape
+(`pulled`), and its sum is that beside displacements of the cloth (`placed_drape`). A run begins from the drape
 that was accepted last, so that folds go on as they are. How far the end is from a minimum, in standard errors, does not
 rest on the differences.
 """
@@ -25,7 +25,7 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.clips.gauss_newton import broyden_update, halved_until_lower
 from clothsim.gradients.exact_system import NoMinimumError
 from clothsim.gradients.fabric_prior import SOURCE, bending_keys, bending_prior
-from clothsim.gradients.finer_cloth import finer_fit, of_finer_cloth
+from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import full_path

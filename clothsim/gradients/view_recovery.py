@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
-from clothsim.gradients.finer_cloth import finer_fit, of_finer_cloth
+from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import count_intersecting_pairs
 from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION

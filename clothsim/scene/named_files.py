@@ -3,15 +3,15 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_numbers
-from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
+from clothsim.scene.named_keys import named_keys, names_array
 from clothsim.scene.paths import FILES
 from clothsim.scene.scene import Scene, scene_from_text
 
@@ -110,52 +110,3 @@ def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
 def _plain(name: str) -> str:
     """A file name that is valid on every system."""
     return re.sub(r"[^\w.\-]", "_", name)
-
-
-# Keys of a scene's tables that name files.
-
-
-ENDING = ".npy"
-
-
-def names_array(value: Any) -> bool:
-    """True for the name of a file of numbers."""
-    return isinstance(value, str) and value.endswith(ENDING)
-
-
-def named_arrays(where: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
-    """Each key of nested tables that names a file of numbers: what has it, its table, the key."""
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from named_arrays(f"{where}_{key}", value)
-        elif names_array(value):
-            yield f"{where}_{key}", table, key
-
-
-def named_keys(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
-    """Each key of a scene that names files: a name for its owner, its table, the key."""
-    for section in ("cloth", "body", "rigid"):
-        tables = data.get(section, [])
-        for k, table in enumerate([tables] if isinstance(tables, dict) else tables):
-            if isinstance(table.get("mesh"), str) and table["mesh"] not in GENERATOR_KEYS:  # else in the text
-                yield f"{section}{k}", table, "mesh"
-            if "model" in table and table["model"] != "mannequin":
-                yield f"{section}{k}", table, "model"
-            if "model" in table:
-                yield from _named_clip(f"{section}{k}_motion", table)
-            if "frames" in table:
-                yield f"{section}{k}", table, "frames"
-    for name, keys in data["effects"].items():
-        yield from named_arrays(f"effect_{name}", keys)
-    if data["seed"].get("file"):
-        yield "seed", data["seed"], "file"
-
-
-def _named_clip(owner: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
-    """The file of the motion of a body model."""
-    from clothsim.files.characters.gait import is_packaged
-
-    motion = table.get("motion")
-    keyed = (motion, "clip") if isinstance(motion, dict) else (table, "motion")
-    if motion and not (keyed[0][keyed[1]] == "own" or is_packaged(keyed[0][keyed[1]])):
-        yield owner, *keyed

@@ -33,7 +33,7 @@ from clothsim.keys.value_checks import refuse_deep, refuse_unknown_key
 from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.mesh_objects import is_mesh, mesh_arrays
-from clothsim.scene.named_files import named_keys
+from clothsim.scene.named_keys import named_keys
 
 Table = Mapping[str, Any]
 BodyKind = BodyTable | FramesTable | ModelTable

@@ -8,7 +8,8 @@ from sewing_patterns import panel, specification
 from views import looking
 
 from clothsim import load_scene
-from clothsim.gradients.finer_cloth import finer_fit, halved, of_finer_cloth
+from clothsim.gradients.finer_cloth import halved
+from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import derivatives, problem_of
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.mask_border import MaskBorder
