@@ -53,7 +53,7 @@ class IntersectionWarning(UserWarning):
 
 _OPTION = re.compile(r"`[^`]*`|(?<![\w-])(?:--([a-z][a-z-]*)|-o\b)( (?=\d))?")
 """An option, and the blank before its number; commands in backticks are left as they are."""
-SWITCHES = ("overwrite", "force", "estimate", "symmetric")
+SWITCHES = ("overwrite", "force", "estimate", "symmetric", "finer")
 """Options without a value, which are True in Python."""
 
 

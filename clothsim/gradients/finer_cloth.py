@@ -24,7 +24,7 @@ def halved(scene: Scene) -> tuple[Scene, csr_array, Ints]:
     """
     others = [name for name in scene.effects if name not in HELD]
     if others:
-        raise InputError(f"The effect {others[0]} may name vertices, which a finer mesh has others of.")
+        raise InputError(f"effects.{others[0]} may select vertices by number, and a finer mesh has other numbers.")
     tables, parts, fine, count = list[Any](), list[csr_array](), list[Ints](), 0
     for keys in scene.cloths:
         mesh = keys.mesh

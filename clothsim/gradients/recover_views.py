@@ -25,6 +25,7 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.clips.gauss_newton import broyden_update, halved_until_lower
 from clothsim.gradients.exact_system import NoMinimumError
 from clothsim.gradients.fabric_prior import SOURCE, bending_keys, bending_prior
+from clothsim.gradients.finer_cloth import halved
 from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
 from clothsim.gradients.losses import Custom
@@ -100,13 +101,14 @@ def recover_views(
     folds : int
         Drapes that the first start is chosen from by the normals: the scene's own, and others after seeded kicks.
     finer : bool
-        End with a few steps on a cloth with four triangles for one, where it can be meshed so; each run costs five
-        times as much there. The values are of that cloth then.
+        End with a few steps on a cloth with four triangles for one; each run costs five times as much there. The values
+        are of that cloth then.
 
     Raises
     ------
     InputError
-        For a picture that is none, a number that cannot be varied, or a cloth that no camera sees at the start.
+        For a picture that is none, a number that cannot be varied, a cloth that no camera sees at the start, or one
+        that cannot be meshed more finely.
     ClothsimError
         Where the scene itself cannot be run.
     """
@@ -118,6 +120,8 @@ def recover_views(
     problem = problem_of(scene, mean_loss, free, pattern)
     triangles = world_of(problem.scene).triangles
     fit = ViewFit(problem, made, triangles, problem.origin, np.zeros((len(paths),) * 2))
+    if finer:
+        _refuse_to_refine(fit)
     note = ""
     if prior:
         fit, note = _with_prior(fit)
@@ -150,14 +154,23 @@ def recover_views(
     minima, coarse, shown = tuple(each.last.total for each in ends), None, first.positions
     runs, adjoint = runs + sum(each.runs for each in ends), sum(each.adjoint for each in ends)
     if finer:
-        with suppress(InputError):  # a cloth that cannot be meshed more finely ends as it is
-            fine_fit, weights = finer_fit(fit, best.last.at)
-            end = _on_finer_cloth(fine_fit, weights, best, tell)
-            if end is not None:
-                fit, coarse, best, shown = fine_fit, best.last.at, end, np.asarray(weights @ shown)
-                runs, adjoint = runs + end.runs, adjoint + end.adjoint
+        fine_fit, weights = finer_fit(fit, best.last.at)
+        end = _on_finer_cloth(fine_fit, weights, best, tell)
+        if end is None:
+            note = f"{note} The finer cloth could not be run: the values are of the cloth as given.".strip()
+        else:
+            fit, coarse, best, shown = fine_fit, best.last.at, end, np.asarray(weights @ shown)
+            runs, adjoint = runs + end.runs, adjoint + end.adjoint
     search = SearchRecord(runs, minima, note, began, adjoint, misfits, twins, coarse)
     return recovery_of(fit, shown, (best.last, best.before, best.moves), search)
+
+
+def _refuse_to_refine(fit: ViewFit) -> None:
+    """InputError for a cloth that cannot be meshed more finely: now, and not after the search."""
+    try:
+        halved(fit.scene_at(fit.problem.origin))
+    except InputError as error:
+        raise InputError(error.sentence, "Leave out --finer.") from error
 
 
 def _kick(positions: Floats, rng: np.random.Generator) -> Floats:

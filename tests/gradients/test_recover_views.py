@@ -10,7 +10,7 @@ from PIL import Image
 from sewing_patterns import panel, specification
 from views import looking, seen
 
-from clothsim import load_scene, recover_views
+from clothsim import InputError, load_scene, recover_views
 from clothsim.cli import main
 from clothsim.cli.recover_command import _picture_lines
 from clothsim.gradients.pattern_numbers import PatternNumbers
@@ -139,6 +139,20 @@ def test_a_search_that_ends_on_a_finer_mesh(folder):
     assert not any(twin.failure for twin in found.twins)
     assert abs(found.values["pattern.towel.height"] / (1.06 * HEIGHT) - 1.0) < 0.02
     assert found.overlays["from here"].shape == (120, 160, 3)
+
+
+def test_a_cloth_that_cannot_be_meshed_more_finely_is_refused_before_the_search(folder):
+    scene, runs = load_scene("towel.toml"), []
+    keys = {**scene.effects, "springs": {"spring": [{"select": "bottom", "stiffness": 1.0}]}}
+    with pytest.raises(InputError, match=r"springs.*finer=True"):
+        recover_views(
+            replace(scene, effects=keys),
+            "views.toml",
+            ["pattern.towel.height"],
+            finer=True,
+            progress=lambda *each: runs.append(each),
+        )
+    assert not runs
 
 
 def test_a_pattern_with_other_numbers_is_the_one_that_is_meshed():

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
+from clothsim.physics.energies.protocols import ContactGap
 from clothsim.run.results import Run
 from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
@@ -67,22 +68,36 @@ def slides_by_coulomb(run: Run) -> str:
     free = np.setdiff1d(np.arange(world.n_cloth), built.constraints["pins"].at(0.0).vertices)
     velocities = np.diff([run.positions(k) for k in range(len(run.times))], axis=0) / np.diff(run.times)[:, None, None]
     slow = np.flatnonzero((velocities[:, free, 0] < 0.01).any(axis=1))
-    first = int(slow[-1]) + 1 if len(slow) else 0
-    if len(velocities) - first < 10:
-        return "not all of it slid"
+    steps = np.arange(int(slow[-1]) + 2 if len(slow) else 1, len(velocities))
+    steps = steps[[_is_apart(built, run.positions(k + 1)) for k in steps]]
+    if len(steps) < 10:
+        return "not all of it slid, or its folds touched one another"
     masses, dt = world.masses[free, None], np.diff(run.times)
-    impulse = (masses * (velocities[-1] - velocities[first])[free]).sum(axis=0)
-    for k in range(first + 1, len(velocities)):
+    impulse = np.zeros(3)
+    for k in steps:
+        impulse += (masses * (velocities[k] - velocities[k - 1])[free]).sum(axis=0)
         impulse -= dt[k] * elastic_forces(built, run.positions(k + 1))[free].sum(axis=0)
-    impulse[2] += 9.81 * masses.sum() * dt[first + 1 :].sum()
+        impulse[2] += 9.81 * masses.sum() * dt[k]
     held = -impulse[0] / impulse[2]
     return f"friction is {held:.4g} of the normal force, not {MU:g}" if abs(held / MU - 1) > CLOSE else ""
 
 
-def elastic_forces(built: Built, cloth: Floats) -> Floats:
-    """Membrane and bending forces on the cloth's vertices (n, 3) [N]."""
+def _is_apart(built: Built, cloth: Floats) -> bool:
+    """True where the cloth does not touch itself: a fold on the pulled edge would give its momentum to the pins."""
+    contact = built.energies.get("self_contact")
+    return not isinstance(contact, ContactGap) or contact.minimum_gap(_rows(built, cloth)) == np.inf
+
+
+def _rows(built: Built, cloth: Floats) -> Floats:
+    """Positions of all rows, those of the cloth as given (n, 3) [m]."""
     x = built.world.start()
     x[: len(cloth)] = cloth
+    return x
+
+
+def elastic_forces(built: Built, cloth: Floats) -> Floats:
+    """Membrane and bending forces on the cloth's vertices (n, 3) [N]."""
+    x = _rows(built, cloth)
     total = built.energies["membrane"].gradient(x) + built.energies["bending"].gradient(x)
     return np.asarray(-total[: len(cloth)], np.float64)
 

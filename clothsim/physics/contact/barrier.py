@@ -33,8 +33,8 @@ class ActiveSet:
     count: int
 
 
-FIRST_REACH = 10.0
-"""Distance from what a vertex may touch, in d_hat, within which its load counts in the first step."""
+SUNK = 0.01
+"""Gap, over d_hat, below which a barrier is too soft for its load: half of d_hat is meant (`barrier_stiffness`)."""
 PREDICTION_LENGTH = 30.0
 """Length, in d_hat, to which a displacement is followed to predict contacts: a guess is not worth a long search."""
 
@@ -100,26 +100,19 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         inward, in_contact = _contact_directions(force)
         speeds = lengths(step.velocities[:n])
         approach = np.where(in_contact, (step.velocities[:n] * inward).sum(axis=1), speeds)
-        scale = (
+        stiffness = barrier_stiffness(
+            self._pressure(step.gradient, inward),
             float(self.masses.sum() / self.areas.sum()) if n else 0.0,
             float(approach.max(initial=0.0)),
             self.d_hat,
             step.dt,
             step.contact_time_scale or step.dt,
         )
-        pressures = -(step.gradient[:n] * inward).sum(axis=1) / self.areas
-        stiffness = barrier_stiffness(float(pressures[in_contact].max(initial=0.0)), *scale)
         # the lowest of a pile, or the first link of a chain, bears all
         load = sum(body.load(step) for body in self.heavy)
         stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
+        stiffness = max(stiffness, step.least_stiffness.get(self.name, 0.0))
         before = float(step.memory.get(self.name, stiffness))
-        if self.name not in step.memory and not in_contact.any():
-            # The first step: stretched cloth at rest may bring any of its forces to what is near.
-            x, reach = step.positions, self.offset + FIRST_REACH * self.d_hat
-            near = np.unique(self.candidates.search.pairs(x, x, reach)[0].elements)
-            near = near[near < n]
-            pressures = lengths(step.gradient[near]) / self.areas[near]
-            stiffness = max(stiffness, barrier_stiffness(float(pressures.max(initial=0.0)), *scale))
         if stiffness > before and "inertia" in step.bound:
             kinetic = kinetic_energy_of_impact(step.velocities, self.masses)
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
@@ -181,6 +174,27 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
     def stiffness_energy(self, x: Floats, before: float) -> float:
         """E(x) less that with the stiffness `before` [J]."""
         return (self.stiffness - before) * (self.value(x) / self.stiffness) if self.stiffness != before else 0.0
+
+    def has_sunk(self, start: Floats, x: Floats) -> bool:
+        """True where gaps at x are below SUNK of d_hat, and no pair was active at the start: a rise adds no energy.
+
+        Before its first contact stretched cloth shows no load, and its barrier is as soft as its weight allows. A body
+        that goes further than d_hat in the step is another matter: the load is then that of the step's own length.
+        """
+        if not self.adaptive or self.minimum_gap(x) >= SUNK * self.d_hat or self.minimum_gap(start) < np.inf:
+            return False
+        n = len(self.areas)
+        return float(np.abs(x[n:] - start[n:]).max(initial=0.0)) < self.d_hat
+
+    def stiffness_needed(self, x: Floats, gradient: Floats) -> float:
+        """Stiffness [Pa] that bears the loads at x."""
+        force = -self.gradient(x)
+        return self._pressure(gradient + force, _contact_directions(force[: len(self.areas)])[0])
+
+    def _pressure(self, gradient: Floats, inward: Floats) -> float:
+        """Largest pressure [Pa] on a vertex in contact of other energies with this gradient (N, 3) [N]."""
+        n = len(self.areas)
+        return float((-(gradient[:n] * inward).sum(axis=1) / self.areas).max(initial=0.0))
 
     def normal_forces(self, x: Floats, stiffness: float, least_gap: float = 0.0) -> tuple[Ints, Floats, Floats, Floats]:
         """Distinct pairs: rows (p, 4), weights g (p, 4) and difference r (p, 3) [m] of closest points, force (p,) [N].

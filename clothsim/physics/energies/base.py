@@ -77,6 +77,8 @@ class Step:
         Time in which the barrier stops a motion [s], None for dt.
     contact_time : float
         Least such time of the scene [s], see `contact_time`.
+    least_stiffness : mapping
+        Stiffness [Pa] that an earlier solve of this step found to be needed, by name of contact.
     """
 
     time: float
@@ -90,6 +92,7 @@ class Step:
     multistep_past: Past | None = None
     contact_time_scale: float | None = None
     contact_time: float = CONTACT_TIME_SCALE
+    least_stiffness: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def past(self) -> Past:

@@ -233,9 +233,20 @@ class History(abc.ABC):
 class AdaptiveStiffness(History):
     """An energy with a stiffness for each step: what it stores at the same positions changes from step to step."""
 
+    stiffness: float
+    """Stiffness of the step that it is bound to [Pa]."""
+
     @abc.abstractmethod
     def stiffness_energy(self, x: Floats, before: float) -> float:
         """E(x) less that with the stiffness `before` [J]."""
+
+    @abc.abstractmethod
+    def has_sunk(self, start: Floats, x: Floats) -> bool:
+        """True where the stiffness is too small for the step from `start` to x, (N, 3) [m] both, and may rise."""
+
+    @abc.abstractmethod
+    def stiffness_needed(self, x: Floats, gradient: Floats) -> float:
+        """Stiffness [Pa] that bears the loads at x; gradient: of all energies there, (N, 3) [N]."""
 
 
 class Restrictable(abc.ABC):

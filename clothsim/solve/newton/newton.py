@@ -3,6 +3,7 @@
 Every loop is bounded and every end has a name (`outcome.Ending`).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,6 +62,16 @@ TOLERANCE_ALONE = ErrorBalance()
 LAST_DIGITS = float(np.finfo(float).eps)
 MAX_PATCH_ITERATIONS = 10
 """Newton iterations on a patch before the next global one."""
+PROBE_PERIOD = 10
+"""Iterations after which a solve is asked whether it sinks: a gap that a first long step left opens in fewer."""
+
+Probe = Callable[[Floats], bool]
+"""True for positions from which a solve is not worth going on: contact is too soft there, and is made stiffer."""
+
+
+def no_probe(x: Floats) -> bool:
+    """Go on, whatever the gaps."""
+    return False
 
 
 @dataclass(frozen=True)
@@ -143,6 +154,8 @@ class Newton:
         Stop by the time error of the step.
     least_force : float
         Force that is no imbalance [N]; inf: the force balance is not checked.
+    sinks : callable
+        Asked every PROBE_PERIOD iterations whether contact is too soft; True ends the solve.
     """
 
     potential: Potential
@@ -152,6 +165,7 @@ class Newton:
     observe: Observer = unobserved
     balance: ErrorBalance | MotionStop = TOLERANCE_ALONE
     least_force: float = np.inf
+    sinks: Probe = no_probe
 
     def minimise(self, x: Floats, target: Prescribed) -> NewtonResult:
         """Minimise E from x, with the target's vertices at their positions (Dirichlet).
@@ -268,9 +282,9 @@ class Newton:
         for count in range(iterations, iterations + settings.max_iterations):
             direction = model.direction(x, still, trust, cached)
             dx, gradient, cached = direction.dx, direction.gradient, direction.cached
-            residual = model.residual(gradient)
-            if direction.end is not None:
-                return ended(direction.end, count)
+            residual, end = model.residual(gradient), direction.end or self._sunk(x, dx, count - iterations)
+            if end is not None:
+                return ended(end, count)
             before, speed = speed, self._speed(dx)
             lengths_before, lengths = lengths, self.balance.rms(dx, trust.exact)
             if speed == 0.0:
@@ -324,6 +338,11 @@ class Newton:
             Ending.ITERATION_LIMIT, x, dx, tolerance=settings.tolerance, limit=settings.max_iterations, speed=speed
         )
         return ended(self._classify_failure(end, x, speed, model), iterations + settings.max_iterations)
+
+    def _sunk(self, x: Floats, dx: Floats, count: int) -> Outcome | None:
+        """Outcome of a solve that is probed after `count` iterations and sinks into contact."""
+        probed = count > 0 and count % PROBE_PERIOD == 0
+        return _at_fastest(Ending.SUNK, x, dx) if probed and self.sinks(x) else None
 
     def _classify_failure(self, end: Outcome, x: Floats, speed: float, model: QuadraticModel) -> Outcome:
         """Outcome of a solve that fails: UNBALANCED where its steps are short enough and only forces are left."""

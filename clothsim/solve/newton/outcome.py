@@ -27,6 +27,7 @@ class Ending(Enum):
     )
     NO_ROOM = "Contact at {who}, at {at}, leaves no admissible step (fraction {fraction:.1e})."
     BLOCKED = "The prescribed motion is blocked by contact: {who} stops at {at}."
+    SUNK = "Contact at {who}, at {at}, is too soft for its load: the cloth sinks into its barrier."
     NOT_FINITE = "The gradient or the Hessian is not finite at {who}, at {at}."
     SINGULAR = "The Newton matrix is not positive definite, and shifting its diagonal did not help."
 

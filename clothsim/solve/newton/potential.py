@@ -18,6 +18,7 @@ from clothsim.base.vectors import add_to
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.hessians import Hessian, ImplicitHessian, LanesHessian, SumHessian
 from clothsim.physics.energies.protocols import (
+    AdaptiveStiffness,
     BarrierGap,
     ContactGap,
     Coupling,
@@ -227,6 +228,16 @@ class Potential:
     def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
         """Return the largest relative change by the step dx of a gap below `within`, a fraction of d_hat."""
         return max((energy.gap_change(x, dx, within) for energy in self._acting_as(BarrierGap)), default=0.0)
+
+    def stiffnesses_needed(self, start: Floats, x: Floats) -> dict[str, float]:
+        """Return the stiffness [Pa] of each contact that is too soft for the step from `start` to x, by its name."""
+        found = {}
+        for name, energy in self.acting.items():
+            if isinstance(energy, AdaptiveStiffness) and energy.has_sunk(start, x):
+                needed = energy.stiffness_needed(x, self.gradient(x))
+                if needed > energy.stiffness:
+                    found[name] = needed
+        return found
 
     def grips(self) -> list[Grip]:
         """Return what holds the rows of x up to a limit (friction)."""

@@ -142,6 +142,7 @@ class Cause(StrEnum):
     UNBALANCED = "force balance"
     NO_ROOM = "no room"
     BLOCKED = "blocked"
+    SUNK = "contact too soft"
     NOT_FINITE = "not finite"
     SINGULAR = "singular"
     INTERSECTION = "intersection"
@@ -339,6 +340,7 @@ _REMEDIES = {
         "positions in double precision can balance. Else set a smaller solver.dt."
     ),
     Ending.NO_ROOM: "Set a smaller solver.dt, or start the scene with larger gaps there.",
+    Ending.SUNK: "Set a larger contact stiffness of the effect.",
     Ending.LINE_SEARCH: "Set a larger solver.tolerance or a smaller solver.dt: the decrease of E is below round-off.",
     Ending.NOT_FINITE: "Run `clothsim check` on the scene to find degenerate triangles; else set a smaller solver.dt.",
     Ending.ITERATION_LIMIT: "Set a smaller solver.dt, a larger solver.tolerance or a larger solver.max_iterations.",

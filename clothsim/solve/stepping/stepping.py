@@ -28,6 +28,8 @@ GROWTH = 1.25
 """Growth of dt over the step before, after one that needed no second try: ten halvings are made good in 31 steps."""
 MAX_HALVINGS = 10
 MOST_TRIES = 100
+MOST_SUNK = 2
+"""Solves of a step that are repeated with a stiffer contact, where the cloth sank into its barrier."""
 STATIC_ITERATIONS = 10
 """Bound on the iterations of the first try of a quasi-static step, over `max_iterations`.
 
@@ -286,26 +288,47 @@ def step_of(integrator: Integrator, state: State, formula: Formula, h: float, en
 def _solve(
     integrator: Integrator, state: State, formula: Formula, h: float, end: float, target: Prescribed
 ) -> tuple[Potential, NewtonResult]:
-    bound = integrator.potential.begin(step_of(integrator, state, formula, h, end))
-    integrator.system.begin(bound.couplings(state.positions, h * state.velocities))
-    start = state.positions
-    if integrator.world.rigid:
-        start = predicted_start(integrator.world, integrator.system.dependent, bound, state, h)
-    result = _newton(integrator, state, formula, h, bound, target).minimise(start, target)
+    step = step_of(integrator, state, formula, h, end)
+    bound, result = _minimise(integrator, state, formula, step, target, probed=True)
+    for count in range(1, MOST_SUNK + 1):
+        needed = bound.stiffnesses_needed(state.positions, result.x)
+        if not needed:
+            break
+        softer, step = result, replace(step, least_stiffness={**step.least_stiffness, **needed})
+        bound, result = _minimise(integrator, state, formula, step, target, probed=count < MOST_SUNK)
+        result = _added(softer, result)
     for _ in range(1, bound.lag_iterations):
         if not result.outcome.converged:
             break
         before, bound = bound, bound.relag(result.x)
         if not (before.lagging or bound.lagging):
             break  # no lagged data before or after: the same problem
-        iterations, elimination_iterations = result.iterations, result.elimination_iterations
-        result = _newton(integrator, state, formula, h, bound, target).minimise(result.x, target)
-        result = replace(
-            result,
-            iterations=iterations + result.iterations,
-            elimination_iterations=elimination_iterations + result.elimination_iterations,
-        )
+        result = _added(result, _newton(integrator, state, formula, h, bound, target).minimise(result.x, target))
     return bound, integrator.refine(bound, result, target) if result.outcome.converged else result
+
+
+def _minimise(
+    integrator: Integrator, state: State, formula: Formula, step: Step, target: Prescribed, probed: bool
+) -> tuple[Potential, NewtonResult]:
+    """First solve of a step: the potential bound to it, and its minimum; probed: it ends early where it sinks."""
+    bound, h = integrator.potential.begin(step), step.dt
+    integrator.system.begin(bound.couplings(state.positions, h * state.velocities))
+    start = state.positions
+    if integrator.world.rigid:
+        start = predicted_start(integrator.world, integrator.system.dependent, bound, state, h)
+    newton = _newton(integrator, state, formula, h, bound, target)
+    if probed:
+        newton = replace(newton, sinks=lambda x: bool(bound.stiffnesses_needed(state.positions, x)))
+    return bound, newton.minimise(start, target)
+
+
+def _added(before: NewtonResult, result: NewtonResult) -> NewtonResult:
+    """A result with the iterations of the solves before it of the same step."""
+    return replace(
+        result,
+        iterations=before.iterations + result.iterations,
+        elimination_iterations=before.elimination_iterations + result.elimination_iterations,
+    )
 
 
 def _newton(

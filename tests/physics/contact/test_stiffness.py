@@ -1,4 +1,4 @@
-"""Bound on the rise of the adaptive barrier stiffness: the energy that it adds."""
+"""Adaptive barrier stiffness: bound on its rise, the energy that it adds; steps that sink into a soft barrier."""
 
 from dataclasses import replace
 
@@ -36,6 +36,19 @@ def step_of(world, load, speed=0.0, before=None, dynamic=True, height=0.0):
     return replace(step_at(x, v, dt=DT), gradient=gradient, memory=memory, bound=bound)
 
 
+def above_the_ball(world, contact, gap):
+    """Positions of a sheet moved along z until its smallest gap from the ball is `gap` [m], below d_hat."""
+    x, low, high = world.start(), -0.01, 0.2
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        x[: world.n_cloth, 2] = world.start()[: world.n_cloth, 2] + middle
+        if contact.minimum_gap(x) < gap:
+            low = middle
+        else:
+            high = middle
+    return x
+
+
 def test_no_rise_adds_more_than_its_power():
     rng = np.random.default_rng(0)
     for before, wanted, unit, kinetic, dt in np.exp(rng.uniform(-12, 6, (200, 5))):
@@ -66,12 +79,33 @@ class TestStep:
         first = contact.begin(step_of(world, 40.0)).stiffness
         assert contact.begin(step_of(world, 80.0)).stiffness == pytest.approx(2 * first)
 
-    def test_the_first_step_bears_the_loads_of_vertices_that_are_not_in_contact_yet(self, world):
+    def test_a_stiffness_that_an_earlier_solve_found_to_be_needed_is_the_least(self, world):
         contact = body_contact(world, d_hat=0.005)
-        near, far = (contact.begin(step_of(world, 4e4, height=height)).stiffness for height in (0.02, 0.1))
-        assert near == pytest.approx(4e4 / world.vertex_areas[world.n_cloth // 2])
-        assert far < 1e-3 * near
-        assert contact.begin(step_of(world, 4e4, before=1e-3, height=0.02)).stiffness < 1e-3 * near
+        step = step_of(world, 1.0, height=0.02)
+        low = contact.begin(step).stiffness
+        assert contact.begin(replace(step, least_stiffness={"body_contact": 900.0})).stiffness == 900.0
+        assert contact.begin(replace(step, least_stiffness={"body_contact": 0.5 * low})).stiffness == low
+
+    def test_contact_has_sunk_below_a_hundredth_of_d_hat_after_a_start_without_contact(self, world):
+        step = step_of(world, 1.0, height=0.02)
+        contact, free = body_contact(world, d_hat=0.005).begin(step), step.positions
+        deep, near, half = (above_the_ball(world, contact, gap * contact.d_hat) for gap in (0.005, 0.02, 0.5))
+        assert [contact.has_sunk(free, x) for x in (deep, near, half, free)] == [True, False, False, False]
+        assert not contact.has_sunk(half, deep)
+        beyond = free.copy()
+        beyond[world.n_cloth :, 0] += 1.1 * contact.d_hat  # the ball of the start, aside by more than d_hat
+        assert not contact.has_sunk(beyond, deep)
+        assert not replace(contact, adaptive=False).has_sunk(free, deep)
+
+    def test_the_stiffness_needed_is_the_largest_pressure_of_other_energies(self, world):
+        contact = body_contact(world, d_hat=0.005).begin(step_of(world, 1.0, height=0.02))
+        x = above_the_ball(world, contact, 0.005 * contact.d_hat)
+        own, load = contact.gradient(x), np.zeros_like(x)
+        load[: world.n_cloth, 2] = 40.0
+        touched = own[: world.n_cloth].any(axis=1)
+        inward = own[: world.n_cloth] / np.linalg.norm(own[: world.n_cloth], axis=1)[:, None].clip(1e-300)
+        expected = -40.0 * inward[touched, 2] / world.vertex_areas[touched]
+        assert contact.stiffness_needed(x, own + load) == pytest.approx(expected.max(), rel=1e-9)
 
     def test_a_rise_adds_the_allowed_energy_and_reports_it(self, world):
         contact = body_contact(world, d_hat=0.025)

@@ -19,7 +19,7 @@ from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton import direction
 from clothsim.solve.newton.direction import QuadraticModel
-from clothsim.solve.newton.newton import FARTHEST
+from clothsim.solve.newton.newton import FARTHEST, PROBE_PERIOD
 from clothsim.solve.newton.outcome import Ending, outcome, position_text
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers
@@ -252,6 +252,13 @@ def blocked_at_once():
     return solve(world, {"toy": quadratic(limit=1e-13)}, x, Prescribed(np.array([3]), x[[3]] + 1.0))
 
 
+def sunk():
+    """A solve whose contact is found too soft after PROBE_PERIOD iterations."""
+    world = small_world()
+    newton = newton_of(world, {"membrane": membrane(world)}, tolerance=1e-300)
+    return replace(newton, sinks=lambda x: True).minimise(deformed(world), NOTHING)
+
+
 def line_search():
     """An energy that falls where its gradient says that it rises."""
     world = small_world()
@@ -284,6 +291,7 @@ ENDS = [
     (blocked, Ending.BLOCKED, {0, 2}, set()),
     (no_room, Ending.NO_ROOM, None, {"fraction"}),
     (blocked_at_once, Ending.BLOCKED, {3}, set()),
+    (sunk, Ending.SUNK, None, set()),
     (line_search, Ending.LINE_SEARCH, None, {"speed"}),
     (not_finite, Ending.NOT_FINITE, None, set()),
     (singular, Ending.SINGULAR, {None}, set()),
@@ -307,6 +315,7 @@ def test_every_end_has_its_name_and_place(scene, ending, rows, numbers):
 
 def test_a_solve_that_ends_at_its_limit_took_as_many_iterations():
     assert iteration_limit().iterations == 2
+    assert sunk().iterations == PROBE_PERIOD
 
 
 def test_no_end_was_forgotten():
