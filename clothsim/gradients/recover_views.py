@@ -5,7 +5,7 @@ logarithms q of the numbers. Its gradient is that of the adjoint of the run. Its
 the derivatives of the cloth's vertices by q are differences of runs at first, and then follow the steps by Broyden's
 update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations"); the correspondence is found
 again at each run, and held in a step. Friction holds a drape where it was put on: it is first pulled to its pictures
-(`pulled`), and its sum is that beside displacements of the cloth (`placed_drape`). A run begins from the drape
+(`pulled_drape`), and its sum is that beside displacements of the cloth (`placed_drape`). A run begins from the drape
 that was accepted last, so that folds go on as they are. How far the end is from a minimum, in standard errors, does not
 rest on the differences.
 """
@@ -32,7 +32,7 @@ from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import full_path
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.picture_loss import Obstacle
-from clothsim.gradients.placed_drape import pulled
+from clothsim.gradients.pulled_drape import pulled
 from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.gradients.view_fit import Seen, ViewFit, by_kind
 from clothsim.gradients.view_recovery import SearchRecord, ViewRecovery, recovery_of

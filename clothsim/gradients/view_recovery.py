@@ -1,5 +1,6 @@
 """Numbers recovered from pictures: their errors, the model's own, and what fewer pictures would tell."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from time import process_time
@@ -12,7 +13,7 @@ from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import count_intersecting_pairs
 from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION
-from clothsim.gradients.placed_drape import pulled
+from clothsim.gradients.pulled_drape import pulled
 from clothsim.gradients.recover import Recovery
 from clothsim.gradients.view_fit import Seen, ViewFit, errors_of
 from clothsim.gradients.views import overlay
@@ -105,6 +106,12 @@ class ViewRecovery(Recovery):
     adjoint_fraction: float = float("nan")
     pattern: Pattern | None = None
     overlays: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def adjoint_share(self) -> float:
+        """Earlier name of `adjoint_fraction`."""
+        warnings.warn("adjoint_share is now adjoint_fraction.", DeprecationWarning, stacklevel=2)
+        return self.adjoint_fraction
 
     @property
     def model_errors(self) -> Mapping[str, float]:

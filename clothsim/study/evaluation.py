@@ -14,8 +14,8 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.record import read_summary, to_json
-from clothsim.study.observations import Material, at_points_of, material_of
 from clothsim.study.points import BASE, Bench, Point, PointOutcome, predicted_seconds
+from clothsim.study.resample import Material, at_points_of, material_of
 from clothsim.study.workers import SHORT, TIMES, Answer, PointJob, ProcessorTime, Runner
 
 STUDY_NAME, FOLDER = "study.json", "points"

@@ -12,9 +12,9 @@ from clothsim.base.errors import InputError
 from clothsim.engine import World
 from clothsim.gradients import StateAtRest
 from clothsim.study.evaluation import Gatherer
-from clothsim.study.observations import at_points_of, nearest_weights, world_material
 from clothsim.study.pictures import draw_goal
 from clothsim.study.points import BASE, Bench, Point, point
+from clothsim.study.resample import at_points_of, nearest_weights, world_material
 
 # Goal-oriented error: the triangles that make the error of one number of a drape at rest.
 #

@@ -25,12 +25,12 @@ from clothsim.study.analysis import findings
 from clothsim.study.error_control.resolution import Resolution, refinable_scene
 from clothsim.study.evaluation import FOLDER, Gatherer, StudyProgress, stored_points, write_points
 from clothsim.study.goal_report import NamedGoal, goal_report, refuse_goal
-from clothsim.study.observations import world_material
 from clothsim.study.parameters import usable, with_explicit_lengths
 from clothsim.study.pictures import draw_study
 from clothsim.study.plan import gathered
 from clothsim.study.points import BASE, Bench, Point, point
 from clothsim.study.report import markdown
+from clothsim.study.resample import world_material
 from clothsim.study.result import UNFINISHED, StudyData, document, headline, needed_seconds
 from clothsim.study.workers import ProcessorTime, Runner, worker_processes
 
