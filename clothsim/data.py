@@ -63,6 +63,8 @@ class Drapes:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._opened: tuple[int, h5py.File] | None = None
+        if not self.path.is_file():
+            raise InputError(f"There is no file {self.path}.", "Write one: `clothsim farm pack DIR -o data.h5`.")
         try:
             file = self._file
             rows = [json.loads(line) for line in file["manifest"].asstr()]

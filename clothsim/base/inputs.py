@@ -2,6 +2,7 @@
 
 import difflib
 import functools
+import inspect
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeVar
@@ -16,6 +17,13 @@ SYNONYMS = {
     "fps": "frames_per_second",
     "gravity": "acceleration",
     "g": "acceleration",
+    "E": "youngs_modulus",
+    "nu": "poisson_ratio",
+    "--camera": "--view",
+    "--resolution": "--size",
+    "--fps": "--frames-per-second",
+    "--on": "--to",
+    "--to": "--on",
 }
 """Words that mean a known name whose letters are not like theirs."""
 LONGEST = 120
@@ -117,3 +125,48 @@ def renamed(**now: str) -> Callable[[Callable[Given, Result]], Callable[Given, R
         return called
 
     return decorate
+
+
+def with_remedies(
+    hint: Callable[[str], str] = lambda name: "",
+) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+    """Decorator of a public function: arguments that it does not take, or lacks, are InputErrors with a remedy.
+
+    hint: what to do about an unknown keyword that is not like a known one.
+
+    Examples
+    --------
+    >>> @with_remedies()
+    ... def half(number):
+    ...     return number / 2
+    >>> half(numbers=3)
+    Traceback (most recent call last):
+        ...
+    clothsim.base.errors.InputError: half() got an unexpected keyword argument 'numbers'. Did you mean 'number'?
+    """
+
+    def decorate(function: Callable[Given, Result]) -> Callable[Given, Result]:
+        signature = inspect.signature(function)
+        usage = f"Call it as {function.__name__}({', '.join(name for name in signature.parameters if name != 'self')})."
+
+        @functools.wraps(function)
+        def called(*args: Given.args, **keywords: Given.kwargs) -> Result:
+            try:
+                signature.bind(*args, **keywords)
+            except TypeError as error:
+                unknown = next((name for name in keywords if name not in signature.parameters), "")
+                remedy = did_you_mean(unknown, signature.parameters, 0.75) or hint(unknown) if unknown else ""
+                raise InputError(f"{function.__name__}() {_of_binding(error, unknown)}.", remedy or usage) from error
+            return function(*args, **keywords)
+
+        return called
+
+    return decorate
+
+
+def _of_binding(error: TypeError, unknown: str) -> str:
+    """What `inspect.Signature.bind` says, as the error of a call does; an unknown keyword comes first."""
+    if unknown:
+        return f"got an unexpected keyword argument {unknown!r}"
+    text = str(error).replace("missing a required argument:", "needs the argument")
+    return text if text.startswith(("got", "needs")) else f"got {text}"

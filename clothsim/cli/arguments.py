@@ -24,20 +24,32 @@ LENGTHS = {"mm": 1e-3, "um": 1e-6, "cm": 1e-2, "in": 0.0254, "m": 1.0}
 UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
+class MissingError(InputError):
+    """An argument that a command needs is not given."""
+
+
 class Parser(argparse.ArgumentParser):
-    """An ArgumentParser whose errors are InputErrors."""
+    """An ArgumentParser whose errors are InputErrors; `remedies` for options that it does not take."""
 
     def __init__(self, **keywords: object) -> None:
         settings = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False, **keywords}
         super().__init__(**settings)  # type: ignore[arg-type]
+        self.remedies: dict[str, str] = {}
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with argparse's message as a sentence."""
-        raise InputError(f"{message[:1].upper()}{message[1:]}.", f"See `{self.prog} --help`.")
+        kind = MissingError if "arguments are required" in message else InputError
+        raise kind(f"{message[:1].upper()}{message[1:]}.", f"See `{self.prog} --help`.")
 
     def parsed(self, words: Sequence[str]) -> argparse.Namespace:
         """The values of a command line; InputError for a word that its command does not take."""
-        values, unknown = self.parse_known_args(words)
+        try:
+            values, unknown = self.parse_known_args(words)
+        except MissingError:
+            known = {option for action in self._of(words)._actions for option in action.option_strings}
+            unknown = [word for word in words if re.match(r"--\w", word) and word.partition("=")[0] not in known]
+            if not unknown:  # else the one that is missing may be meant
+                raise
         if unknown:
             self._refuse(words, unknown)
         return values
@@ -59,6 +71,7 @@ class Parser(argparse.ArgumentParser):
         if key:
             hint = f"Write it as --set {key}={value or '...'}."
         where = f"`{command.prog}` does not take {' '.join(of_options or unknown)}."
+        hint = command.remedies.get(name, hint)
         raise InputError(where, hint or f"`{command.prog} --help` lists what it takes.")
 
     def _of(self, words: Sequence[str]) -> "Parser":
@@ -183,14 +196,16 @@ def as_limits(option: str, text: str) -> tuple[float, float]:
     return low, high
 
 
-def as_direction(option: str, text: str) -> tuple[float, ...] | str:
+def as_direction(
+    option: str, text: str, remedy: str = "Give three numbers, such as 1,-2,0.5."
+) -> tuple[float, ...] | str:
     """Three numbers of "1,0,2"; "x", "y", "z" and "auto" as they are."""
     if text in ("x", "y", "z", "auto"):
         return text
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError as error:
-        raise InputError(f"{option} is {text!r}.", "Give three numbers, such as 1,-2,0.5.") from error
+        raise InputError(f"{option} is {text!r}.", remedy) from error
     return x, y, z
 
 

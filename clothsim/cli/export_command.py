@@ -27,6 +27,7 @@ from clothsim.cli.report import Report, program
 if TYPE_CHECKING:
     from clothsim import Run
 
+VIEW = "Give front, back, left, right or top, or three numbers, such as 1,-2,0.5."
 _EXPORT = """\
 Write the frames of a run for other programs: .obj, .ply (a file per frame), .pc2, .mdd (point caches with the mesh as
 OBJ), .glb (morph targets), .usd, .usda, .usdc (pip install 'clothsim[usd]'), .vtkhdf.
@@ -98,7 +99,7 @@ def _export(arguments: argparse.Namespace) -> Report:
         arguments.output,
         frame=None if arguments.frame is None else as_frame(arguments.frame),
         fps=None if arguments.fps is None else as_positive_number("--fps", arguments.fps),
-        scale=as_positive_number("--scale", arguments.scale),
+        scale=as_positive_number("--scale", arguments.scale, "Give units of the file per metre: 100 for cm."),
         up=arguments.up,
         colour=arguments.colour,
         overwrite=arguments.overwrite,
@@ -119,7 +120,7 @@ def _render(arguments: argparse.Namespace) -> Report:
         "colour": arguments.colour or "auto",
         "style": arguments.style,
         "smooth": not arguments.true_mesh,
-        "view": arguments.view if arguments.view.isalpha() else as_direction("--view", arguments.view),
+        "view": arguments.view if arguments.view.isalpha() else as_direction("--view", arguments.view, VIEW),
         "up": run.up if arguments.up is None else as_direction("--up", arguments.up),
         "field": arguments.field,
     }

@@ -82,6 +82,8 @@ def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
         "-o", "--output", type=Path, metavar="DIR", required=True, help="folder; its data.h5 is the set"
     )
     sample.set_defaults(handler=_sample)
+    for each in (plan, sample):
+        each.remedies["--count"] = "The number of drapes is count under [farm] in the recipe."
     work = actions.add_parser("work", help="make the drapes that are left")
     work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     how = work.add_mutually_exclusive_group()

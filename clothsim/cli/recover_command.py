@@ -162,6 +162,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
         "model_errors": dict(found.model_errors),
         "total_errors": dict(found.total_errors),
         "folds": list(found.folds),
+        "notes": list(found.notes),
         "fewer_pictures": {name: dict(errors) for name, errors in found.fewer_pictures.items()},
         "wide": list(found.wide),
         "from_minimum": found.from_minimum,
@@ -240,7 +241,7 @@ _TWINS = {
 
 def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
     """How each picture fits, and what they do not tell."""
-    out = []
+    out = [f"  {note}" for note in found.notes]
     for each in found.pictures:
         left = f", {percent(each.left_out)} without a residual" if each.left_out > 0 else ""
         switched = "" if math.isnan(each.switched) else f", {percent(each.switched)} of the pairs switched last"

@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -22,6 +23,8 @@ Run a scene with every combination of the values of some keys, and list the resu
 The same command continues a stopped sweep; `clothsim farm work DIR` in another process shares the work.
 """
 
+LISTS = "Commas separate values; a list is one: --vary cloth.cells=[8,8],[16,16]."
+
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
@@ -39,7 +42,10 @@ def _sweep(arguments: argparse.Namespace) -> Report | int:
     scene = scene_of(arguments)
     varied = dict(_values(text) for text in arguments.vary)
     recipe = on_demand.make_recipe(scene, {"until": scene.run_settings.until}, {}, varied)
-    on_demand.refuse_unbuildable(recipe)
+    try:
+        on_demand.refuse_unbuildable(recipe)
+    except InputError as error:
+        raise InputError(error.sentence, f"{error.remedy} {LISTS}") from error
     farm = on_demand.plan(recipe, arguments.output or Path(f"{arguments.scene.stem}_sweep"))
     with terminated_like_interrupted():
         try:
@@ -56,6 +62,8 @@ def _values(text: str) -> tuple[str, Any]:
     """Key and grid of "solver.dt=0.02,0.01"; each value is read as a number where it is one."""
     key, equals, values = text.partition("=")
     given = _outside_brackets(values)
+    if re.fullmatch(r"\s*[-+.\de]+:[-+.\de:]+\s*", values):
+        raise InputError(f"--vary {text!r} is a range.", f"List the values: --vary {key.strip()}=0.01,0.02,0.03.")
     if not equals or not given:
         raise InputError(f"--vary {text!r} names no values.", "Write --vary solver.dt=0.02,0.01.")
     return key.strip(), {"grid": [_value(part) for part in given]}

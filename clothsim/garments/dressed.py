@@ -13,13 +13,14 @@ from clothsim import Cloth, Pattern, Run
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
-from clothsim.base.inputs import is_number, renamed, shown
+from clothsim.base.inputs import is_number, renamed, shown, with_remedies
 from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import stretch_range, worst_gap
 from clothsim.garments.dress.corrections import lifted
+from clothsim.garments.dress.fans import folded_fans
 from clothsim.garments.dress.grading import Grading, graded
 from clothsim.garments.dress.limbs import Wearer, sewing_pose
 from clothsim.garments.dress.measurements import measurement_entries
@@ -198,6 +199,7 @@ def _texture(state: SewingState) -> Floats:
 
 
 @renamed(cut_for="made_for", hold="waistband")
+@with_remedies()
 def dress(
     pattern: str | Path | Pattern,
     on: str | Path | Any,
@@ -299,6 +301,7 @@ def dress(
     joined_vertices(mesh)  # an error now, not after the closing
     surface = surface_of(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
+    mesh, fan_notes = folded_fans(mesh, body, surface)
     make_directory(directory)
     ends = np.inf if budget is None else process_time() - watch.cpu_seconds() + budget
     task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce, ends)
@@ -307,6 +310,7 @@ def dress(
         *(grading.notes if grading else ()),
         *placing_notes,
         *arm_notes,
+        *fan_notes,
         *body.notes,
         *(
             ()

@@ -14,7 +14,7 @@ from clothsim import Body, Cloth, Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
-from clothsim.base.inputs import refuse_uncallable
+from clothsim.base.inputs import refuse_uncallable, with_remedies
 from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import example_file, fabric_named, refuse_earlier_run
@@ -134,6 +134,7 @@ class Fit:
         return self.answer.counts
 
 
+@with_remedies()
 def fit(
     garment: str | Path | Cloth | Any,
     to: str | Path | Body | Any,

@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.inputs import with_remedies
 from clothsim.gradients.design_aims import SeesMaterial, largest_stretch
 from clothsim.gradients.loss_of_numbers import count_intersecting_pairs, derivatives
 from clothsim.gradients.losses import Loss
@@ -104,6 +105,7 @@ class _EnoughError(Exception):
     """End of the search: the aims are met, or the runs are used up."""
 
 
+@with_remedies()
 def design(
     scene: Scene,
     aims: Sequence[Loss],

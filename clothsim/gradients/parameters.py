@@ -57,7 +57,10 @@ def value_at(scene: Scene, world: World, path: str) -> Floats:
             f"{path} is not a number of the scene.", "`clothsim keys SECTION` lists the keys of a section."
         )
     if isinstance(value, str | bool | Mapping) or callable(value):
-        raise InputError(f"{path} is {value!r}, not a number that a gradient can vary.", "Give it as a number.")
+        raise InputError(
+            f"{path} is {value!r}, not a number that a gradient can vary.",
+            "Name a number, such as cloth.youngs_modulus.",
+        )
     return as_finite(path, value)
 
 
@@ -205,7 +208,7 @@ LEAST_STEP = 1e-6
 
 def full_path(name: str) -> str:
     """Return the path of a number; a key of a fabric is meant of the cloth."""
-    return f"cloth.{name}" if name in FABRIC else name
+    return f"cloth.{name}" if name in FABRIC or name == "fabric" else name
 
 
 def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:

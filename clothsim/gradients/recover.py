@@ -17,6 +17,7 @@ from scipy.optimize import minimize
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.inputs import with_remedies
 from clothsim.gradients.fabric_prior import SOURCE, LogNormal, bending_keys, bending_prior
 from clothsim.gradients.loss_of_numbers import SPREAD, Evaluation, LossOfNumbers, problem_of
 from clothsim.gradients.losses import Distance, Loss, Scan
@@ -182,6 +183,7 @@ class Recovery:
     prior: str = ""
 
 
+@with_remedies()
 def recover(
     scene: Scene,
     loss: Loss,

@@ -13,6 +13,7 @@ rest on the differences.
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import process_time
 
@@ -125,44 +126,52 @@ def recover_views(
     note = ""
     if prior:
         fit, note = _with_prior(fit)
-    rng, ends, runs = np.random.default_rng(seed), list[SearchEnd](), 1
-    own = np.zeros((0, 3))
-    first = fit.seen(problem.origin, own)
-    if not first.parts:
-        raise InputError(f"The pictures cannot be compared with the scene as it is: {first.failure}")
-    drapes = [first]
-    for _ in range(folds - 1):
-        drapes.append(fit.seen(first.at, first.positions, _kick(first.positions, rng)))
+
+    def tell(number: int, seen: Seen) -> None:
         if progress is not None:
-            values = problem.values(first.at)
-            progress(0, Evaluation(values, drapes[-1].total, np.zeros(len(values)), failure=drapes[-1].failure))
-    misfits = tuple(fit.folds_misfit(each) for each in drapes)
-    runs += folds - 1
+            values = problem.values(seen.at)
+            progress(number, Evaluation(values, seen.total, np.zeros(len(values)), failure=seen.failure))
+
+    rng, ends, failed = np.random.default_rng(seed), list[SearchEnd](), list[str]()
+    drapes = _drapes(fit, folds, rng, partial(tell, 0))
+    first, misfits, runs = drapes[0], tuple(fit.folds_misfit(each) for each in drapes), len(drapes)
     for start in range(1, max(1, starts) + 1):
         offset = problem.spreads * rng.uniform(-1.0, 1.0, len(paths)) if start > 1 else 0.0
-
-        def tell(seen: Seen, number: int = start) -> None:
-            if progress is not None:
-                values = problem.values(seen.at)
-                progress(number, Evaluation(values, seen.total, np.zeros(len(values)), failure=seen.failure))
-
-        begun = drapes[int(np.argmin(misfits))] if start == 1 else fit.seen(problem.origin + offset, own)
-        tell(begun)
-        if begun.parts:
-            ends.append(_searched(fit, begun, tell))
+        begun = (
+            drapes[int(np.argmin(misfits))] if start == 1 else fit.seen(problem.origin + offset, first.positions[:0])
+        )
+        tell(start, begun)
+        try:
+            ends.append(_searched(fit, begun, partial(tell, start)))
+        except ClothsimError as error:
+            if start == 1:
+                raise
+            failed.append(f"Start {start} failed: {error.sentence}")
     best = min(ends, key=lambda each: each.last.total)
     minima, coarse, shown = tuple(each.last.total for each in ends), None, first.positions
     runs, adjoint = runs + sum(each.runs for each in ends), sum(each.adjoint for each in ends)
     if finer:
         fine_fit, weights = finer_fit(fit, best.last.at)
-        end = _on_finer_cloth(fine_fit, weights, best, tell)
+        end = _on_finer_cloth(fine_fit, weights, best, partial(tell, start))
         if end is None:
-            note = f"{note} The finer cloth could not be run: the values are of the cloth as given.".strip()
+            failed.append("The finer cloth could not be run: the values are of the cloth as given.")
         else:
             fit, coarse, best, shown = fine_fit, best.last.at, end, np.asarray(weights @ shown)
             runs, adjoint = runs + end.runs, adjoint + end.adjoint
-    search = SearchRecord(runs, minima, note, began, adjoint, misfits, twins, coarse)
+    search = SearchRecord(runs, minima, note, began, adjoint, misfits, twins, coarse, tuple(failed))
     return recovery_of(fit, shown, (best.last, best.before, best.moves), search)
+
+
+def _drapes(fit: ViewFit, folds: int, rng: np.random.Generator, tell: Callable[[Seen], None]) -> list[Seen]:
+    """Drapes with the scene's own numbers: its run, and folds - 1 others after seeded kicks."""
+    first = fit.seen(fit.problem.origin, np.zeros((0, 3)))
+    if not first.parts:
+        raise InputError(f"The pictures cannot be compared with the scene as it is: {first.failure}")
+    drapes = [first]
+    for _ in range(folds - 1):
+        drapes.append(fit.seen(first.at, first.positions, _kick(first.positions, rng)))
+        tell(drapes[-1])
+    return drapes
 
 
 def _refuse_to_refine(fit: ViewFit) -> None:
@@ -245,6 +254,8 @@ def _searched(fit: ViewFit, begun: Seen, tell: Callable[[Seen], None]) -> Search
 
     A first guess of other widths is not pulled to the right place: the search would go on slowly from there.
     """
+    if not begun.parts:
+        raise ClothsimError(f"The pictures cannot be compared with the first run: {begun.failure}")
     held = fit.held
     drape = pulled(fit, begun)
     tell(drape)

@@ -94,6 +94,8 @@ class ViewRecovery(Recovery):
         The pattern with the numbers; None where none of them are of a pattern.
     overlays : mapping of str to arrays
         By view: masks in grey, contours of the first guess orange, of the recovered cloth blue.
+    notes : tuple of str
+        What was asked for and could not be done: a later start that failed, a finer cloth that could not be run.
     """
 
     pictures: tuple[PictureFit, ...] = ()
@@ -106,6 +108,7 @@ class ViewRecovery(Recovery):
     adjoint_fraction: float = float("nan")
     pattern: Pattern | None = None
     overlays: Mapping[str, np.ndarray] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def adjoint_share(self) -> float:
@@ -131,7 +134,8 @@ class SearchRecord:
 
     runs; minima: sums at the ends of all starts; note: what the prior is; began: processor time at its start; adjoint:
     that of the adjoint [s]; folds: misfits of the drapes that the first start was chosen from; twins: whether other
-    models are to be run; coarse: logarithms (k,) that the search ended at before the cloth was meshed more finely.
+    models are to be run; coarse: logarithms (k,) that the search ended at before the cloth was meshed more finely;
+    failed: sentences on starts and a finer cloth that failed.
     """
 
     runs: int
@@ -142,6 +146,7 @@ class SearchRecord:
     folds: tuple[float, ...]
     twins: bool
     coarse: Floats | None = None
+    failed: tuple[str, ...] = ()
 
 
 def recovery_of(fit: ViewFit, first: Floats, end: tuple[Seen, Seen, Floats], search: SearchRecord) -> ViewRecovery:
@@ -202,6 +207,7 @@ def recovery_of(fit: ViewFit, first: Floats, end: tuple[Seen, Seen, Floats], sea
         float("nan"),
         None if shaped is None else shaped.numbers.pattern(of_pattern),
         _overlays(fit, first, last.positions),
+        search.failed,
     )
     errors_with_model = found.total_errors
     wide = tuple(path for path, own in zip(paths, known, strict=True) if not errors_with_model[path] < 0.5 * own)

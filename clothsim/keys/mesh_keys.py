@@ -103,7 +103,7 @@ class ClothKeys(PlacedKeys):
     section: ClassVar[str] = "cloth"
 
     velocity: Annotated[Vector, Key("Velocity at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
-    fabric: Annotated[str, Key("Named fabric, whose values the next keys override; see `clothsim fabrics`")] = "cotton"
+    fabric: Annotated[str, Key("Named fabric; keys such as density override it; see `clothsim fabrics`")] = "cotton"
     fabric_of: Annotated[
         Mapping[str, Any] | None,
         Key("Named fabrics of panels (groups of a file, panels of a pattern), by name; * stands for any letters",

@@ -14,6 +14,14 @@ from clothsim.keys.value_checks import as_toml
 
 MOST = 3
 """Sections that a remedy lists."""
+ELSEWHERE = {
+    **dict.fromkeys(
+        ("color", "colour", "texture"), "A picture has colours: `clothsim render DIR -o FILE --colour navy`."
+    ),
+    **dict.fromkeys(("steps", "n_steps"), "The steps follow from run.duration and solver.dt."),
+    **dict.fromkeys(("device", "gpu", "backend"), "All runs on the CPU: solver.threads is the number of its threads."),
+}
+"""What to do about names that no section has."""
 
 
 def section_remedy(name: str, sections: Sequence[str]) -> str:
@@ -43,9 +51,11 @@ def nearest_path(name: str) -> str:
 
 
 def home_of(name: str) -> str:
-    """Remedy that names the sections that have a key of this name; empty where none has."""
+    """Remedy that names the sections that have a key of this name, or what to do without one; else empty."""
     if name in TYPED_EFFECTS:
         return effect_remedy(name)
+    if name in ELSEWHERE:
+        return ELSEWHERE[name]
     settings = [f"[{kind.section}]" for kind in (Solver, RunSettings, Seed, Contact) if name in keys_of(kind)]
     meshes = [f"[{kind.section}]" for kind in (ClothTable, BodyTable, RigidTable, RodTable) if name in keys_of(kind)]
     files = ["a mesh file"] if name in keys_of(FilePart) else []

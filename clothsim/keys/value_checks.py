@@ -34,7 +34,12 @@ def _hint(where: str, key: str, names: list[str]) -> str:
     from clothsim.keys.section_hints import home_of
 
     known = f"Known: {', '.join(names)}." if names else f"{where} takes no keys."
-    return did_you_mean(key, names, 0.75) or home_of(key) or did_you_mean(key, names) or known
+    longer = [name for name in names if name.startswith(f"{key}_")]  # cloth.bending is no effect, nor a key
+    if len(longer) == 1:
+        return f"Did you mean {longer[0]!r}?"
+    few = ", ".join(longer[:3]) + (" and others" if len(longer) > 3 else "")
+    begun = f"Keys of {where} that begin so: {few}. " if longer else ""
+    return did_you_mean(key, names, 0.75) or f"{begun}{home_of(key)}".strip() or did_you_mean(key, names) or known
 
 
 def refuse_deep(where: str, value: Any) -> None:

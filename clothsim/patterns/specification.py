@@ -67,7 +67,8 @@ def read_specification(path: str | Path, rotation_order: str = "zyx") -> Pattern
     try:
         entries = json.loads(file.read_text(encoding="utf-8-sig"), object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{file} is not JSON: {error}.", "Give the specification.json of a sewing pattern.") from error
+        how = "Give the specification.json of a sewing pattern, and the body with --on."
+        raise InputError(f"{file} is not JSON: {error}.", how) from error
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror}.") from error
     try:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing
+from clothsim.base.inputs import with_remedies
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
@@ -208,6 +209,7 @@ class Run(Sequence[Frame]):
         """The names of the cloths, in the order of their vertices."""
         return self.trajectory.cloth_names
 
+    @with_remedies()
     def positions(self, frame: int) -> Floats:
         """The vertices of all cloths in a frame, (n, 3) [m]; negative frames count from the end."""
         return self.trajectory.positions(frame)
@@ -410,6 +412,8 @@ def open_run(path: str | Path) -> Run:
         The directory is missing, holds no run, or a file of it is broken.
     """
     directory = Path(path)
+    if os.path.isfile(directory):
+        raise InputError(f"{directory} is a file, not the directory of a run.", RUN_DIRECTORY)
     if not os.path.isdir(directory):
         raise InputError(f"There is no run directory {directory}.", RUN_DIRECTORY)
     if not (directory / TRAJECTORY_NAME).is_file():

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
-from clothsim.base.inputs import refuse_uncallable
+from clothsim.base.inputs import refuse_uncallable, with_remedies
+from clothsim.keys.section_hints import home_of
 from clothsim.scene.cost import expected_cost, refuse_costly
 from clothsim.scene.scene import Scene
 
@@ -25,6 +26,7 @@ RUNS_OF_RUNS = {
 """What takes a run in place of `simulate`, as text: higher rooms, imported only where a scene or a caller asks."""
 
 
+@with_remedies(home_of)
 def simulate(
     scene: Scene,
     output: str | Path | None = None,

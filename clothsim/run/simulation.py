@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import with_remedies
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
 from clothsim.geometry.intersection.proved_separations import ProvedSeparations
 from clothsim.keys.value_checks import refuse_absent
@@ -139,6 +140,7 @@ class Simulation:
         while not self.finished:
             yield self.step()
 
+    @with_remedies()
     def step(self) -> SimulationState:
         """Take one step, beyond the duration of the scene too.
 

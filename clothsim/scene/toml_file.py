@@ -57,7 +57,8 @@ def example_file(path: Any, ending: str = ".toml", what: str = "") -> Any:
     if found is None and what and not there:
         names = [each.name.removesuffix(ending) for folder in folders() for each in folder.glob(f"*{ending}")]
         near = did_you_mean(file.name, names, CLOSE) if len(file.parts) == 1 and not file.suffix else ""
-        raise InputError(f"There is no file {path}.", near or f"Name {what}.")
+        scene = f"{path} is a scene: `clothsim run {path}`, or `fit` for another body. " if installed(file) else ""
+        raise InputError(f"There is no file {path}.", f"{scene}{near or f'Name {what}.'}")
     return found or file
 
 
@@ -194,7 +195,7 @@ def load_scene(path: str | Path) -> Scene:
 
 def _refuse_directory(path: Path) -> None:
     if os.path.isdir(path):
-        how = "`clothsim resume DIR` continues a run, `clothsim view DIR` shows it."
+        how = "Name the scene (.toml) of the run; `clothsim resume DIR` continues it, `clothsim view DIR` shows it."
         raise InputError(f"{path} is a directory, not a scene file.", how)
 
 
@@ -207,6 +208,10 @@ def _toml_remedy(message: str, text: str) -> str:
     line = text.splitlines()[int(number[1]) - 1 : int(number[1])] if number else []
     if any("\\" in each for each in line):
         return "A \\ in double quotes begins a special character: write paths with / or in single quotes."
+    if any(each.lstrip().startswith("//") for each in line):
+        return "A comment begins with #."
+    if any(re.search(r"=\s*(True|False|TRUE|FALSE)\b", each) for each in line):
+        return "Write true and false in small letters."
     if "twice" in message or "overwrite" in message:
         return "Write each section once; of several cloths or bodies each as [[cloth]], [[body]]."
     return "Write key = value; texts in quotes, lists in brackets with commas, as in toml.io."

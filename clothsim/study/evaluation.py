@@ -88,11 +88,8 @@ class Gatherer:
             return np.asarray(arrays["positions"], np.float64)
 
     def missing_seconds(self, points: Iterable[Point]) -> float:
-        """CPU seconds that those of the points would take that are not known yet.
-
-        A base that did not come to its end takes at least the time that was spent.
-        """
-        done = self.field_seconds() or {BASE: self.spent.seconds()}
+        """CPU seconds that those of the points would take that are not known yet, from those that are."""
+        done = self.field_seconds()
         missing = [where for where in points if where not in self.outcomes]
         return sum(_timed(predicted_seconds(where, done, self.bench.parameters)) for where in missing)
 

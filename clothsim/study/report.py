@@ -20,7 +20,7 @@ def answer_lines(result: Mapping[str, Any]) -> list[str]:
         return [*_unfinished(result), *_so_far(headline), *_chaos(result), *_searched(result)]
     lines = [_statement(result), *_half(result), *_sources(result), *_chaos(result), *_searched(result)]
     if headline["status"] == RANGE:
-        lines += _more(headline)
+        lines += _more(result)
     reference = result["reference"]
     if not reference["valid"]:
         own, smallest = reference["own_error"], reference["smallest_error"]
@@ -68,7 +68,7 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
     missing += [f"the finer run of {name} is not a data point" for name in failed]
     missing += [words[name] for name in headline["missing"] if name in words]
     why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
-    return [f"The error of this scene could not be found {why}: {'; '.join(missing)}.", *_more(headline)]
+    return [f"The error of this scene could not be found {why}: {'; '.join(missing)}.", *_more(result)]
 
 
 def _searched(result: Mapping[str, Any]) -> list[str]:
@@ -81,12 +81,14 @@ def _searched(result: Mapping[str, Any]) -> list[str]:
     return [f"Its settings are those that solver.error chose for {asked}, with {estimate} estimated, in {seconds}."]
 
 
-def _more(headline: Mapping[str, Any]) -> list[str]:
+def _more(result: Mapping[str, Any]) -> list[str]:
+    headline = result["headline"]
+    if headline["missing"] == ["base"]:
+        seconds = _budget(2 * result["budget"])
+        return [f"How much is needed is not known: try {seconds}, --budget {seconds.replace(' ', '')}."]
     if headline["needed_seconds"] is None:
         return []
     seconds = _budget(headline["needed_seconds"])
-    if headline["missing"] == ["base"]:
-        return [f"At least {seconds} are needed: --budget {seconds.replace(' ', '')}."]
     return [f"At least {seconds} more are needed: --budget {seconds.replace(' ', '')} continues from the runs so far."]
 
 

@@ -64,10 +64,11 @@ class Headline:
 def needed_seconds(seen: Observations, reserve: tuple[float, float]) -> float | None:
     """Budget for the missing runs [s]: warm-up, runs, and the reserve (fraction of the budget, most seconds).
 
-    Where none is missing, for the next finer run of what is least certain; None where that is known too, and where a
-    run failed without which nothing can be stated.
+    Where none is missing, for the next finer run of what is least certain; None where that is known too, where a run
+    failed without which nothing can be stated, and before the scene itself came to its end: what was spent until then
+    is mostly the start of the processes.
     """
-    if any(
+    if not seen.gatherer.good(BASE) or any(
         where in seen.gatherer.outcomes and not seen.gatherer.good(where)
         for where in first_refinements(seen.gatherer.bench)
     ):

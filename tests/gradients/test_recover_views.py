@@ -10,9 +10,10 @@ from PIL import Image
 from sewing_patterns import panel, specification
 from views import looking, seen
 
-from clothsim import InputError, load_scene, recover_views
+from clothsim import ClothsimError, InputError, load_scene, recover_views
 from clothsim.cli import main
 from clothsim.cli.recover_command import _picture_lines
+from clothsim.gradients import recover_views as search_of_views
 from clothsim.gradients.pattern_numbers import PatternNumbers
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene
@@ -153,6 +154,26 @@ def test_a_cloth_that_cannot_be_meshed_more_finely_is_refused_before_the_search(
             progress=lambda *each: runs.append(each),
         )
     assert not runs
+
+
+def test_a_later_start_that_fails_leaves_the_end_of_the_first(folder, monkeypatch):
+    search, starts = search_of_views._searched, []
+
+    def searched(fit, begun, tell):
+        starts.append(begun)
+        if len(starts) == 2:
+            raise ClothsimError("The runs beside it fail.")
+        return search(fit, begun, tell)
+
+    monkeypatch.setattr(search_of_views, "_searched", searched)
+    found = recover_views(
+        load_scene("towel.toml"), "views.toml", ["pattern.towel.height"], folds=1, twins=False, starts=2
+    )
+    assert len(starts) == 2
+    assert len(found.minima) == 1
+    assert len(found.notes) == 1
+    assert "Start 2" in found.notes[0]
+    assert abs(found.values["pattern.towel.height"] / (1.06 * HEIGHT) - 1.0) < 0.02
 
 
 def test_a_pattern_with_other_numbers_is_the_one_that_is_meshed():

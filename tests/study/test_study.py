@@ -270,3 +270,12 @@ def test_values_for_people():
     assert written("dt", 0.0123) == "dt 0.0123 s"
     assert written("cells", [40, 20]) == "cells 40x20"
     assert written("d_hat", 0.002) == "d_hat 2 mm"
+
+
+def test_before_the_scene_came_to_its_end_nothing_is_said_about_the_budget(tmp_path):
+    """What was spent until then is mostly the start of processes: 260 s were asked for of a study of 49."""
+    runners = Runners(lambda job: None)
+    result = study_accuracy(SHEET, tmp_path, PARAMETERS, budget=10.0, workers=1, runners=runners).result
+    headline = result["headline"]
+    assert (headline["status"], headline["missing"], headline["needed_seconds"]) == ("unfinished", ["base"], None)
+    assert "--budget 20s" in " ".join(reported(result))

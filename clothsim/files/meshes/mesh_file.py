@@ -228,10 +228,10 @@ def _read(file: Path) -> Polygons:
     ending = file.suffix.lower()
     if ending not in (*ENDINGS, *USD_ENDINGS):
         known = ", ".join((*ENDINGS, *USD_ENDINGS))
-        raise InputError(f"{file} has an unknown ending {ending!r}.", f"Known are {known}.")
+        raise InputError(f"{file} has an unknown ending {ending!r}.", f"Export it as one of these: {known}.")
     content = read_regular_file(file, remedy="Correct the path of the mesh file.")
     if not content.strip():
-        raise InputError(f"{file} is empty.")
+        raise InputError(f"{file} is empty.", "Export it again, or name another file.")
     if ending in USD_ENDINGS:
         return _read_usd("read_usd", file)
     if ending in TEXT_READERS:
@@ -276,7 +276,9 @@ def checked(file: Path, polygons: Polygons) -> Polygons:
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{file} has vertices of shape {points.shape}, not (n, 3).")
     if not len(corners):
-        raise InputError(f"{file} contains no faces ({len(points)} vertices{notes}).")
+        raise InputError(
+            f"{file} contains no faces ({len(points)} vertices{notes}).", "Export a mesh with triangles or polygons."
+        )
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise InputError(

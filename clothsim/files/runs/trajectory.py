@@ -216,7 +216,7 @@ class Trajectory:
         if not isinstance(frame, int | np.integer):
             raise InputError(f"A frame is a whole number from {-k} to {k - 1}, not {frame!r}.", "The last one is -1.")
         if not -k <= frame < k:
-            raise InputError(f"There is no frame {frame}: {self.path} holds {k} frames.")
+            raise InputError(f"There is no frame {frame}: {self.path} holds {k} frames.", f"Give 0 to {k - 1}.")
         return int(frame) % k
 
 

@@ -53,9 +53,10 @@ def ends_of(edges: Ints, fractions: Floats, positions: Floats) -> Floats:
 def girth_along_cloth(state: SewingState, body: BodyMesh, level: float, highest: bool = False) -> float:
     """Length [m], laid flat, of the line that is level as placed and is worn at a mean height `level` [m].
 
-    Of the panels of the torso without collars and hoods, of lines that go round the body: one through an armhole or a
-    slanted hem does not. 0 where there is none at that height; with `highest` that of the highest line where all are
-    lower, as a chest is measured below the armholes.
+    Of the panels of the torso without collars and hoods, of lines that go round the body, and of those that are closed
+    unless none is, as in front of an open jacket: one through an armhole or a slanted hem is not. 0 where there is none
+    at that height; with `highest` that of the highest line where all are lower, as a chest is measured below the
+    armholes.
     """
     mesh = state.mesh
     panels = mesh.pattern.panels
@@ -65,7 +66,8 @@ def girth_along_cloth(state: SewingState, body: BodyMesh, level: float, highest:
     triangles = np.concatenate([mesh.triangles[mesh.faces[name]] for name in names])
     placed, worn = mesh.positions @ body.up, state.positions[state.number]
     low, high = float(placed[triangles].min()), float(placed[triangles].max())
-    heights, lengths, darts = [], [], open_darts(mesh, body.up)
+    heights, lengths, closed, darts = [], [], [], open_darts(mesh, body.up)
+    border = _edge_keys(border_edges(state.triangles)[0], len(state.positions))
     for value in low + (high - low) * (np.arange(LINES) + 0.5) / LINES:
         if ((darts[:, 0] < value) & (value < darts[:, 1])).any():
             continue
@@ -76,7 +78,14 @@ def girth_along_cloth(state: SewingState, body: BodyMesh, level: float, highest:
             sides = np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1)
             heights.append(float(np.average((ends @ body.up).mean(axis=1), weights=sides)))
             lengths.append(float(sides.sum()))
-    return _interpolate_length(np.array(heights), np.array(lengths), level, highest)
+            closed.append(not np.isin(_edge_keys(state.number[line[0]], len(state.positions)), border).any())
+    taken = np.array(closed, bool) if any(closed) else np.ones(len(closed), bool)
+    return _interpolate_length(np.array(heights)[taken], np.array(lengths)[taken], level, highest)
+
+
+def _edge_keys(edges: Ints, count: int) -> Ints:
+    """A number for each edge (..., 2) between `count` vertices, whatever its direction."""
+    return np.asarray(np.sort(edges, axis=-1) @ [count, 1], np.int64)
 
 
 def open_darts(mesh: PatternMesh, up: Floats) -> Floats:
@@ -126,6 +135,9 @@ ASIDE = 0.16
 OPEN, LEVEL = 0.5, 0.7
 """Height of a hem's loop, as a fraction of the garment's, from which on it runs along an opening; sine of the slope
 of its level part."""
+WAVY = 0.9
+"""Height of one part of a hem between its steep edges, as a fraction of the garment's, up to which it only waves: a
+frill that is half as high as the skirt has no opening."""
 STEEP = 0.9
 """Sine of the slope of an edge of a panel as placed, corner to corner, from which on it is of a slit: chords of quarter
 circles are at 0.71."""
@@ -140,7 +152,7 @@ class LevelGirths:
     Attributes
     ----------
     name : str
-        "chest", "waist", "hip" or "hem".
+        "chest", "waist" or "hip", where they are not below the mean level of the hem; or "hem".
     level : float
         Height above the floor [m].
     body : float
@@ -167,23 +179,21 @@ class LevelGirths:
 def girths(state: SewingState, body: BodyMesh) -> list[LevelGirths]:
     """Girths at chest, waist and hip where the garment reaches, and at its hem."""
     levels, worn = body.positions @ body.up, state.positions @ body.up
-    low, high, garment_low, garment_high = (
-        float(value) for value in (levels.min(), levels.max(), worn.min(), worn.max())
-    )
+    low, high, garment_high = (float(value) for value in (levels.min(), levels.max(), worn.max()))
     torso = _torso_triangles(state)
+    length, hem, loop = _hem(state, body)
     found = []
     for name, fractions in LEVELS.items():
         heights = [low + fraction * (high - low) for fraction in fractions]
         both = [(girth, height) for height in heights if (girth := torso_girth(body, height)) > 0]
         if both:
             girth, level = min(both) if name == "waist" else max(both)
-            if garment_low <= level <= garment_high:
+            if hem <= level <= garment_high:
                 outline = _hull_girth(section(state.positions, torso, body.up, level)[0], body)
                 along = girth_along_cloth(state, body, level, highest=name == "chest")
                 found.append(LevelGirths(name, level - low, girth, along or outline, outline))
-    length, level, loop = _hem(state, body)
-    around = torso_girth(body, level) or _girth_of_legs(body, level, state.positions[loop][:, across(body)])
-    return [*found, LevelGirths("hem", level - low, around, length, _hull_girth(state.positions[loop], body))]
+    around = torso_girth(body, hem) or _girth_of_legs(body, hem, state.positions[loop][:, across(body)])
+    return [*found, LevelGirths("hem", hem - low, around, length, _hull_girth(state.positions[loop], body))]
 
 
 def hem_of(state: SewingState, body: BodyMesh) -> tuple[float, float]:
@@ -210,7 +220,8 @@ def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
     chosen = (loop == lowest) & ~_of_slits(state.mesh, half, body.up)
     chosen = chosen if chosen.any() else loop == lowest
     heights = state.positions @ body.up
-    if np.ptp(heights[edges[chosen]]) > OPEN * np.ptp(heights):  # it goes on along an opening, and round the neck
+    chosen = _lowest_parts(edges, chosen, heights)
+    if np.ptp(heights[edges[chosen]]) > WAVY * np.ptp(heights):  # it goes on along an opening, and round the neck
         rise = np.abs(np.diff(heights[edges], axis=1)[:, 0])
         level = chosen & (levels < heights.min() + OPEN / 2 * np.ptp(heights)) & (rise < LEVEL * lengths)
         chosen = level if level.any() else chosen  # a hem of points has no level part
@@ -219,6 +230,17 @@ def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
         float(np.average(levels[chosen], weights=lengths[chosen])),
         np.unique(edges[chosen]),
     )
+
+
+def _lowest_parts(edges: Ints, chosen: NDArray[np.bool_], heights: Floats) -> NDArray[np.bool_]:
+    """The chosen edges (b, 2) without those parts of them whose mean height is above OPEN of the garment's.
+
+    Between the steep edges of an opening lie the hem and the neck.
+    """
+    part = components(np.column_stack([edges, edges[:, 1]])[chosen], len(heights))[edges[:, 0]]
+    most = float(heights.min()) + OPEN * float(np.ptp(heights))
+    low = [name for name in np.unique(part[chosen]) if heights[edges[chosen & (part == name)]].mean() < most]
+    return chosen & np.isin(part, low) if low else chosen
 
 
 def _of_slits(mesh: PatternMesh, half: Ints, up: Floats) -> NDArray[np.bool_]:

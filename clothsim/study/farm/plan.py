@@ -206,6 +206,10 @@ def refuse_unbuildable(recipe: Recipe) -> None:
 def open_farm(directory: str | Path) -> Farm:
     """The farm in a folder. InputError where there is none, it differs from its plan, or a link leads out of it."""
     folder = Path(directory)
+    if folder.is_file():
+        raise InputError(
+            f"{folder} is a file, not the folder of a farm.", "Name that of `clothsim farm plan RECIPE -o DIR`."
+        )
     if not (folder / FARM_NAME).exists():
         raise InputError(f"{folder} is not a farm.", "Make one: `clothsim farm plan RECIPE -o DIR`.")
     for name in FOLDERS:

@@ -127,6 +127,8 @@ def draw_of(key: str, given: Any) -> Draw:
     if not isinstance(given, Mapping) or len(given) != 1:
         raise InputError(f"{where} is {shown(given)}.", 'Write { uniform = [lo, hi] }, a list of values, or "=key".')
     ((kind, numbers),) = given.items()
+    if "." not in key and kind not in KINDS:  # a dotted key of TOML is a table of tables
+        raise InputError(f"{where} is {shown(given)}.", f'Write the path of the key in quotes: "{key}.{kind}" = ...')
     refuse_unknown(where, [kind], KINDS)
     if kind == "clip":
         return DrawnClip(_values(where, numbers))

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import clothsim
+import clothsim.data
 from clothsim import gradients
 from clothsim.base.errors import ClothsimError
 from clothsim.cli import main
@@ -28,7 +29,7 @@ BALL = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n
 
 @dataclass(frozen=True)
 class Mistake:
-    """A command line and the scene that it meets, or a line of Python; what a good answer has.
+    """A command line and the scene and other files that it meets, or a line of Python; what a good answer has.
 
     That is the exit code (of Python 2 for an error of the package, 1 for another one), what is wrong, what to do.
     """
@@ -40,13 +41,15 @@ class Mistake:
     remedy: tuple[str, ...]
     edited: str
     python: str = ""
+    files: tuple[tuple[str, str], ...] = ()
 
     @property
     def label(self) -> str:
         """The command line, and what of the scene was changed; or the line of Python."""
         if self.python:
             return self.python
-        return " ".join(self.words) + (f"  with {self.edited!r}" if self.edited else "")
+        made = self.edited or "".join(content for _, content in self.files)
+        return " ".join(self.words) + (f"  with {made!r}" if made else "")
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,8 @@ def _mistake(entry: dict, scene: str) -> Mistake:
         scene = scene.replace(old, new, 1)
     words, names, remedy = (tuple(entry.get(key, ())) for key in ("words", "names", "remedy"))
     edited = edits[0][1] if edits else ""
-    return Mistake(words, scene, entry.get("code", 2), names, remedy, edited, entry.get("line", ""))
+    files = tuple(entry.get("files", {}).items())
+    return Mistake(words, scene, entry.get("code", 2), names, remedy, edited, entry.get("line", ""), files)
 
 
 def prepare(folder: Path) -> None:
@@ -103,6 +107,8 @@ def checked(mistake: Mistake, folder: Path) -> Answer:
     (folder / "scene.toml").write_text(mistake.scene, encoding="utf-8")
     shutil.rmtree(folder / "scene", ignore_errors=True)
     before = {path.name for path in folder.iterdir()}
+    for name, content in mistake.files:
+        (folder / name).write_text(content, encoding="utf-8")
     code, text = answered(mistake.python or mistake.words, folder)
     for path in folder.iterdir():  # what the next one must not meet
         if path.name not in before:
@@ -164,6 +170,7 @@ def names_of_python() -> dict[str, Any]:
     runs = {"run": clothsim.simulate(scene()), "kept": clothsim.simulate(scene(), differentiable=True)}
     return {
         "clothsim": clothsim,
+        "np": np,
         "gradients": gradients,
         "points": points,
         "triangles": triangles,

@@ -121,6 +121,42 @@ def test_a_chest_is_measured_below_the_armholes(body):
     assert np.isclose(girth_along_cloth(state, body, low + 0.7, highest=True), whole, rtol=0.01)
 
 
+def sewn_tube(outline, radius, low, seams):
+    """Two panels of `outline` [cm], bent to a tube and sewn at `seams`: pairs of edges of front and back."""
+    stitches = [stitch(("front", a), ("back", b)) for a, b in seams]
+    mesh = mesh_pattern(pattern_of(specification({"front": panel(outline), "back": panel(outline)}, stitches)), 0.03)
+    positions = mesh.positions.copy()
+    for name, turn in (("front", 0.0), ("back", np.pi)):
+        x, y = mesh.panel_coordinates[mesh.vertices[name]].T
+        angle = x / radius + turn
+        positions[mesh.vertices[name]] = np.column_stack([radius * np.sin(angle), low + y, radius * np.cos(angle)])
+    return as_placed(replace(mesh, positions=positions)).weld(range(len(stitches)))
+
+
+def test_a_line_through_deep_narrow_armholes_is_no_girth(body):
+    """Armholes as narrow as a sector of `goes_round`: lines through them seem to go round, and lack 12 cm each."""
+    radius, low = 0.3, 0.6
+    half = 100 * np.pi * radius
+    holed = [[0, 0], [half, 0], [half, 20], [half - 6, 25], [half - 6, 80], [6, 80], [6, 25], [0, 20]]
+    state = sewn_tube(holed, radius, low, [(1, 7), (7, 1)])
+    whole = 2 * np.pi * radius
+    assert np.isclose(girth_along_cloth(state, body, low + 0.1), whole, rtol=0.01)
+    assert girth_along_cloth(state, body, low + 0.6) == 0.0
+    assert np.isclose(girth_along_cloth(state, body, low + 0.6, highest=True), whole, rtol=0.01)
+
+
+def test_a_wavy_hem_of_a_short_skirt_is_measured_along_all_of_it(body):
+    """A frill of waves of 10 cm under 7 cm of plain tube."""
+    radius = 0.3
+    half, waves = 100 * np.pi * radius, 6
+    hem = [[half * k / (8 * waves), 5 * (1 - np.cos(np.pi * k / 4))] for k in range(8 * waves + 1)]
+    state = sewn_tube(
+        [*hem, [half, 17], [0, 17]], radius, 0.9, [(len(hem) - 1, len(hem) + 1), (len(hem) + 1, len(hem) - 1)]
+    )
+    length = np.linalg.norm(np.diff(hem, axis=0), axis=1).sum() / 100
+    assert hem_of(state, body)[0] == pytest.approx(2 * length, rel=1e-3)
+
+
 def test_level_line_of_a_linear_function():
     points = np.array([[0, 0], [2, 0], [2, 1], [0, 1.0]])
     edges, fractions = level_line(points @ [1.0, 2.0], np.array([[0, 1, 2], [0, 2, 3]]), 1.0)

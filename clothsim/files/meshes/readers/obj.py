@@ -165,7 +165,9 @@ def _index(word: str, count: int) -> int:
     """An OBJ index as a row from 0, after `count` rows."""
     index = int(word)
     row = index - 1 if index > 0 else count + index
-    if index == 0 or row < 0 or row >= MOST_INDEX:
+    if index == 0:
+        raise ValueError("index 0 is out of range: OBJ counts from 1")
+    if row < 0 or row >= MOST_INDEX:
         raise ValueError(f"index {index} is out of range, {count} were given so far")
     return row
 

@@ -162,7 +162,8 @@ def _refuse_absurd(wanted: Mapping[str, float], usual: Mapping[str, float]) -> N
     for name in usual.keys() & wanted.keys():
         if not usual[name] / ABSURD <= wanted[name] <= usual[name] * ABSURD:
             raise InputError(
-                f"{name} is {wanted[name]:g} m, and {usual[name]:.3g} m is usual.", "Write its unit: 96cm, 960mm."
+                f"{name} is {wanted[name]:g} m, and {usual[name]:.3g} m is usual.",
+                f"Give {usual[name] / ABSURD:.2g} to {usual[name] * ABSURD:.2g} m; write its unit: 96cm, 960mm.",
             )
 
 

@@ -1,0 +1,159 @@
+"""Panels cut as fans of half a turn or more, as the halves of a circle skirt, folded into half cones round the body.
+
+Flat before and behind the body, such a panel has its sides level with its waist, or above it, and far out: the strings
+between front and back run through arms, chest or hands, and no pose of the arms clears them. Round a cone there is less
+room than the fan is wide; it stands in waves, which are as long as it is, so that the cloth begins almost unstrained.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.garments.dress.placement import CHEST, is_of_arm, middle_of
+from clothsim.garments.dress.sewing_state import crosses_body
+from clothsim.garments.inputs import BodyMesh
+from clothsim.patterns import PatternMesh
+from transfer.signed_distance import BodySurface
+
+ON_ARC = 0.01
+"""Distance from a circle within which an edge lies on it, and by which the panel may reach inside it [m]."""
+LEAST_TURN, MOST_TURN = np.radians(170.0), np.radians(355.0)
+"""Angles of the inner edge between which a fan is folded [rad]; farther round, its sides overlap in the pattern."""
+FACING = 0.9
+"""Cosine of the angle between the normal of a panel before or behind the body and the body's front, at least."""
+SLOPE = np.radians(30.0)
+"""Angle of the cone from the vertical [rad]."""
+WAVE = 0.4
+"""Length of the hem that stands in one wave [m]."""
+BELOW = 0.03
+"""Distance of the upper edge below what it is sewn to [m]."""
+STEEPEST = np.linspace(0.0, 12.0, 200)
+"""Steepest slopes of a sine wave."""
+LONGER = np.sqrt(1 + (STEEPEST[:, None] * np.cos(np.linspace(0, np.pi, 200))) ** 2).mean(axis=1)
+"""Lengths of these waves over that of their base."""
+
+
+@dataclass(frozen=True)
+class Fan:
+    """A panel round a centre in its plane.
+
+    Attributes
+    ----------
+    radius, turn : float
+        Of its inner edge [m], [rad].
+    distance, angle : (k,) array
+        Of each vertex from the centre [m], and from its middle [rad].
+    inner : (i,) int array
+        Vertices of the inner edge among those of the panel.
+    """
+
+    radius: float
+    turn: float
+    distance: Floats
+    angle: Floats
+    inner: Ints
+
+
+def fan_of(mesh: PatternMesh, name: str) -> Fan | None:
+    """A panel as a fan: edges that are sewn to other panels on one circle, all else outside of it; None for others."""
+    first = mesh.vertices[name].start
+    points = mesh.panel_coordinates[mesh.vertices[name]]
+    sewn = [
+        mesh.edges[side] - first
+        for seam in mesh.seams
+        for side, other in (seam.stitch.sides, seam.stitch.sides[::-1])
+        if side.panel == name != other.panel
+    ]
+    found = [fan for rows in sewn if len(rows) > 2 and (fan := _fan_about(points, rows, sewn)) is not None]
+    return max(found, key=lambda fan: fan.turn, default=None)
+
+
+def _fan_about(points: Floats, rows: Ints, sewn: list[Ints]) -> Fan | None:
+    """The panel round the circle of one edge, with the other edges on it; None where that is no inner edge."""
+    line = points[rows]
+    columns = np.column_stack([2 * line, np.ones(len(line))])
+    x, y, power = np.linalg.lstsq(columns, (line**2).sum(axis=1), rcond=None)[0]
+    centre, radius = np.array([x, y]), float(np.sqrt(max(power + x * x + y * y, 0.0)))
+    away = points - centre
+    distance = np.linalg.norm(away, axis=1)
+    if distance.min() < radius - ON_ARC or np.ptp(distance[rows]) > ON_ARC:
+        return None
+    on_arc = [each for each in sewn if np.abs(distance[each] - radius).max() < ON_ARC]
+    inner = np.unique(np.concatenate(on_arc))
+    angle = np.arctan2(away[:, 1], away[:, 0])
+    angle = (angle - _middle_of_arc(angle[inner]) + np.pi) % (2 * np.pi) - np.pi
+    return Fan(radius, 2 * float(np.abs(angle[inner]).max()), distance, angle, inner)
+
+
+def _middle_of_arc(angles: Floats) -> float:
+    """Angle of the middle of points on a circle (k,), opposite to their widest gap [rad]."""
+    around = np.sort(angles)
+    gaps = np.diff(around, append=around[0] + 2 * np.pi)
+    return float(around[gaps.argmax()] + gaps.max() / 2 + np.pi)
+
+
+def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tuple[PatternMesh, tuple[str, ...]]:
+    """Mesh whose wide fans lie in waves on half cones round the body; and a note for each.
+
+    Only those between which, as placed, strings run through the body: others are sewn from where they are. What is sewn
+    to something above the chest, as a collar, is none.
+    """
+    fans, middle = {}, middle_of(body)
+    highest = float((body.positions @ body.up).min() + CHEST * np.ptp(body.positions @ body.up))
+    for name, panel in mesh.pattern.panels.items():
+        fan = None if is_of_arm(panel) or abs(_normal(mesh, name) @ body.front) < FACING else fan_of(mesh, name)
+        if fan is not None and LEAST_TURN < fan.turn < MOST_TURN and _level(mesh, name, fan, body) < highest:
+            fans[name] = fan
+    crossing: set[str] = set()
+    for seam in mesh.seams:
+        pair = {side.panel for side in seam.stitch.sides}
+        if pair <= fans.keys() and crosses_body(mesh.positions[seam.pairs], surface).any():
+            crossing |= pair
+    positions, notes = mesh.positions.copy(), []
+    for name in (name for name in fans if name in crossing):
+        rows, fan = mesh.vertices[name], fans[name]
+        positions[rows] = _on_cone(fan, mesh.positions[rows], _level(mesh, name, fan, body), middle, body)
+        notes.append(f"{name}, a fan of {np.degrees(fan.turn):.0f} degrees, placed in waves round the body")
+    return replace(mesh, positions=positions), tuple(notes)
+
+
+def _normal(mesh: PatternMesh, name: str) -> Floats:
+    """Unit normal of a flat panel, (3,)."""
+    points = mesh.positions[mesh.vertices[name]]
+    return np.asarray(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2], np.float64)
+
+
+def _level(mesh: PatternMesh, name: str, fan: Fan, body: BodyMesh) -> float:
+    """Height of the upper edge of a fan [m]: below the panels that its inner edge is sewn to."""
+    inner = fan.inner + mesh.vertices[name].start
+    heights = [
+        float((mesh.positions[pairs[:, 1 - k]] @ body.up).min())
+        for pairs in (seam.pairs for seam in mesh.seams)
+        for k in (0, 1)
+        if np.isin(pairs[:, k], inner).all()
+    ]
+    return min(heights) - BELOW
+
+
+def _on_cone(fan: Fan, placed: Floats, level: float, middle: Floats, body: BodyMesh) -> Floats:
+    """Vertices of a fan in waves on a half cone, (k, 3) [m], before or behind the body as they were placed.
+
+    The upper edge is a half circle of its own length. Below it, waves across the cone take up what the fan is longer
+    than the cone is round.
+    """
+    facing = body.front * np.sign((placed - middle).mean(axis=0) @ body.front)
+    right = np.cross(body.up, body.front)
+    side = np.sign(np.sum(fan.angle * ((placed - placed.mean(axis=0)) @ right)))
+    fraction = 2 * fan.angle / fan.turn
+    along = np.pi / 2 * side * fraction
+    down = fan.distance - fan.radius
+    radius = fan.radius * fan.turn / np.pi + down * np.sin(SLOPE)
+    count = max(round(float(fan.distance.max()) * fan.turn / WAVE), 1)
+    steepest = np.interp(fan.distance * fan.turn / (np.pi * radius), LONGER, STEEPEST)
+    height = steepest * radius / (2 * count) * np.sin(np.pi * count * fraction)
+    out = np.sin(along)[:, None] * right + np.cos(along)[:, None] * facing
+    reach = radius + height * np.cos(SLOPE)
+    upright = level - down * np.cos(SLOPE) + height * np.sin(SLOPE)
+    axis = (placed.mean(axis=0) @ facing) * facing + (middle @ right) * right
+    return np.asarray(axis + reach[:, None] * out + upright[:, None] * body.up, np.float64)
