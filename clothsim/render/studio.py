@@ -1,11 +1,12 @@
 """Path-traced pictures of a photographer's studio: soft lights, a backdrop, woven cloth with rims, hems and stitches.
 
 Needs Mitsuba 3 (Jakob et al. 2022), `pip install 'clothsim[look]'`. Its scalar variant is taken: the vectorised ones
-need a library of LLVM, and some of those end the process. The light that leaves a surface is divided by its colour,
-smoothed where depth and normal agree by an edge-avoiding a-trous filter (Dammertz et al. 2010), and multiplied again.
+need a library of LLVM, and some of those end the process. The noise of the few paths of a pixel is removed by Open
+Image Denoise (Afra 2019), a network that also sees the colour and the normal of what a pixel shows.
 """
 
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,13 @@ from clothsim.base.linalg import unit
 from clothsim.base.triangles import area_vectors
 from clothsim.render.camera import Viewpoint
 from clothsim.render.colour_scale import Scale
-from clothsim.render.surface_look import THREAD, Surface, cloth_shell, creased_normals, vertex_values
+from clothsim.render.surface_look import THREAD, Surface, cloth_shell, creased_normals, rounded, vertex_values
 
 PALETTE = np.array(
     [[0.055, 0.125, 0.245], [0.55, 0.24, 0.075], [0.115, 0.20, 0.125], [0.40, 0.055, 0.075], [0.62, 0.55, 0.43]]
 )
 """Linear RGB of cloths without a field or dyes: indigo, ochre, bottle green, madder, ecru."""
-BACKDROP = np.array([0.78, 0.78, 0.79])
+BACKDROP = np.array([0.46, 0.45, 0.44])
 RIBS, TEXELS, RIB_PIXELS = 48, 768, 2.4
 """Ribs and texels of a tile of the weave, and the least width of a rib in a picture [pixels]."""
 RIB, RELIEF = 1.6e-3, 0.25
@@ -33,10 +34,10 @@ MELANGE, SLUB = 0.025, 3.0
 same all along would be seen as a plaid."""
 DEPTH = 5
 """Bounces of light."""
-PATHS = 6
+PATHS = 3
 """Paths of a pixel for each of the picture's samples squared."""
-FINER = 2
-"""Pixels that are traced and smoothed for one of the picture, each way: outlines are as smooth as the surfaces."""
+STITCHED, LINE = 0.6, 0.75
+"""Brightness of stitches relative to the cloth's, and of the line that they are from afar."""
 CHECKS = 4
 """Pairs of bands along a tile of a cloth that is woven of two dyes."""
 
@@ -79,33 +80,34 @@ def render(
     n_cloths = 0
     for surface in surfaces:
         if surface.role == "body":
-            normals = creased_normals(surface.positions, surface.triangles)
-            shapes.append(_mesh(mi, surface.positions[surface.triangles], normals, _LACQUER))
+            body = rounded(surface, [each for each in surfaces if each.role == "cloth"])
+            corners = body.positions[body.triangles]
+            normals = _facing(corners, creased_normals(body.positions, body.triangles), camera)
+            shapes.append(_mesh(mi, corners, normals, _LACQUER))
         else:
-            shapes += _cloth(mi, surface, threads[n_cloths % len(threads)], scale, pixel)
+            shapes += _cloth(mi, surface, threads[n_cloths % len(threads)], scale, pixel, camera)
             n_cloths += 1
-    aovs = "colour:albedo,normal:sh_normal,depth:depth"
+    aovs = "colour:albedo,normal:sh_normal"
     scene = {
         "type": "scene",
         "integrator": {"type": "aov", "aovs": aovs, "traced": {"type": "path", "max_depth": DEPTH}},
-        "sensor": _sensor(mi, camera, (FINER * size[0], FINER * size[1]), extent),
+        "sensor": _sensor(mi, camera, size, extent),
         **{f"surface_{k}": shape for k, shape in enumerate(shapes)},
         **_stage(mi, everything, camera, up, extent),
     }
-    paths = max(PATHS * samples**2 // FINER**2, 1)
-    traced = np.array(mi.render(mi.load_dict(scene), spp=paths), np.float32)
-    light, colour, normal, depth = traced[..., :3], traced[..., 3:6], traced[..., 6:9], traced[..., 9]
-    fine = _developed(_denoised(light, colour, normal, depth, extent))
-    return np.asarray(fine.reshape(size[1], FINER, size[0], FINER, 3).mean(axis=(1, 3)))
+    traced = np.array(mi.render(mi.load_dict(scene), spp=PATHS * samples**2), np.float32)
+    parts = [np.ascontiguousarray(traced[..., first : first + 3]) for first in (0, 3, 6)]
+    return _developed(import_module("mitsuba_oidn").denoise(*parts, hdr=True))
 
 
 def _mitsuba() -> Any:
-    """The module `mitsuba` in its scalar variant. InputError where it is not installed."""
+    """The module `mitsuba` in its scalar variant. InputError where it or its denoiser is not installed."""
     try:
-        import mitsuba
+        mitsuba, _ = import_module("mitsuba"), import_module("mitsuba_oidn")
     except ImportError as error:
         raise InputError(
-            'The style "studio" needs Mitsuba.', "pip install 'clothsim[look]', or use the style \"fabric\"."
+            'The style "studio" needs Mitsuba and its denoiser.',
+            "pip install 'clothsim[look]', or use the style \"fabric\".",
         ) from error
     mitsuba.set_variant("scalar_rgb")
     return mitsuba
@@ -132,23 +134,38 @@ def _mesh(
     return mesh
 
 
-def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, pixel: float) -> list[Any]:
-    """The meshes of a cloth and, where their threads are as wide as a pixel, of its stitches.
+GRAZING = 0.06
+"""Least cosine between the ray to the camera and a normal of a triangle that is seen: one beyond 90 degrees, as smooth
+normals are beside a fold, would be a black slit."""
+
+
+def _facing(corners: Floats, normals: Floats, camera: Viewpoint) -> Floats:
+    """Normals (k, 3, 3) of triangles, turned to the camera where it sees the triangle and not its normal."""
+    towards = unit(camera.position - corners)
+    seen = np.einsum("ij,ij->i", area_vectors(corners), towards.mean(axis=1)) > 0.0
+    short = np.maximum(GRAZING - np.einsum("ijk,ijk->ij", normals, towards), 0.0) * seen[:, None]
+    return unit(normals + short[..., None] * towards)
+
+
+def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, pixel: float, camera: Viewpoint) -> list[Any]:
+    """The meshes of a cloth and of its stitches.
 
     dyes: (2, 3) linear RGB of its threads; pixel: its width on the cloth [m].
     """
     rib = max(RIB, RIB_PIXELS * pixel)
-    shell, stitches = cloth_shell(surface)
+    shell, stitches = cloth_shell(surface, pixel)
+    normals = _facing(shell.corners, shell.normals, camera)
     values = vertex_values(surface)
     if scale is not None and len(values):
         painted = (scale.colours(values)[shell.source] ** 2.2).reshape(-1, 3)
-        made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, None, rib), shell.uv, painted)]
+        made = [_mesh(mi, shell.corners, normals, _woven(mi, None, rib), shell.uv, painted)]
     else:
-        made = [_mesh(mi, shell.corners, shell.normals, _woven(mi, dyes, rib), shell.uv)]
-    if len(stitches) and pixel < 2.0 * THREAD:
+        made = [_mesh(mi, shell.corners, normals, _woven(mi, dyes, rib), shell.uv)]
+    if len(stitches):
         facing = unit(area_vectors(stitches))
         normals = np.broadcast_to(facing[:, None], stitches.shape)
-        made.append(_mesh(mi, stitches, normals, _diffuse(0.6 * dyes.mean(axis=0) + 0.01)))
+        shade = STITCHED if pixel < 2.0 * THREAD else LINE
+        made.append(_mesh(mi, stitches, normals, _diffuse(shade * dyes.mean(axis=0))))
     return made
 
 
@@ -160,7 +177,7 @@ _LACQUER = {
     "type": "twosided",
     "bsdf": {
         "type": "principled",
-        "base_color": {"type": "rgb", "value": [0.66, 0.61, 0.55]},
+        "base_color": {"type": "rgb", "value": [0.38, 0.355, 0.33]},
         "roughness": 0.42,
         "specular": 0.45,
     },
@@ -181,7 +198,7 @@ def _woven(mi: Any, dyes: Floats | None, rib: float) -> dict[str, Any]:
     fibres = {"roughness": 0.9, "specular": 0.12, "sheen": 0.7, "sheen_tint": 0.5}
     bump = {"type": "bitmap", "bitmap": mi.Bitmap(height[..., None].astype(np.float32)), **place}
     cloth = {"type": "principled", "base_color": base, **fibres}
-    return {"type": "twosided", "bsdf": {"type": "bumpmap", "scale": 0.16 * rib, "texture": bump, "cloth": cloth}}
+    return {"type": "twosided", "bsdf": {"type": "bumpmap", "scale": 0.22 * rib, "texture": bump, "cloth": cloth}}
 
 
 def _twill() -> tuple[Floats, Floats]:
@@ -233,10 +250,10 @@ def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: f
 
     return {
         "backdrop": _mesh(mi, strip(left, far), strip(facing, facing), _diffuse(BACKDROP)),
-        "key": panel(-1.05 * right + 0.85 * upright + 0.25 * level, 2.6, 0.7, [20.0, 19.3, 18.2]),
-        "fill": panel(1.0 * right + 0.35 * upright + 0.7 * level, 3.2, 1.0, [0.75, 0.8, 0.9]),
-        "rim": panel(0.75 * right + 0.9 * upright - 0.75 * level, 2.4, 0.5, [5.0, 5.0, 5.2]),
-        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 0.20}},
+        "key": panel(-1.05 * right + 0.75 * upright + 0.05 * level, 3.6, 0.76, [40.0, 38.7, 37.0]),
+        "fill": panel(1.0 * right + 0.35 * upright + 0.7 * level, 3.2, 1.0, [0.6, 0.65, 0.75]),
+        "rim": panel(0.75 * right + 0.9 * upright - 0.75 * level, 2.4, 0.5, [9.0, 9.0, 9.4]),
+        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 0.15}},
     }
 
 
@@ -258,82 +275,14 @@ def _sensor(mi: Any, camera: Viewpoint, size: tuple[int, int], extent: float) ->
     }
 
 
-ROUNDS = 5
-"""Passes of the filter; each reaches twice as far as the one before."""
-_KERNEL = (1.0, 4.0, 6.0, 4.0, 1.0)
-
-
-def _denoised(light: Any, colour: Any, normal: Any, depth: Any, extent: float) -> Any:
-    """Light (h, w, 3) smoothed where the surface does not change, and along outlines."""
-    height, width = depth.shape
-    base = np.maximum(colour, 0.02)
-    seen = light / base
-    lit = (seen.max(axis=2, keepdims=True) > UNLIT).astype(np.float32)
-    slopes = [_lesser_slope(depth, axis) for axis in (0, 1)]
-    for level in range(ROUNDS):
-        step = 2**level
-        total, weight = np.zeros_like(seen), np.zeros((height, width, 1), np.float32)
-        brightness = seen.mean(axis=2)
-        tolerance = np.inf if level < FINER else 0.5 ** (level - FINER + 1)
-        reach = 2 * step
-        around = ((reach, reach), (reach, reach), (0, 0))
-        padded = [np.pad(each, around, mode="edge") for each in (seen, normal, depth[..., None], lit)]
-        for i in range(5):
-            for j in range(5):
-                rows, columns = slice(i * step, i * step + height), slice(j * step, j * step + width)
-                other, facing, far, counts = (each[rows, columns] for each in padded)
-                alike = np.clip((facing * normal).sum(axis=2), 0.0, 1.0) ** 64
-                plane = depth + step * ((i - 2) * slopes[0] + (j - 2) * slopes[1])
-                near = np.exp(-np.abs(far[..., 0] - plane) / (0.004 * extent * step))
-                close = np.exp(-np.abs(other.mean(axis=2) - brightness) / (tolerance * np.maximum(brightness, 0.05)))
-                w = (_KERNEL[i] * _KERNEL[j] * alike * near * close)[..., None] * counts
-                total += w * other
-                weight += w
-        seen = np.where(weight > 1e-6, total / np.maximum(weight, 1e-6), seen)
-    trusted = np.where(np.linalg.norm(normal, axis=2, keepdims=True) >= WHOLE, 1.0, _OUT_OF_REACH)
-    trusted = (trusted * np.where(lit > 0.0, 1.0, _OUT_OF_REACH)).astype(np.float32)
-    features = np.concatenate([normal, 3.0 * colour], axis=2)
-    mended = trusted[..., 0] < 1.0
-    seen[mended] = _beside_outlines(seen, features, trusted)[mended]
-    return seen * base
-
-
-def _lesser_slope(depth: Any, axis: int) -> Any:
-    """Difference of the depth (h, w) to the next or from the last pixel, the smaller one: none across an outline."""
-    ahead = np.diff(depth, axis=axis, append=np.take(depth, [-1], axis=axis))
-    behind = np.roll(ahead, 1, axis=axis)
-    return np.where(np.abs(ahead) < np.abs(behind), ahead, behind)
-
-
-WHOLE, CLOSE = 0.985, 0.03
-"""Length of the mean normal below which a pixel shows two surfaces, and the variance of what looks the same there."""
-UNLIT = 0.03
-"""Light, relative to the colour, of a pixel that a smooth normal turns away from the camera: it does not count."""
-_OUT_OF_REACH = 1e-6
-"""Weight of neighbours that show two surfaces themselves, and of those without light."""
-
-
-def _beside_outlines(seen: Any, features: Any, trusted: Any) -> Any:
-    """Light (h, w, 3) of the neighbours that show one surface, those of the nearest normal and colour before others.
-
-    features: (h, w, 6) mean normal and colour; trusted: (h, w, 1) weights of the pixels.
-    """
-    height, width, _ = features.shape
-    total, weight = np.zeros_like(seen), np.zeros((height, width, 1), np.float32)
-    around = ((2, 2), (2, 2), (0, 0))
-    padded, light, weights = (np.pad(each, around, mode="edge") for each in (features, seen, trusted))
-    for i in range(5):
-        for j in range(5):
-            rows, columns = slice(i, i + height), slice(j, j + width)
-            apart = ((padded[rows, columns] - features) ** 2).sum(axis=2, keepdims=True)
-            w = weights[rows, columns] / (CLOSE + apart) ** 2
-            total += w * light[rows, columns]
-            weight += w
-    return total / weight
+SHOULDER = 0.45
+"""Linear light from which on it is compressed: white cloth that lies under the lamp still shows its folds."""
 
 
 def _developed(light: Any) -> Floats:
     """SRGB in [0, 1] of linear light, its brightest part compressed."""
     linear = np.maximum(light, 0.0)
-    linear = np.where(linear < 0.7, linear, 0.7 + 0.3 * (1.0 - np.exp(-(linear - 0.7) / 0.3)))
+    linear = np.where(
+        linear < SHOULDER, linear, 1.0 - (1.0 - SHOULDER) * np.exp((SHOULDER - linear) / (1.0 - SHOULDER))
+    )
     return np.clip(np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055), 0.0, 1.0)

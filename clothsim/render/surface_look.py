@@ -178,6 +178,8 @@ LEVELS = 2
 """Bound on the halvings of an edge."""
 MOST_TRIANGLES = 60_000
 """Triangles beyond which a surface is fine enough as it is."""
+COS_FLAT = 0.99
+"""Cosine of the angle between a normal of a vertex and their mean, 8 degrees, beyond which there is a crease."""
 COS_SHARP = 0.5
 """Cosine of the angle between the normals of two ends, 60 degrees, beyond which the middle of their edge stays: in a
 fold as tight as the mesh the smooth sheets would cross."""
@@ -192,11 +194,31 @@ def subdivided(surface: Surface) -> Surface:
     for _ in range(LEVELS):
         if 4 * len(triangles) > MOST_TRIANGLES:
             break
-        x, triangles, edges = _halved(x, triangles)
+        x, triangles, edges = _halved(x, triangles, np.zeros(len(x), bool))
         values, material = _append_means(values, edges), _append_means(material, edges)
     parts = len(triangles) // max(len(surface.triangles), 1)
     whole = replace(surface, positions=x, triangles=triangles, principal_stretches=np.zeros((0, 2)))
     return replace(whole, values=values, material=material, fabrics=np.repeat(surface.fabrics, parts))
+
+
+CLEARANCE = 0.03
+"""A body stays as it is within this distance of a cloth [m]: rounded, it could show through."""
+
+
+def rounded(body: Surface, cloths: Sequence[Surface]) -> Surface:
+    """A body with its edges halved up to LEVELS times, round where it has no crease and no cloth is near."""
+    x, triangles = body.positions, body.triangles
+    near = cKDTree(np.concatenate([np.zeros((0, 3)), *(each.positions for each in cloths)]))
+    for _ in range(LEVELS):
+        if 4 * len(triangles) > MOST_TRIANGLES:
+            break
+        mean = vertex_normals(x, triangles)[triangles]
+        bent = np.einsum("ijk,ijk->ij", mean, creased_normals(x, triangles)) < COS_FLAT
+        fixed = np.zeros(len(x), bool)
+        fixed[triangles[bent]] = True
+        fixed |= near.query(x, distance_upper_bound=CLEARANCE, workers=1)[0] < CLEARANCE
+        x, triangles, _ = _halved(x, triangles, fixed)
+    return replace(body, positions=x, triangles=triangles)
 
 
 def _append_means(values: Floats, edges: Ints) -> Floats:
@@ -204,8 +226,11 @@ def _append_means(values: Floats, edges: Ints) -> Floats:
     return np.concatenate([values, values[edges].mean(axis=1)]) if len(values) else values
 
 
-def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
-    """Vertices and triangles with each triangle in four, and the edges (k, 2) whose middles are the new vertices."""
+def _halved(x: Floats, triangles: Ints, fixed: np.ndarray) -> tuple[Floats, Ints, Ints]:
+    """Vertices and triangles with each triangle in four, and the edges (k, 2) whose middles are the new vertices.
+
+    fixed: (n,) True for the vertices whose edges stay straight.
+    """
     sides = np.sort(half_edges(triangles), axis=1)
     edges, number = np.unique(sides, axis=0, return_inverse=True)
     a, b, c = triangles.T
@@ -215,7 +240,7 @@ def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
     middle = ends.mean(axis=1)
     off = np.einsum("ijk,ijk->ij", middle[:, None] - ends, n)
     bulge = -(off[..., None] * n).mean(axis=1)
-    turned = np.einsum("ik,ik->i", n[:, 0], n[:, 1]) < COS_SHARP
+    turned = (np.einsum("ik,ik->i", n[:, 0], n[:, 1]) < COS_SHARP) | fixed[edges].any(axis=1)
     middles = middle + SHAPE * np.where(turned[:, None], 0.0, bulge)
     return np.concatenate([x, middles]), quarters.transpose(2, 0, 1).reshape(-1, 3), edges
 
@@ -273,8 +298,11 @@ class Shell:
     source: Ints
 
 
-def cloth_shell(surface: Surface) -> tuple[Shell, Floats]:
-    """The faces, rims and hems of a cloth, and the triangles (k, 3, 3) of its stitches [m]."""
+def cloth_shell(surface: Surface, pixel: float = 0.0) -> tuple[Shell, Floats]:
+    """The faces, rims and hems of a cloth, and the triangles (k, 3, 3) of its stitches [m].
+
+    pixel: width of one on the cloth [m]; stitches that are narrower are a line as wide as it.
+    """
     triangles = surface.triangles
     x = faired(surface.positions, triangles)
     normals = vertex_normals(x, triangles)
@@ -296,7 +324,8 @@ def cloth_shell(surface: Surface) -> tuple[Shell, Floats]:
     )
     if not hemmed or not len(edges):
         return shell, np.zeros((0, 3, 3))
-    stitches = [_stitches(side, triangles, distance, along) for side in (front, back)]
+    radius, gap = (THREAD, GAP) if pixel < 2.0 * THREAD else (0.5 * pixel, 0.0)
+    stitches = [_stitches(side, triangles, distance, along, radius, gap) for side in (front, back)]
     return shell, np.concatenate(stitches)
 
 
@@ -341,7 +370,7 @@ def _rims(front: Floats, back: Floats, edges: Ints) -> tuple[Floats, Floats]:
     return corners, np.broadcast_to(normals[:, None], corners.shape)
 
 
-def _stitches(side: Floats, triangles: Ints, distance: Floats, along: Floats) -> Floats:
+def _stitches(side: Floats, triangles: Ints, distance: Floats, along: Floats, radius: float, gap: float) -> Floats:
     """Threads on one face along the line at the distance of a hem from the border: thin prisms, (k, 3, 3) [m]."""
     value = distance[triangles] - 0.9 * HEM_WIDTH
     crossing = (value.min(axis=1) < 0) & (value.max(axis=1) > 0) & np.isfinite(value).all(axis=1)
@@ -353,10 +382,10 @@ def _stitches(side: Floats, triangles: Ints, distance: Floats, along: Floats) ->
         t = value[rows, alone] / (value[rows, alone] - value[rows, other])
         ends.append(corners[rows, alone] + t[:, None] * (corners[rows, other] - corners[rows, alone]))
         places.append(run[rows, alone] + t * (run[rows, other] - run[rows, alone]))
-    sewn = (0.5 * (places[0] + places[1])) % (STITCH + GAP) < STITCH
+    sewn = (0.5 * (places[0] + places[1])) % (STITCH + gap) < STITCH
     a, b = (each[sewn] for each in ends)
     normal = unit(area_vectors(corners))[sewn]
-    aside = THREAD * unit(np.cross(b - a, normal))
+    aside = radius * unit(np.cross(b - a, normal))
     ring = [aside, THREAD * normal, -aside, -THREAD * normal]
     quads = [np.stack([a + p, b + p, b + q, a + q], axis=1) for p, q in zip(ring, ring[1:] + ring[:1], strict=True)]
     faces = np.concatenate(quads) if quads else np.zeros((0, 4, 3))

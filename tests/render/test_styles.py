@@ -72,7 +72,7 @@ def test_a_weave_moves_with_the_material():
 @pytest.mark.parametrize("style", STYLES)
 def test_each_style_draws_a_picture_of_its_own(style, tmp_path):
     if STYLES[style].traced:
-        pytest.importorskip("mitsuba", reason="an extra: pip install 'clothsim[look]'")
+        pytest.importorskip("mitsuba_oidn", reason="an extra: pip install 'clothsim[look]'")
     surfaces = [sheet(), ball()]
     made = rendered_without_legend(setup(surfaces, style=style), surfaces)
     usual = rendered_without_legend(setup(surfaces), surfaces)
