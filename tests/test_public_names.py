@@ -8,6 +8,7 @@ import pytest
 
 import clothsim
 import transfer
+from clothsim import patterns
 
 
 @pytest.mark.parametrize("package", [clothsim, transfer])
@@ -18,6 +19,15 @@ def test_dir_shows_the_public_names_and_each_is_there(package):
         assert getattr(package, name) is not None
     with pytest.raises(AttributeError, match="nothing_of_this_name"):
         package.nothing_of_this_name  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("door", "earlier", "now"), [(patterns, "Seam", "MeshedSeam"), (transfer, "followed_source", "source_frames")]
+)
+def test_an_earlier_name_is_the_new_one_and_warns(door, earlier, now):
+    with pytest.warns(DeprecationWarning, match=now):
+        assert getattr(door, earlier) is getattr(door, now)
+    assert earlier not in dir(door)
 
 
 @pytest.mark.parametrize("package", [clothsim, transfer])

@@ -12,6 +12,7 @@ import ast as _ast
 from importlib import import_module as _import_module
 from pathlib import Path as _Path
 from typing import TYPE_CHECKING as _TYPE_CHECKING
+from warnings import warn as _warn
 
 if _TYPE_CHECKING:
     from transfer.body_model import BodyModel, PosedBody, posed_body, read_body_model
@@ -45,6 +46,9 @@ __all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> object:
+    if name == "followed_source":
+        _warn("transfer.followed_source is now source_frames.", DeprecationWarning, stacklevel=2)
+        name = "source_frames"
     if name not in _HOMES:
         raise AttributeError(f"module 'transfer' has no attribute {name!r}")
     module, original = _HOMES[name]

@@ -110,7 +110,8 @@ def trained_recurrent(
     flat, inputs = (np.concatenate([getattr(clip, name)[clip.first :] for clip in clips]) for name in _LEARNED)
     shapes = trained_autoencoder(model.space, flat, inputs, model.grid, subspace)
     linear = ridge(model.standard(inputs), shapes.codes(flat), given.penalty).weights
-    projection = _whitened(model.standard(inputs), given.components)
+    space = metric_components(model.standard(inputs), given.components)
+    projection = np.asarray(space.basis / np.sqrt(space.variances))
     start = {"shift": linear[0], "linear": linear[1:], "unit": np.array(shapes.unit)}
     start |= layer_arrays("decoder", shapes.decoder)
     units = _trained_units(model, clips, shapes, linear, projection, given)
@@ -119,12 +120,6 @@ def trained_recurrent(
 
 
 _LEARNED = ("drapes", "inputs")
-
-
-def _whitened(standard: Floats, count: int) -> Floats:
-    """Map (p, q) of standardised inputs to principal components of variance 1."""
-    space = metric_components(standard, count)
-    return np.asarray(space.basis / np.sqrt(space.variances))
 
 
 def _trained_units(

@@ -2,13 +2,16 @@
 
 import ast
 import sys
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 
-def lazy_names(module: str, *more: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def lazy_names(
+    module: str, *more: str, earlier: Mapping[str, str] | None = None
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """`__getattr__`, `__dir__` and `__all__` (PEP 562) of a module.
 
     Parameters
@@ -17,6 +20,8 @@ def lazy_names(module: str, *more: str) -> tuple[Callable[[str], Any], Callable[
         Its `__name__`. The imports of its `if TYPE_CHECKING:` block, which type checkers read, are its names.
     *more : str
         Other names that `dir` shows.
+    earlier : mapping of str to str, optional
+        Earlier names and what each is now; they still work, with a DeprecationWarning.
 
     Returns
     -------
@@ -29,6 +34,9 @@ def lazy_names(module: str, *more: str) -> tuple[Callable[[str], Any], Callable[
     homes = _homes(Path(str(own.__file__)).read_text(encoding="utf-8"))
 
     def __getattr__(name: str) -> Any:
+        if earlier and name in earlier:
+            warnings.warn(f"{module}.{name} is now {earlier[name]}.", DeprecationWarning, stacklevel=2)
+            return getattr(own, earlier[name])
         if name not in homes:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         home, original = homes[name]

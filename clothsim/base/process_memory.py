@@ -1,8 +1,10 @@
-"""Process memory: allocator settings, the peak, and the bytes of one object."""
+"""Measures of a process: allocator settings, peak memory, bytes of an object, seconds since a moment."""
 
 import ctypes
 import sys
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -67,3 +69,29 @@ def _arrays(thing: object) -> dict[int, int]:
         elif type(one).__module__.partition(".")[0] not in ("builtins", "numpy", "numba"):
             todo += getattr(one, "__dict__", {}).values()
     return sizes
+
+
+# Seconds since a moment: wall-clock time, and the CPU time of this process.
+
+
+@dataclass(frozen=True)
+class Stopwatch:
+    """The moment at which it was made; CPU seconds are of all threads of this process, not of its children.
+
+    Examples
+    --------
+    >>> watch = Stopwatch()
+    >>> watch.wall_seconds() >= 0.0, watch.cpu_seconds() >= 0.0
+    (True, True)
+    """
+
+    wall: float = field(default_factory=perf_counter)
+    cpu: float = field(default_factory=process_time)
+
+    def wall_seconds(self) -> float:
+        """Wall-clock time since the moment [s]."""
+        return perf_counter() - self.wall
+
+    def cpu_seconds(self) -> float:
+        """CPU time of this process since the moment [s]."""
+        return process_time() - self.cpu

@@ -65,7 +65,8 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     gradient = trace.gradient(loss)
     derivatives = {name: gradient[name] for name in names}
     if arguments.output is not None:
-        _save(arguments.output, derivatives)
+        with replacing(arguments.output) as beside, beside.open("wb") as target:
+            on_demand.savez(target, **derivatives)  # type: ignore[arg-type]
     document = {
         "loss": gradient.value,
         "gradient": derivatives,
@@ -94,8 +95,3 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
     lines.append(f"  {'left by the solves':28} {f'{left:.2g} of the loss' if math.isfinite(left) else 'not known'}")
     lines.append(f"  {'d/d log(contact stiffness)':28} {gradient.log_kappa_sensitivity:.2g}")
     return lines
-
-
-def _save(file: Path, derivatives: "dict[str, Floats]") -> None:
-    with replacing(file) as beside, beside.open("wb") as target:
-        on_demand.savez(target, **derivatives)  # type: ignore[arg-type]

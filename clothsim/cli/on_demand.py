@@ -29,14 +29,13 @@ if TYPE_CHECKING:
     from clothsim.study.farm.pilot import pilot
     from clothsim.study.farm.plan import open_farm, plan, refuse_other_plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe
-    from clothsim.study.farm.repair import MACHINE, repair
     from clothsim.study.farm.status import status, verdict_text, write_manifest
     from clothsim.study.farm.verification import REPLAN, verify
-    from clothsim.study.farm.work import work
+    from clothsim.study.farm.work import MACHINE, repair, work
     from clothsim.study.goal_report import NamedGoal, goal_lines
     from clothsim.study.learned_drapes import learn
     from clothsim.study.learned_motion import SETS, division, learn_motion
-    from clothsim.study.presets import with_preset
+    from clothsim.study.points import with_preset
     from clothsim.study.report import answer_lines, settings_text
     from clothsim.study.result import UNFINISHED
     from clothsim.viewer.motion_preview import preview_motion

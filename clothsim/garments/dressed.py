@@ -14,8 +14,8 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import is_number, renamed, shown, with_remedies
+from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
-from clothsim.base.stopwatch import Stopwatch
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import stretch_range, worst_gap

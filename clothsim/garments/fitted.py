@@ -15,8 +15,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.inputs import refuse_uncallable, with_remedies
+from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
-from clothsim.base.stopwatch import Stopwatch
 from clothsim.engine import example_file, fabric_named, refuse_earlier_run
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START

@@ -10,7 +10,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.base.stopwatch import Stopwatch
+from clothsim.base.process_memory import Stopwatch
 from clothsim.gradients.backward_pass import backward_pass
 from clothsim.gradients.differentiable_session import (
     RecordedStep,

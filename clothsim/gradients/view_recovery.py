@@ -1,5 +1,6 @@
 """Numbers recovered from pictures: their errors, the model's own, and what fewer pictures would tell."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from time import process_time
@@ -108,6 +109,12 @@ class ViewRecovery(Recovery):
     pattern: Pattern | None = None
     overlays: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    @property
+    def adjoint_share(self) -> float:
+        """Earlier name of `adjoint_fraction`."""
+        warnings.warn("adjoint_share is now adjoint_fraction.", DeprecationWarning, stacklevel=2)
+        return self.adjoint_fraction
 
     @property
     def model_errors(self) -> Mapping[str, float]:

@@ -1,6 +1,6 @@
 """Keys of the generated meshes: shapes, sheets, the mannequin and its garments.
 
-The fields repeat the keywords and defaults of `mesh.generators`, which a scene need not import; a test compares them.
+The generators of `mesh.generators`, which a scene need not import, are functions of these sections.
 """
 
 from collections.abc import Mapping, Sequence
@@ -113,29 +113,37 @@ class Cone(KeyTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FigureKeys(KeyTable):
-    """Proportions of the mannequin."""
+class Proportions(KeyTable):
+    """Height of the mannequin, and factors of the measures that it has at that height.
 
-    height: Annotated[float, Key("Height of the figure", "m", above=0)] = 1.7
-    chest: Annotated[float, Key("Factor of the chest girth", "1", above=0)] = 1.0
-    waist: Annotated[float, Key("Factor of the waist girth", "1", above=0)] = 1.0
-    hips: Annotated[float, Key("Factor of the hip girth", "1", above=0)] = 1.0
-    shoulder_width: Annotated[float, Key("Factor of the shoulder width", "1", above=0)] = 1.0
-    limb_girth: Annotated[float, Key("Factor of the girths of arms and legs", "1", above=0)] = 1.0
-    neck: Annotated[float, Key("Factor of the neck girth", "1", above=0)] = 1.0
-    arm_girth: Annotated[float, Key("Factor of the girths of the upper arms, beside limb_girth", "1", above=0)] = 1.0
-    arm_length: Annotated[float, Key("Factor of the length from shoulder to wrist", "1", above=0)] = 1.0
-    leg_length: Annotated[float, Key("Factor of the height of the crotch", "1", above=0)] = 1.0
-    waist_height: Annotated[float, Key("Factor of the height of the waist, beside leg_length", "1", above=0)] = 1.0
-    thigh: Annotated[float, Key("Factor of the thigh girth, beside limb_girth", "1", above=0)] = 1.0
-    calf: Annotated[float, Key("Factor of the calf girth, beside limb_girth", "1", above=0)] = 1.0
+    A wider chest moves the shoulder joints out as well; longer legs shorten the trunk. Beyond the bounds the warped
+    surface would fold.
+    """
+
+    section: ClassVar[str] = "mannequin"
+
+    height: Annotated[float, Key("Height of the figure", "m", least=0.5, most=2.5)] = 1.7
+    chest: Annotated[float, Key("Factor of the chest girth", "1", least=0.8, most=1.35)] = 1.0
+    waist: Annotated[float, Key("Factor of the waist girth", "1", least=0.75, most=1.6)] = 1.0
+    hips: Annotated[float, Key("Factor of the hip girth", "1", least=0.8, most=1.45)] = 1.0
+    shoulder_width: Annotated[float, Key("Factor of the shoulder width", "1", least=0.95, most=1.15)] = 1.0
+    limb_girth: Annotated[float, Key("Factor of the girths of arms and legs", "1", least=0.75, most=1.2)] = 1.0
+    neck: Annotated[float, Key("Factor of the neck girth", "1", least=0.85, most=1.25)] = 1.0
+    arm_girth: Annotated[
+        float, Key("Factor of the girths of the upper arms, beside limb_girth", "1", least=0.8, most=1.3)
+    ] = 1.0
+    arm_length: Annotated[float, Key("Factor of the length from shoulder to wrist", "1", least=0.85, most=1.15)] = 1.0
+    leg_length: Annotated[float, Key("Factor of the height of the crotch", "1", least=0.9, most=1.12)] = 1.0
+    waist_height: Annotated[
+        float, Key("Factor of the height of the waist, beside leg_length", "1", least=0.93, most=1.05)
+    ] = 1.0
+    thigh: Annotated[float, Key("Factor of the thigh girth, beside limb_girth", "1", least=0.85, most=1.2)] = 1.0
+    calf: Annotated[float, Key("Factor of the calf girth, beside limb_girth", "1", least=0.8, most=1.3)] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mannequin(FigureKeys):
+class Mannequin(Proportions):
     """A closed human figure that stands on z = 0."""
-
-    section: ClassVar[str] = "mannequin"
 
     pose: Annotated[Literal["a", "t", "walk", "reach", "arms_down"], Key("Named pose")] = "a"
     joints_degrees: Annotated[
@@ -144,11 +152,11 @@ class Mannequin(FigureKeys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GarmentKeys(FigureKeys):
+class GarmentKeys(Proportions):
     """Ease and edge length of a garment for the mannequin of the same figure."""
 
     ease: Annotated[float, Key("Smallest distance from the body", "m", above=0)] = 0.008
-    edge: Annotated[float, Key("Length of the edges", "m", above=0)] = 0.018
+    edge: Annotated[float, Key("Length of the edges", "m", least=0.006, most=0.04)] = 0.018
 
 
 @dataclass(frozen=True, kw_only=True)

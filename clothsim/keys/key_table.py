@@ -1,9 +1,9 @@
 """A section of a scene as a frozen dataclass: checked when it is made, read from and written as the table of a file."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
-from functools import cache
-from typing import Any, ClassVar, NoReturn, Self
+from functools import cache, wraps
+from typing import Any, ClassVar, NoReturn, Self, TypeVar
 
 import numpy as np
 
@@ -221,6 +221,10 @@ class KeyTable(Locked, Mapping[str, Any]):
         return {name: as_tables(getattr(self, known[name].field)) for name in (*fixed, *self.given)}
 
 
+Section = TypeVar("Section", bound=KeyTable)
+Result = TypeVar("Result")
+
+
 @cache
 def composed(parts: tuple[type[KeyTable], ...]) -> type[KeyTable]:
     """The section with the keys of several, such as a cloth and its generator; of equal keys the last one counts."""
@@ -229,6 +233,35 @@ def composed(parts: tuple[type[KeyTable], ...]) -> type[KeyTable]:
         return first
     names = {"composed_of": parts, "section": first.section, "__doc__": first.__doc__, "__module__": first.__module__}
     return dataclass(frozen=True, kw_only=True)(type(first.__name__, tuple(reversed(parts)), names))
+
+
+def by_keywords(kind: type[Section]) -> Callable[[Callable[[Section], Result]], Callable[..., Result]]:
+    """Decorator of a function of a section, which is called with the section's keys.
+
+    Parameters
+    ----------
+    kind : type
+        The section. Its own keys may be given in their order, all by name; its defaults and checks are the function's.
+
+    Examples
+    --------
+    >>> from clothsim.keys.generator_keys import Disk
+    >>> @by_keywords(Disk)
+    ... def area(keys):
+    ...     return round(3.14159 * keys.radius**2, 3)
+    >>> area(1.0), area(cells=3)
+    (3.142, 0.785)
+    """
+    order = [name for name in kind.__annotations__ if name in keys_of(kind)]
+
+    def decorated(function: Callable[[Section], Result]) -> Callable[..., Result]:
+        @wraps(function)
+        def called(*values: Any, **keys: Any) -> Result:
+            return function(kind(**dict(zip(order, values, strict=False)), **keys))
+
+        return called
+
+    return decorated
 
 
 def _restored(

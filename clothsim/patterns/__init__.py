@@ -10,4 +10,4 @@ if TYPE_CHECKING:
     from clothsim.patterns.pattern_mesh import TOUCHING, MeshedSeam, PatternMesh, joined_vertices, mesh_pattern
     from clothsim.patterns.specification import read_specification, write_specification
 
-__getattr__, __dir__, __all__ = lazy_names(__name__)
+__getattr__, __dir__, __all__ = lazy_names(__name__, earlier={"Seam": "MeshedSeam"})

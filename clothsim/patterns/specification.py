@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.reading_budget import Budget
+from clothsim.base.file_reading import Budget
 from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord
 from clothsim.patterns.pattern import Panel, Pattern, PatternEdge, Side, Stitch
 

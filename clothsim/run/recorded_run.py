@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.interruption import InterruptFlag, interruption
+from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
-from clothsim.base.stopwatch import Stopwatch
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, Checkpoint, write_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray
@@ -38,11 +38,10 @@ from clothsim.physics.energies.protocols import is_driven, with_material_at
 from clothsim.run.certificate import Certificate
 from clothsim.run.checkpoints import checkpoint_of, scene_text
 from clothsim.run.fields import FIELDS, Configuration, at_start, field, world_stretches
-from clothsim.run.forces import step_forces
 from clothsim.run.intersections import IntersectionCheck, intersection_check_of
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
-from clothsim.run.step_reports import Progress, SimulationState, progress_of, record_entry, state_after
+from clothsim.run.step_reports import Progress, SimulationState, progress_of, record_entry, state_after, step_forces
 from clothsim.run.summary import summary_of
 from clothsim.scene.assembly.scene_world import Built
 from clothsim.solve.newton.observer import Iterate, Observer, unobserved

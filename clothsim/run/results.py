@@ -23,7 +23,6 @@ from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_tra
 from clothsim.keys.value_checks import refuse_unknown_key
 from clothsim.physics.energies.protocols import with_material_at
 from clothsim.run.fields import Configuration, field, known_field
-from clothsim.run.forces import forces_of
 from clothsim.run.pictures import (
     MOVIE_SETTINGS,
     PICTURE_NAME,
@@ -33,13 +32,14 @@ from clothsim.run.pictures import (
     frame_picture,
     up_of_run,
 )
+from clothsim.run.step_reports import forces_of
 from clothsim.run.summary import certificate_rows
 from clothsim.scene.scene import Scene, scene_from_text
 
 if TYPE_CHECKING:
     from clothsim.run.export import Exported
     from clothsim.run.fields import Configuration
-    from clothsim.run.forces import Forces
+    from clothsim.run.step_reports import Forces
     from clothsim.scene.assembly.scene_world import Built
 
 NO_GRADIENT = "Simulate again: clothsim.simulate(scene, differentiable=True)."

@@ -11,8 +11,8 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.file_writing import make_directory, refuse_replacing
 from clothsim.base.inputs import refuse_uncallable
+from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME
-from clothsim.base.stopwatch import Stopwatch
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.run_lock import locked
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME
@@ -157,7 +157,11 @@ def resume(
     """
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step)
     folder = Path(directory)
-    _refuse_a_fit(folder)
+    summary = folder / SUMMARY_NAME
+    if os.path.isfile(folder / FITTED_NAME) and summary.is_file() and b'"fit_seconds"' in read_regular_file(summary):
+        raise InputError(
+            f"{folder} is a finished fit.", "`clothsim bundle` it: its drape is replayed from the archive."
+        )
     read_checkpoint(folder / CHECKPOINT_NAME)  # a directory without one gets no lock file either
     with continued_output(folder):
         return _continued(folder, (progress, on_step), announce, dump_iterates)
@@ -235,12 +239,3 @@ def _refuse_another_memory(state: State, energies: Mapping[str, Energy]) -> None
                 f"{CHECKPOINT_NAME} has {saved.size:,} numbers of effects.{name}, the scene has {count:,}.",
                 "Repeat the run from its scene.",
             )
-
-
-def _refuse_a_fit(folder: Path) -> None:
-    """InputError for a finished fit: its drape alone would count as completed, whatever the status of the fit."""
-    summary = folder / SUMMARY_NAME
-    if os.path.isfile(folder / FITTED_NAME) and summary.is_file() and b'"fit_seconds"' in read_regular_file(summary):
-        raise InputError(
-            f"{folder} is a finished fit.", "`clothsim bundle` it: its drape is replayed from the archive."
-        )

@@ -1,18 +1,25 @@
 """What users see of a step: the state at its end, the progress of the run, a line of the record."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.base.errors import ClothsimError
+from clothsim.base.errors import ClothsimError, InputError
 from clothsim.mesh.world import World
 from clothsim.run.certificate import Certificate
+from clothsim.run.fields import CONTACTS, FRICTION, acting_forces
 from clothsim.run.session import Session
 from clothsim.solve.stepping.failure import Failure
 from clothsim.solve.stepping.mechanical_energy import mechanical_energy
 from clothsim.solve.stepping.state import State, Switch
 from clothsim.solve.stepping.stepping import StepReport
+
+if TYPE_CHECKING:
+    from clothsim.scene.assembly.scene_world import Built
+    from clothsim.solve.stepping.stepping import StepReport
 
 
 class SimulationError(ClothsimError):
@@ -202,3 +209,61 @@ def record_entry(report: StepReport, certificate: Certificate) -> dict[str, Any]
         "unstable": [asdict(switch) for switch in report.switches],
         **({} if certificate.flypapered is None else {"carried": certificate.flypapered.now}),
     }
+
+
+# Forces of a step: of contact and friction on each body, and of each group of pins on the cloth.
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces at the ends of the steps of a run.
+
+    Attributes
+    ----------
+    times : (k,) ndarray
+        [s].
+    bodies : mapping of str to (k, 3) ndarray
+        Force of contact and friction on each body [N].
+    pins : mapping of str to (k, 3) ndarray
+        Force of each group of pins ("pins", "pins.group[1]") on the cloth [N]: what holds it there.
+    """
+
+    times: Floats
+    bodies: Mapping[str, Floats]
+    pins: Mapping[str, Floats]
+
+
+def step_forces(built: "Built", report: "StepReport") -> dict[str, dict[str, list[float]]]:
+    """Sums of the forces at the end of a step [N], by the name of the body and of the group of pins.
+
+    The reaction of a pin is the gradient of the incremental potential there: a free vertex has none, as forces balance.
+    Ghost vertices of a clamp belong to its group.
+    """
+    world, x, energies = built.world, report.state.positions, report.potential.energies
+    contact = acting_forces(energies, (*CONTACTS, FRICTION), x)
+    bodies = {
+        body.name: contact[rows].sum(axis=0).tolist()
+        for body, rows in zip(world.bodies, world.body_slices, strict=True)
+    }
+    if not built.constraints:
+        return {"bodies": bodies, "pins": {}}
+    gradient, pins = report.potential.gradient(x), dict[str, Floats]()
+    for constraint in built.constraints.values():
+        for row in constraint.at(report.state.time).vertices.tolist():
+            name = constraint.holder(row)
+            pins[name] = pins.get(name, np.zeros(3)) + gradient[row]
+    return {"bodies": bodies, "pins": {name: force.tolist() for name, force in pins.items()}}
+
+
+def forces_of(record: Sequence[Mapping[str, Any]], where: str) -> Forces:
+    """The forces in the record of a run. InputError where it holds none."""
+    entries = [entry for entry in record if "forces" in entry]
+    if not entries:
+        raise InputError(f"{where} has no forces.", "Ask for them before the run: [run] forces = true.")
+    times = np.array([entry["time"] for entry in entries])
+
+    def columns(kind: str) -> dict[str, Floats]:
+        names = entries[0]["forces"][kind]
+        return {name: np.array([entry["forces"][kind][name] for entry in entries]) for name in names}
+
+    return Forces(times, columns("bodies"), columns("pins"))

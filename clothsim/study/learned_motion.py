@@ -184,21 +184,17 @@ def clips_of(farm: Farm) -> list[MovingClip]:
             "The farm stores the last frame of each drape, and no motion.",
             'Write frames = "all" and until = "time" in its recipe, or learn drapes: without --motion.',
         )
-    _moving(farm.scene)
-    demand_verified(farm)
-    rows, _, _ = drapes_on_one_mesh(farm)
-    jobs = {job.id: job for job in farm.jobs}
-    reference = MovingGarment.of_scene(farm.scene).reference
-    return [_clip(farm, farm.scene_of(jobs[row["id"]]), row["id"], reference) for row in rows]
-
-
-def _moving(scene: Scene) -> None:
-    models = [body for body in scene.bodies if "model" in body]
+    models = [body for body in farm.scene.bodies if "model" in body]
     if len(models) != 1 or not models[0].get("motion"):
         raise InputError(
             "The farm's scene has no body model that moves.",
             'Write [body] model = "mannequin" and motion = "walk", or vary "body.motion.clip".',
         )
+    demand_verified(farm)
+    rows, _, _ = drapes_on_one_mesh(farm)
+    jobs = {job.id: job for job in farm.jobs}
+    reference = MovingGarment.of_scene(farm.scene).reference
+    return [_clip(farm, farm.scene_of(jobs[row["id"]]), row["id"], reference) for row in rows]
 
 
 def _clip(farm: Farm, scene: Scene, name: str, reference: Floats) -> MovingClip:

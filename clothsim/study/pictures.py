@@ -14,8 +14,7 @@ from clothsim.base.arrays import Floats
 from clothsim.render import Quantity, Surface, draw
 from clothsim.study.analysis import RESOLVED, Findings
 from clothsim.study.parameters import written
-from clothsim.study.points import BASE, Point
-from clothsim.study.presets import PRESETS
+from clothsim.study.points import BASE, PRESETS, Point
 from clothsim.study.result import MM, StudyData
 
 if TYPE_CHECKING:

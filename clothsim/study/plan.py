@@ -15,8 +15,7 @@ from clothsim.study.observations import (
     with_twins,
 )
 from clothsim.study.parameters import INTEGRATOR
-from clothsim.study.points import BASE, Bench, Point, point
-from clothsim.study.presets import PRESETS
+from clothsim.study.points import BASE, PRESETS, Bench, Point, point
 
 COMBINATIONS = 6
 LATE = 0.35

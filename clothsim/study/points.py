@@ -2,13 +2,16 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from hashlib import sha256
 from typing import Any
 
 from clothsim import Scene, engine
 from clothsim.base.arrays import Floats
-from clothsim.study.parameters import INTEGRATOR, TIME, Parameter, any_parameter, newton_parameter
-from clothsim.study.presets import PRESETS, with_preset
+from clothsim.base.errors import InputError
+from clothsim.base.inputs import did_you_mean
+from clothsim.engine import with_cells
+from clothsim.study.parameters import INTEGRATOR, TIME, Parameter, any_parameter, d_hats, newton_parameter
 
 
 @dataclass(frozen=True)
@@ -153,3 +156,92 @@ def _factor(parameter: Parameter, level: int, done: Mapping[Point, float]) -> fl
     if inner in measured:
         growth = max(1.0, (measured[nearest] / measured[inner]) ** towards)
     return measured[nearest] / measured[0] * growth ** (level - nearest)
+
+
+# Presets: three resolutions, each with dt, cells and d_hat refined by two against the one before.
+#
+# Refined together they lie near the front of error against time on the scenes of `tests.known_answers.error_scenes`;
+# one alone leaves the error of the others. The error of a run with a preset is estimated in that run, not tabulated.
+
+
+BDF2 = "bdf2"
+
+
+@dataclass(frozen=True)
+class Preset:
+    """Settings of a preset.
+
+    Parameters
+    ----------
+    cells, d_hat : Fraction
+        Factors of the scene's own cells, and of a d_hat that it gives.
+    dt : float
+        Time step [s].
+    """
+
+    cells: Fraction
+    d_hat: Fraction
+    dt: float
+
+
+PRESETS = {
+    "draft": Preset(Fraction(1, 2), Fraction(1), 0.02),
+    "standard": Preset(Fraction(1), Fraction(1, 2), 0.01),
+    "fine": Preset(Fraction(2), Fraction(1, 4), 0.005),
+}
+BENDING = "midedge"
+"""Bending model of every preset, the one that converges."""
+
+
+def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, str]:
+    """A scene with the settings of a preset.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene to change; it stays as it is.
+    name : str
+        A name of PRESETS.
+    models : bool
+        False: the scene's own bending model stays.
+
+    Returns
+    -------
+    scene : Scene
+        A cloth of a file keeps its mesh; a scene without bending gets none.
+    settings : str
+        The settings in words.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "cells": [8, 8]})
+    >>> with_preset(scene, "draft")[1]
+    'cells x 1/2, dt 0.02 s, bdf2'
+    """
+    if name not in PRESETS:
+        raise InputError(
+            f"There is no preset {name!r}.", did_you_mean(name, PRESETS) or f"Known: {', '.join(PRESETS)}."
+        )
+    preset = PRESETS[name]
+    settings = [f"dt {preset.dt:g} s", BDF2]
+    try:
+        scene = with_cells(scene, preset.cells, nearest=True)
+        settings.insert(0, f"cells x {preset.cells}" if preset.cells != 1 else "the scene's own cells")
+    except InputError as error:
+        settings.insert(0, f"the mesh as it is ({error.sentence.rstrip('.')})")
+    replaced = ("error", "tolerance", "newton_error_fraction")
+    solver = {key: value for key, value in scene.solver.items() if key not in replaced}
+    scene = replace(scene, solver={**solver, "dt": preset.dt, "integrator": BDF2})
+    for contact, d_hat in d_hats(scene).items():
+        scene = engine.replace(scene, f"effects.{contact}.d_hat", d_hat * float(preset.d_hat))
+        settings.append(f"{contact} d_hat x {preset.d_hat}")
+    if models and "bending" in scene.effects:
+        scene = engine.replace(scene, "effects.bending.model", BENDING)
+        settings.append(f"bending {BENDING}")
+    return scene, ", ".join(settings)

@@ -1,7 +1,7 @@
 import pytest
 
 from clothsim import InputError
-from clothsim.base.reading_budget import MOST, Budget
+from clothsim.base.file_reading import MOST, Budget
 
 
 def test_promises_add_up_to_the_bound():

@@ -115,7 +115,6 @@ def asked(scene):
     [
         ({"cloth": SHEET | {"density": 150}}, "cloth.density"),
         ({"cloth": SHEET | {"position": [0, 0, 1500]}}, "cloth.position"),
-        ({"body": {"mesh": "mannequin", "height": 172}}, "body.height"),
         ({"rigid": {"mesh": "slab", "density": 1}}, "rigid.density"),
         ({"effects": {"gravity": {"acceleration": [0, 0, -9810]}}}, "effects.gravity.acceleration"),
         ({"effects": {"body_contact": {"d_hat": 1}}}, "effects.body_contact.d_hat"),

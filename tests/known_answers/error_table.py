@@ -19,7 +19,7 @@ from clothsim import Scene
 from clothsim.base.errors import ClothsimError
 from clothsim.base.text import text_table
 from clothsim.scene import paths
-from clothsim.study.presets import PRESETS, with_preset
+from clothsim.study.points import PRESETS, with_preset
 from clothsim.study.study import searched_settings
 from tests.known_answers.best_by_hand import best_by_hand
 from tests.known_answers.error_reference import Refinement, Solution, distance, solution, truth

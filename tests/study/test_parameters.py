@@ -10,7 +10,7 @@ from clothsim.base.errors import InputError
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.assembly.scene_world import build
 from clothsim.study.parameters import PARAMETERS, newton_parameter, usable, with_explicit_lengths
-from clothsim.study.presets import PRESETS, with_preset
+from clothsim.study.points import PRESETS, with_preset
 
 FRICTION = {"friction": {"coefficient": 0.2}}
 

@@ -1,14 +1,16 @@
 """Mannequin as a linear body model: arrays under the keys of SMPL-like files."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats
-from clothsim.mesh.generators.mannequin.generator import JOINTS, PARENTS, Proportions, template, warped, warped_joints
+from clothsim.keys.generator_keys import Proportions
+from clothsim.keys.schema import keys_of
+from clothsim.mesh.generators.mannequin.generator import JOINTS, PARENTS, template, warped, warped_joints
 
-MEASURES: tuple[str, ...] = tuple(field.name for field in fields(Proportions))
+MEASURES: tuple[str, ...] = tuple(keys_of(Proportions))
 """What the shape parameters are: changes of these measures of a `Proportions`."""
 STEP = 0.05
 """The change of a measure over which its shape direction is taken."""

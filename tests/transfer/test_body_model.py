@@ -121,7 +121,8 @@ def test_bad_parameters_are_named(keywords, name):
 def test_the_mannequin_is_such_a_body():
     from mannequin_body_arrays import MEASURES, body_arrays
 
-    from clothsim.mesh.generators.mannequin.generator import JOINTS, POSES, Proportions, mannequin, warped_joints
+    from clothsim.keys.generator_keys import Proportions
+    from clothsim.mesh.generators.mannequin.generator import JOINTS, POSES, mannequin, warped_joints
 
     model = body_model(body_arrays())
     np.testing.assert_allclose(model.joints(), warped_joints(Proportions()), atol=1e-9)

@@ -4,7 +4,7 @@ The package's mannequin and body models of the SMPL family are such.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.files.characters.quaternions import to_matrices
-from clothsim.files.characters.skeleton import Pose, Skeleton, skeleton_at
+from clothsim.files.characters.skeleton import Pose, Skeleton, skeleton_at, to_matrices
 from clothsim.mesh.generators.mannequin.generator import (
     JOINTS,
     PARENTS,
-    RANGES,
     Proportions,
     template,
     warped,
@@ -115,9 +113,10 @@ def mannequin_character(**measures: float) -> Character:
     >>> mannequin_character(height=1.8).skeleton.names[:3]
     ('pelvis', 'spine', 'chest')
     """
-    unknown = [name for name in measures if name not in RANGES]
+    known = [field.name for field in fields(Proportions)]
+    unknown = [name for name in measures if name not in known]
     if unknown:
-        raise InputError(f"The mannequin has no measure {unknown[0]!r}.", f"Known: {', '.join(RANGES)}.")
+        raise InputError(f"The mannequin has no measure {unknown[0]!r}.", f"Known: {', '.join(known)}.")
     proportions, made = Proportions(**measures), template()
     positions = warped(made.positions, made.weights, proportions)
     skeleton = skeleton_at(JOINTS, PARENTS, warped_joints(proportions))

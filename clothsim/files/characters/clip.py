@@ -14,8 +14,16 @@ from typing import Literal, Protocol
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.files.characters.quaternions import from_matrices, product, slerp, to_matrices
-from clothsim.files.characters.skeleton import Pose, Skeleton, joint_roles, orthonormal
+from clothsim.files.characters.skeleton import (
+    Pose,
+    Skeleton,
+    from_matrices,
+    joint_roles,
+    orthonormal,
+    product,
+    slerp,
+    to_matrices,
+)
 
 Path = Literal["translations", "rotations", "scales"]
 Interpolation = Literal["linear", "step", "cubic"]

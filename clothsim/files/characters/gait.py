@@ -15,14 +15,15 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.files.characters.character import mannequin_character
 from clothsim.files.characters.clip import Clip, uniform_clip
-from clothsim.files.characters.quaternions import (
+from clothsim.files.characters.skeleton import (
+    Pose,
+    Skeleton,
     from_matrices,
     from_rotation_vectors,
     product,
     to_matrices,
     to_rotation_vectors,
 )
-from clothsim.files.characters.skeleton import Pose, Skeleton
 
 CYCLE = 1.1
 """Time of two steps [s]; a comfortable walk has 1.0 to 1.2."""

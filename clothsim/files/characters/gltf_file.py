@@ -20,10 +20,8 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.file_reading import read_regular_file
-from clothsim.base.reading_budget import Budget
-from clothsim.files.characters.quaternions import from_matrices, to_matrices
-from clothsim.files.characters.skeleton import Pose, Skeleton, orthonormal
+from clothsim.base.file_reading import Budget, read_regular_file
+from clothsim.files.characters.skeleton import Pose, Skeleton, from_matrices, orthonormal, to_matrices
 
 DTYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

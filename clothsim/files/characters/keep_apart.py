@@ -21,8 +21,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.files.characters.character import Character
 from clothsim.files.characters.clip import SkeletonMotion, blended
 from clothsim.files.characters.motion_check import LIMB_ROOTS, PartPair, part_pairs
-from clothsim.files.characters.quaternions import from_rotation_vectors, product
-from clothsim.files.characters.skeleton import Pose, joint_roles, orthonormal
+from clothsim.files.characters.skeleton import Pose, from_rotation_vectors, joint_roles, orthonormal, product
 
 GAP = 0.012
 """Room between two parts [of the body's height]: 2 cm of 1.7 m, for the sleeve and the shirt between them."""

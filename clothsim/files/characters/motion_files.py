@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.base.file_reading import read_arrays, read_regular_file
-from clothsim.base.reading_budget import MOST, Budget
+from clothsim.base.file_reading import MOST, Budget, read_arrays, read_regular_file
 from clothsim.files.characters.character import SMPL_JOINTS, parents_of_smpl
 from clothsim.files.characters.clip import Clip, Interpolation, Track, uniform_clip
 from clothsim.files.characters.clip import Path as Part
 from clothsim.files.characters.gltf_file import BROKEN, GltfFile, broken, node_order, node_pose, read_gltf
-from clothsim.files.characters.quaternions import from_rotation_vectors, product, to_matrices
-from clothsim.files.characters.skeleton import Skeleton, skeleton_at
+from clothsim.files.characters.skeleton import Skeleton, from_rotation_vectors, product, skeleton_at, to_matrices
 
 MOST_BYTES = 1 << 30
 MOST_JOINTS = 2000

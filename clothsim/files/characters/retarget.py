@@ -7,8 +7,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.files.characters.clip import Clip
-from clothsim.files.characters.quaternions import from_matrices, to_matrices
-from clothsim.files.characters.skeleton import Pose, Skeleton, joint_roles, orthonormal
+from clothsim.files.characters.skeleton import Pose, Skeleton, from_matrices, joint_roles, orthonormal, to_matrices
 from clothsim.mesh.body import rotation_matrix
 
 SNAP_DEGREES = 20.0

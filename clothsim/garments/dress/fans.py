@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.garments.dress.closing import MOST
 from clothsim.garments.dress.placement import CHEST, is_of_arm, middle_of
 from clothsim.garments.dress.sewing_state import crosses_body
 from clothsim.garments.inputs import BodyMesh
@@ -96,25 +97,32 @@ def _middle_of_arc(angles: Floats) -> float:
 def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tuple[PatternMesh, tuple[str, ...]]:
     """Mesh whose wide fans lie in waves on half cones round the body; and a note for each.
 
-    Only those between which, as placed, strings run through the body: others are sewn from where they are. What is sewn
-    to something above the chest, as a collar, is none.
+    Only where strings between them run through the body, and after it most do not, which draw the others round: others,
+    as a flounce that is narrower than the hips, are sewn from where they are. What is sewn to something above the chest
+    is a collar.
     """
-    fans, middle = {}, middle_of(body)
+    fans: dict[str, Fan] = {}
+    middle = middle_of(body)
     highest = float((body.positions @ body.up).min() + CHEST * np.ptp(body.positions @ body.up))
     for name, panel in mesh.pattern.panels.items():
         fan = None if is_of_arm(panel) or abs(_normal(mesh, name) @ body.front) < FACING else fan_of(mesh, name)
         if fan is not None and LEAST_TURN < fan.turn < MOST_TURN and _level(mesh, name, fan, body) < highest:
             fans[name] = fan
-    crossing: set[str] = set()
+    folded, notes = mesh.positions.copy(), []
+    for name, fan in fans.items():
+        rows = mesh.vertices[name]
+        folded[rows] = _on_cone(fan, mesh.positions[rows], _level(mesh, name, fan, body), middle, body)
+    crossing = dict.fromkeys(fans, np.zeros(3, np.int64))
     for seam in mesh.seams:
-        pair = {side.panel for side in seam.stitch.sides}
-        if pair <= fans.keys() and crosses_body(mesh.positions[seam.pairs], surface).any():
-            crossing |= pair
-    positions, notes = mesh.positions.copy(), []
-    for name in (name for name in fans if name in crossing):
-        rows, fan = mesh.vertices[name], fans[name]
-        positions[rows] = _on_cone(fan, mesh.positions[rows], _level(mesh, name, fan, body), middle, body)
-        notes.append(f"{name}, a fan of {np.degrees(fan.turn):.0f} degrees, placed in waves round the body")
+        if (pair := {side.panel for side in seam.stitch.sides}) <= fans.keys():
+            both = [crosses_body(positions[seam.pairs], surface).sum() for positions in (mesh.positions, folded)]
+            crossing |= {name: crossing[name] + [*both, len(seam.pairs)] for name in pair}
+    positions = mesh.positions.copy()
+    for name, (before, after, number) in crossing.items():
+        if before and after <= MOST * number:
+            positions[mesh.vertices[name]] = folded[mesh.vertices[name]]
+            turn = f"a fan of {np.degrees(fans[name].turn):.0f} degrees, placed in waves round the body"
+            notes.append(f"{name}, {turn}: {before} springs of its sides ran through the body, {after} do now")
     return replace(mesh, positions=positions), tuple(notes)
 
 

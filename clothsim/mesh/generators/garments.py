@@ -4,8 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.generator_keys import GarmentKeys, Shirt, Skirt, Trousers
+from clothsim.keys.key_table import by_keywords
+from clothsim.keys.schema import keys_of
 from clothsim.mesh.generators.implicit_surface import (
     Limb,
     both_halves,
@@ -16,7 +19,7 @@ from clothsim.mesh.generators.implicit_surface import (
     smooth_union,
 )
 from clothsim.mesh.generators.mannequin.body_limbs import SMOOTHING, body_limbs, skinning_weights
-from clothsim.mesh.generators.mannequin.generator import ARM, JOINT_POSITIONS, Proportions, joint, warped
+from clothsim.mesh.generators.mannequin.generator import ARM, JOINT_POSITIONS, joint, warped
 from clothsim.mesh.topology import border_edges, components
 
 # Borders of a garment: unions of half spaces to cut away, and the mesh trimmed to them.
@@ -76,8 +79,6 @@ def trimmed(positions: Floats, triangles: Ints, edge: Edge) -> tuple[Floats, Int
 
 # Garment meshing: an offset surface of limbs, meshed by surface nets, trimmed to its borders and smoothed.
 
-FINEST, COARSEST = 0.006, 0.040
-"""Bounds on the edge length of a garment [m]."""
 LEAST_EASE, SAGITTA, MOST_EASE = 0.003, 3.0, 0.06
 """Least ease [m] of tiny triangles, its growth with edge^2 (chords cut into round limbs), and the largest ease [m]."""
 
@@ -105,19 +106,15 @@ class Construction:
     high: tuple[float, float, float]
 
 
-def garment_mesh(pattern: Construction, proportions: Proportions, ease: float, edge: float) -> tuple[Floats, Ints]:
-    """Mesh a garment on the mannequin of `proportions`.
+def garment_mesh(pattern: Construction, keys: GarmentKeys) -> tuple[Floats, Ints]:
+    """Mesh a garment on the mannequin of its proportions.
 
     Parameters
     ----------
     pattern : Construction
         Construction on the template.
-    proportions : Proportions
-        Proportions to which the mesh is warped.
-    ease : float
-        Distance from the surface of the pattern on the template [m]; it grows with the figure.
-    edge : float
-        Edge length [m].
+    keys : GarmentKeys
+        Proportions to which the mesh is warped, the ease on the template, which grows with the figure, and the edge.
 
     Returns
     -------
@@ -126,13 +123,19 @@ def garment_mesh(pattern: Construction, proportions: Proportions, ease: float, e
     triangles : (m, 3) int64
         Facing outward.
     """
-    _refuse(ease, edge)
+    ease, edge = keys.ease, keys.edge
+    least = LEAST_EASE + SAGITTA * edge * edge
+    if not least <= ease <= MOST_EASE:
+        raise InputError(
+            f"ease must be from {least:.4f} to {MOST_EASE:g} m where edge is {edge:g} m, not {ease:g}.",
+            "With less ease its triangles would cut into the body.",
+        )
     limbs = [one.limb for one in body_limbs() if set(one.joints) & set(pattern.joints)] + list(pattern.limbs)
     cell, room = 1.12 * edge, ease + 4 * edge
     x = np.arange(-0.5 * cell, pattern.high[0] + room, cell)
     y, z = (np.arange(pattern.low[k] - room, pattern.high[k] + room, cell) for k in (1, 2))
     nodes = x, y, z
-    values = lattice_union(limbs, nodes, SMOOTHING, ease + 3 * COARSEST) - ease
+    values = lattice_union(limbs, nodes, SMOOTHING, ease + 3 * (keys_of(GarmentKeys)["edge"].key.most or edge)) - ease
     for axis in range(3):  # closes the surface at the box; that part is cut away
         for side in (0, -1) if axis else (-1,):
             np.moveaxis(values, axis, 0)[side] = edge
@@ -143,20 +146,7 @@ def garment_mesh(pattern: Construction, proportions: Proportions, ease: float, e
         return smooth_union(limbs, points, SMOOTHING)
 
     positions, triangles = both_halves(*relaxed(positions, triangles, field, ease, cut=border))
-    return warped(positions, skinning_weights(positions), proportions), triangles
-
-
-def _refuse(ease: float, edge: float) -> None:
-    as_positive("ease", ease)
-    as_positive("edge", edge)
-    if not FINEST <= edge <= COARSEST:
-        raise InputError(f"edge must be from {FINEST:g} to {COARSEST:g} m, not {edge:g}.")
-    least = LEAST_EASE + SAGITTA * edge * edge
-    if not least <= ease <= MOST_EASE:
-        raise InputError(
-            f"ease must be from {least:.4f} to {MOST_EASE:g} m where edge is {edge:g} m, not {ease:g}.",
-            "With less ease its triangles would cut into the body.",
-        )
+    return warped(positions, skinning_weights(positions), keys), triangles
 
 
 def tube_limb(*rings: tuple[float, float, float, float]) -> Limb:
@@ -187,38 +177,9 @@ _HOOD = (
 """A hood around the head, and its neck."""
 
 
-def shirt(
-    ease: float = 0.012,
-    edge: float = 0.018,
-    sleeve: float = 0.20,
-    opening: float = 0.0,
-    hood: bool = False,
-    **figure: float,
-) -> tuple[Floats, Ints]:
-    """Shirt with sleeves, straight from chest to hip, open at the neck, the hem and the cuffs; or a jacket, a hoody.
-
-    Parameters
-    ----------
-    ease : float
-        Smallest distance from the body [m].
-    edge : float
-        Edge length [m].
-    sleeve : float
-        From the shoulder joint to the cuff, for a height of 1.7 m [m].
-    opening : float
-        Width of the gap down its front [m]; 0 is a closed front.
-    hood : bool
-        With a hood over the head.
-    **figure : float
-        The `Proportions` of the mannequin that wears it.
-
-    Raises
-    ------
-    InputError
-        Naming a bad key.
-    """
-    proportions = Proportions(**figure)
-    length = _check_range("sleeve", sleeve, 0.13, 0.46)
+@by_keywords(Shirt)
+def shirt(keys: Shirt) -> tuple[Floats, Ints]:
+    """Shirt with sleeves, straight from chest to hip, open at the neck, the hem and the cuffs; or a jacket, a hoody."""
     trunk = tube_limb((0.83, 0.010, 0.164, 0.114), (1.04, 0.010, 0.150, 0.105), (1.25, 0.010, 0.143, 0.103))
     wide = [(0.0, 0.050, 0.048), (0.5, 0.056, 0.052), (1.0, 0.050, 0.048)]
     tip = _SHOULDER + 0.54 * ARM
@@ -226,42 +187,34 @@ def shirt(
     neck = cut(((0, -0.36, 0.93), (0, 0.02, 1.452)))
     cuts = [
         cut((DOWN, (0, 0, 0.84))),
-        cut((_FORWARD, (0, -0.050, 0)), ((0, -0.30, 1.0), (0, -0.060, 1.480))) if hood else neck,
-        cut((ARM, _SHOULDER + length * ARM), ((1, 0, 0), (0.195, 0, 0))),
+        cut((_FORWARD, (0, -0.050, 0)), ((0, -0.30, 1.0), (0, -0.060, 1.480))) if keys.hood else neck,
+        cut((ARM, _SHOULDER + keys.sleeve * ARM), ((1, 0, 0), (0.195, 0, 0))),
     ]
-    if opening:
-        half = 0.5 * _check_range("opening", opening, edge, 0.2)
+    if keys.opening:
+        if keys.opening < keys.edge:
+            raise InputError(f"opening must be at least edge = {keys.edge:g} m, not {keys.opening:g}.")
+        half = 0.5 * keys.opening
         cuts.append(cut(((-1, 0, 0), (half, 0, 0)), (_FORWARD, (0, 0, 0)), (DOWN, (0, 0, 1.5))))
-    limbs = [trunk, *both_sides(sleeve_limb), *(_HOOD if hood else ())]
-    wrist = _SHOULDER + (length + 0.02) * ARM
-    box = (0, -0.13, 0.82), (wrist[0] + 0.05, 0.17 if hood else 0.14, 1.74 if hood else 1.50)
-    return garment_mesh(Construction(_TRUNK + _ARMS, tuple(limbs), tuple(cuts), *box), proportions, ease, edge)
+    limbs = [trunk, *both_sides(sleeve_limb), *(_HOOD if keys.hood else ())]
+    wrist = _SHOULDER + (keys.sleeve + 0.02) * ARM
+    box = (0, -0.13, 0.82), (wrist[0] + 0.05, 0.17 if keys.hood else 0.14, 1.74 if keys.hood else 1.50)
+    return garment_mesh(Construction(_TRUNK + _ARMS, tuple(limbs), tuple(cuts), *box), keys)
 
 
-def skirt(
-    ease: float = 0.008,
-    edge: float = 0.018,
-    hem: float = 0.50,
-    **figure: float,
-) -> tuple[Floats, Ints]:
-    """Flared skirt from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
-    proportions = Proportions(**figure)
-    low = _check_range("hem", hem, 0.15, 0.75)
+@by_keywords(Skirt)
+def skirt(keys: Skirt) -> tuple[Floats, Ints]:
+    """Flared skirt from the waist to the hem."""
+    low = keys.hem
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.055))))
     pattern = Construction(("pelvis", "spine", *_LEGS), (cone,), cuts, (0, -0.24, low - 0.02), (0.30, 0.26, 1.08))
-    return garment_mesh(pattern, proportions, ease, edge)
+    return garment_mesh(pattern, keys)
 
 
-def trousers(
-    ease: float = 0.008,
-    edge: float = 0.018,
-    hem: float = 0.12,
-    **figure: float,
-) -> tuple[Floats, Ints]:
-    """Trousers from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
-    proportions = Proportions(**figure)
-    low = _check_range("hem", hem, 0.10, 0.60)
+@by_keywords(Trousers)
+def trousers(keys: Trousers) -> tuple[Floats, Ints]:
+    """Trousers from the waist to the hem."""
+    low = keys.hem
     profile = [(0.0, 0.060, 0.070), (0.5, 0.056, 0.064), (1.0, 0.054, 0.058)]
     leg = limb(
         JOINT_POSITIONS[joint("left_hip")], (0.115, 0.012, 0.05), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03)
@@ -270,12 +223,4 @@ def trousers(
     pattern = Construction(
         ("pelvis", "spine", *_LEGS), both_sides(leg), cuts, (0, -0.13, low - 0.02), (0.19, 0.15, 1.07)
     )
-    return garment_mesh(pattern, proportions, ease, edge)
-
-
-def _check_range(name: str, value: float, least: float, most: float) -> float:
-    """`value` [m] within its bounds; InputError names it."""
-    length = as_positive(name, value)
-    if not least <= length <= most:
-        raise InputError(f"{name} must be from {least:g} to {most:g} m, not {length:g}.")
-    return length
+    return garment_mesh(pattern, keys)

@@ -1,33 +1,14 @@
 """Generated sheets and closed bodies, centred on the origin. See `table` for what all generators share."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints, as_count, as_positive
+from clothsim.base.arrays import Floats, Ints, as_count
 from clothsim.base.errors import InputError
 from clothsim.base.triangles import distinct_edges, half_edges
-
-
-def as_lengths(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
-    """Return `count` lengths above zero [m]; InputError names the key and the entry."""
-    return tuple(as_positive(f"{name}[{k}]", value) for k, value in enumerate(_entries(name, values, count, "numbers")))
-
-
-def as_counts(name: str, values: Sequence[int], count: int, least: int = 1) -> tuple[int, ...]:
-    """Return `count` whole numbers from `least` to 4096; InputError names the key and the entry."""
-    entries = _entries(name, values, count, "whole numbers")
-    return tuple(as_count(f"{name}[{k}]", value, least) for k, value in enumerate(entries))
-
-
-def _entries(name: str, values: Sequence, count: int, what: str) -> list:
-    try:
-        entries = list(values)
-    except TypeError as error:
-        raise InputError(f"{name} must be {count} {what}, not {values!r}.") from error
-    if isinstance(values, str) or len(entries) != count:
-        raise InputError(f"{name} must be {count} {what}, not {values!r}.")
-    return entries
+from clothsim.keys.generator_keys import Capsule, Cone, Disk, Pillow, Rectangle, Ring, Slab, Sphere, Tube
+from clothsim.keys.key_table import by_keywords
 
 
 def lattice_points(nx: int, ny: int) -> Floats:
@@ -60,20 +41,12 @@ JITTER = 0.2
 """Largest shift of an interior point of a "delaunay" rectangle, in cells: irregular, without slivers."""
 
 
-def rectangle(
-    size: Sequence[float] = (1.0, 1.0), cells: Sequence[int] = (40, 40), diagonals: str = "alternating"
-) -> tuple[Floats, Ints]:
+@by_keywords(Rectangle)
+def rectangle(keys: Rectangle) -> tuple[Floats, Ints]:
     """Flat rectangle centred on the origin, in z = 0.
 
-    Parameters
-    ----------
-    size : (x, y)
-        Side lengths [m].
-    cells : (x, y)
-        Number of cells along each side.
-    diagonals : str
-        "right" (all parallel: stiffer along them), "alternating" (union jack: no preferred direction), "crisscross"
-        (four triangles a cell), "delaunay" (irregular inside, evenly divided sides; the same mesh each time).
+    Diagonals: "right" (all parallel: stiffer along them), "alternating" (union jack: no preferred direction),
+    "crisscross" (four triangles a cell), "delaunay" (irregular inside, evenly divided sides; the same mesh each time).
 
     Returns
     -------
@@ -88,58 +61,50 @@ def rectangle(
     >>> positions.shape, triangles.shape
     ((15, 3), (16, 3))
     """
-    lengths = as_lengths("size", size, 2)
-    nx, ny = as_counts("cells", cells, 2)
-    if not isinstance(diagonals, str) or diagonals not in _PATTERNS:
-        raise InputError(f"diagonals must be one of {', '.join(_PATTERNS)}, not {diagonals!r}.")
-    points, triangles = _PATTERNS[diagonals](nx, ny)
-    flat = (points / (nx, ny) - 0.5) * lengths
+    points, triangles = _PATTERNS[keys.diagonals](*map(int, keys.cells))
+    flat = (points / keys.cells - 0.5) * keys.size
     return np.column_stack([flat, np.zeros(len(flat))]), triangles
 
 
-def disk(radius: float = 0.5, cells: int = 20) -> tuple[Floats, Ints]:
-    """Flat disk of `radius` [m] in `cells` rings; ring k has 6 k vertices, so its triangles are nearly equilateral.
+@by_keywords(Disk)
+def disk(keys: Disk) -> tuple[Floats, Ints]:
+    """Flat disk in rings; ring k has 6 k vertices, so its triangles are nearly equilateral.
 
     1 + 3 n (n + 1) vertices and 6 n^2 triangles; the border is the regular polygon of 6 n corners on the circle.
     """
-    radius, rings = as_positive("radius", radius), as_count("cells", cells, most=1024)
+    rings = keys.cells
     ring = np.repeat(np.arange(rings + 1), [1, *(6 * np.arange(1, rings + 1))])
     first = np.concatenate([[0], 1 + 3 * np.arange(rings) * np.arange(1, rings + 1)])
     step = np.arange(len(ring)) - first[ring]
     angle = 2 * np.pi * step / np.maximum(6 * ring, 1)
-    distance = radius * ring / rings
+    distance = keys.radius * ring / rings
     positions = np.column_stack([distance * np.cos(angle), distance * np.sin(angle), np.zeros(len(ring))])
     return positions, np.concatenate([_ring_triangles(k, first) for k in range(1, rings + 1)])
 
 
-def tube(
-    radius: float = 0.2, height: float = 0.6, cells: Sequence[int] = (48, 24), top_radius: float | None = None
-) -> tuple[Floats, Ints]:
-    """Open cylinder along z of `radius` and `height` [m] with `cells` (around, along), facing outward.
-
-    top_radius [m]: radius of its upper end, where it differs (a skirt, a funnel).
-    """
-    radius, height = as_positive("radius", radius), as_positive("height", height)
-    top = radius if top_radius is None else as_positive("top_radius", top_radius)
-    around, along = as_counts("cells", cells, 2)
-    as_count("cells[0]", around, least=3)
+@by_keywords(Tube)
+def tube(keys: Tube) -> tuple[Floats, Ints]:
+    """Open cylinder along z, or a cone where the upper end has another radius (a skirt, a funnel), facing outward."""
+    around, along = map(int, keys.cells)
+    as_count("tube.cells[0]", around, least=3)
+    top = keys.radius if keys.top_radius is None else keys.top_radius
     column, row = lattice_points(around - 1, along).T
     angle = 2 * np.pi * column / around
-    r = radius + (top - radius) * (row / along)
-    positions = np.column_stack([r * np.cos(angle), r * np.sin(angle), height * (row / along - 0.5)])
+    r = keys.radius + (top - keys.radius) * (row / along)
+    positions = np.column_stack([r * np.cos(angle), r * np.sin(angle), keys.height * (row / along - 0.5)])
     return positions, cut_quads(lattice_quads(around, along, closed=True), checkerboard(around, along))
 
 
-def pillow(radius: float = 0.5, cells: int = 20, gap: float = 0.002) -> tuple[Floats, Ints]:
-    """Two disks of `radius` [m] in `cells` rings, joined at their rim, facing outward: a closed balloon without volume.
+@by_keywords(Pillow)
+def pillow(keys: Pillow) -> tuple[Floats, Ints]:
+    """Two disks in rings, joined at their rim, facing outward: a closed balloon without volume.
 
-    gap [m]: distance of the disks in the middle, falling to 0 at the rim as 1 - (r / radius)^2.
+    Their distance falls from the gap in the middle to 0 at the rim as 1 - (r / radius)^2.
     """
-    gap = as_positive("gap", gap)
-    flat, triangles = disk(radius, cells)
-    rim = len(flat) - 6 * cells
+    flat, triangles = disk(keys.radius, keys.cells)
+    rim = len(flat) - 6 * keys.cells
     lift = np.zeros_like(flat)
-    lift[:rim, 2] = 0.5 * gap * (1 - (flat[:rim] ** 2).sum(axis=1) / radius**2)
+    lift[:rim, 2] = 0.5 * keys.gap * (1 - (flat[:rim] ** 2).sum(axis=1) / keys.radius**2)
     below = np.concatenate([len(flat) + np.arange(rim), np.arange(rim, len(flat))])
     return np.concatenate([flat + lift, (flat - lift)[:rim]]), np.concatenate([triangles, below[triangles[:, ::-1]]])
 
@@ -211,23 +176,24 @@ _PATTERNS: dict[str, Callable[[int, int], tuple[Floats, Ints]]] = {
 }
 
 
-def sphere(radius: float = 0.3, subdivisions: int = 4) -> tuple[Floats, Ints]:
-    """Icosphere: an icosahedron refined `subdivisions` times, 20 4^s triangles, every vertex at `radius` [m].
+@by_keywords(Sphere)
+def sphere(keys: Sphere) -> tuple[Floats, Ints]:
+    """Icosphere: an icosahedron refined s times, 20 4^s triangles, every vertex at the radius.
 
     >>> positions, triangles = sphere(radius=1.0, subdivisions=1)
     >>> positions.shape, triangles.shape
     ((42, 3), (80, 3))
     """
-    radius, subdivisions = as_positive("radius", radius), as_count("subdivisions", subdivisions, least=0, most=8)
     positions, triangles = _icosahedron()
-    for _ in range(subdivisions):
+    for _ in range(keys.subdivisions):
         positions, triangles = _cut_in_four(positions, triangles)
-    return radius * positions, triangles
+    return keys.radius * positions, triangles
 
 
-def slab(size: Sequence[float] = (1.0, 1.0, 0.1), cells: Sequence[int] = (1, 1, 1)) -> tuple[Floats, Ints]:
-    """Closed box of `size` (x, y, z) [m] with `cells` (x, y, z) along its edges."""
-    lengths, counts = as_lengths("size", size, 3), as_counts("cells", cells, 3)
+@by_keywords(Slab)
+def slab(keys: Slab) -> tuple[Floats, Ints]:
+    """Closed box in cells along its edges."""
+    counts = tuple(map(int, keys.cells))
     numbers = tuple(n + 1 for n in counts)
     faces = []
     for axis in range(3):
@@ -240,13 +206,13 @@ def slab(size: Sequence[float] = (1.0, 1.0, 0.1), cells: Sequence[int] = (1, 1, 
             faces.append(triangles if side else triangles[:, ::-1])
     used, renumbered = np.unique(np.concatenate(faces), return_inverse=True)
     lattice = np.column_stack(np.unravel_index(used, numbers))
-    return (lattice / counts - 0.5) * lengths, renumbered.reshape(-1, 3).astype(np.int64)
+    return (lattice / counts - 0.5) * keys.size, renumbered.reshape(-1, 3).astype(np.int64)
 
 
-def capsule(radius: float = 0.1, height: float = 0.5, segments: int = 32) -> tuple[Floats, Ints]:
-    """Cylinder along z with hemispherical ends: `height` [m] from tip to tip, `segments` edges around."""
-    radius, height = as_positive("radius", radius), as_positive("height", height)
-    segments = as_count("segments", segments, least=4)
+@by_keywords(Capsule)
+def capsule(keys: Capsule) -> tuple[Floats, Ints]:
+    """Cylinder along z with hemispherical ends."""
+    radius, height, segments = keys.radius, keys.height, keys.segments
     straight = height - 2 * radius
     if straight <= 0:
         raise InputError(
@@ -269,10 +235,10 @@ def capsule(radius: float = 0.1, height: float = 0.5, segments: int = 32) -> tup
     return np.concatenate([side, [[0, 0, -height / 2], [0, 0, height / 2]]]), np.concatenate(triangles)
 
 
-def cone(radius: float = 0.1, height: float = 0.3, segments: int = 32) -> tuple[Floats, Ints]:
-    """Closed cone, tip up: `height` [m] over a base of `radius` [m] with `segments` edges; slender, a needle."""
-    radius, height = as_positive("radius", radius), as_positive("height", height)
-    n = as_count("segments", segments, least=3)
+@by_keywords(Cone)
+def cone(keys: Cone) -> tuple[Floats, Ints]:
+    """Closed cone, tip up; slender, a needle."""
+    radius, height, n = keys.radius, keys.height, keys.segments
     around, following = np.arange(n), np.roll(np.arange(n), -1)
     angle = 2 * np.pi * around / n
     base = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(n, -height / 2)])
@@ -281,20 +247,15 @@ def cone(radius: float = 0.1, height: float = 0.3, segments: int = 32) -> tuple[
     return np.concatenate([base, [[0, 0, -height / 2], [0, 0, height / 2]]]), np.concatenate(triangles).astype(np.int64)
 
 
-def ring(
-    radius: float = 0.05, thickness: float = 0.02, segments: int = 24, around: int = 12, stretch: float = 0.0
-) -> tuple[Floats, Ints]:
-    """Ring about z of a round bar of `thickness` [m] along a circle of `radius` [m], pulled apart along x by `stretch`.
-
-    `segments` edges along the ring and `around` about the bar; with a stretch [m] it is the link of a chain.
+@by_keywords(Ring)
+def ring(keys: Ring) -> tuple[Floats, Ints]:
+    """Ring about z of a round bar along a circle, its halves pulled apart along x: with a stretch the link of a chain.
 
     >>> positions, triangles = ring(radius=1.0, thickness=0.5, segments=8, around=6)
     >>> positions.shape, triangles.shape
     ((48, 3), (96, 3))
     """
-    radius, thickness = as_positive("radius", radius), as_positive("thickness", thickness)
-    stretch = as_positive("stretch", stretch, zero=True)
-    segments, around = as_count("segments", segments, least=4), as_count("around", around, least=3)
+    radius, thickness, segments, around = keys.radius, keys.thickness, keys.segments, keys.around
     if thickness >= 2 * radius:
         raise InputError(f"thickness must be below 2 radius = {2 * radius:g} m, not {thickness:g}.")
     along, about = (2 * np.pi * np.arange(n) / n for n in (segments, around))
@@ -302,7 +263,7 @@ def ring(
     outward = np.stack([np.cos(along), np.sin(along), np.zeros(segments)], axis=1)
     positions = distance * outward[:, None]
     positions[:, :, 2] = 0.5 * thickness * np.sin(about)
-    positions[:, :, 0] += 0.5 * stretch * np.sign(np.round(outward[:, 0], 12))[:, None]
+    positions[:, :, 0] += 0.5 * keys.stretch * np.sign(np.round(outward[:, 0], 12))[:, None]
     i, j = np.meshgrid(np.arange(segments), np.arange(around), indexing="ij")
     corners = [((i + a) % segments * around + (j + b) % around).ravel() for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
     quads = np.stack(corners, axis=1)

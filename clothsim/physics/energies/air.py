@@ -168,19 +168,15 @@ def wind_of(name: str, value: Any) -> Wind:
     if callable(value):
         return WindFunction(name, value)
     if isinstance(value, Gust):
-        return _gust(name, value)
+        velocity = np.array(value.velocity, np.float64)
+        if not velocity.any():
+            raise InputError(f"{name}.velocity is zero: a gust needs a mean wind.", "Give a velocity [m/s].")
+        return GustField(velocity, value.amplitude, value.period, float(np.radians(value.sway_degrees)))
     if isinstance(value, Vortex):
         return _vortex(name, value)
     if isinstance(value, Mapping):
         raise lost_function(name, value)
     return Uniform(np.array(value, np.float64))
-
-
-def _gust(name: str, keys: Gust) -> GustField:
-    velocity = np.array(keys.velocity, np.float64)
-    if not velocity.any():
-        raise InputError(f"{name}.velocity is zero: a gust needs a mean wind.", "Give a velocity [m/s].")
-    return GustField(velocity, keys.amplitude, keys.period, float(np.radians(keys.sway_degrees)))
 
 
 def _vortex(name: str, keys: Vortex) -> VortexField:

@@ -57,7 +57,10 @@ def rest_angle(world: World, keys: RestAngle, *, built: Mapping[str, Energy] | N
         for time in angle.times:
             radians(angle, time)
     chosen = np.concatenate(rows)
-    _refuse_twice(hinges, chosen)
+    twice = np.flatnonzero(np.bincount(chosen) > 1)
+    if twice.size:
+        a, b = hinges.vertices[twice[0], :2]
+        raise InputError(f"effects.rest_angle creases the edge {a}-{b} twice.", "Give each edge one angle.")
     if not hinges.rest_angles[chosen].any() and all(angle.is_zero for angle in schedules):
         return Off("every crease is flat, as is the cloth at rest")
     return rest_angles(hinges, chosen, schedules, tuple(map(len, rows)))
@@ -113,13 +116,6 @@ def _hinges_of_pattern(name: str, world: World, keys: Crease, hinges: BendingMod
             "An edge bends where it is welded to another one: place both so that they touch.",
         )
     return found
-
-
-def _refuse_twice(hinges: BendingModel, chosen: Ints) -> None:
-    twice = np.flatnonzero(np.bincount(chosen) > 1)
-    if twice.size:
-        a, b = hinges.vertices[twice[0], :2]
-        raise InputError(f"effects.rest_angle creases the edge {a}-{b} twice.", "Give each edge one angle.")
 
 
 _LINE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]}

@@ -18,9 +18,11 @@ from clothsim.files.characters.keep_apart import kept_apart
 from clothsim.files.characters.motion_files import read_amass, read_animation, read_bvh
 from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
+from clothsim.keys.generator_keys import Proportions
 from clothsim.keys.mesh_keys import ClipKeys, ModelTable, PlacedKeys
+from clothsim.keys.schema import keys_of
 from clothsim.mesh.body import Body, PosedMotion, make_body
-from clothsim.mesh.generators.mannequin.generator import Proportions, turns_of
+from clothsim.mesh.generators.mannequin.generator import turns_of
 from clothsim.scene import paths
 from clothsim.scene.assembly.shapes import Shape, checked_notes, existing_file, name_of, placed
 from clothsim.scene.scene import Scene
@@ -225,9 +227,9 @@ def value_of(scene: Scene, path: str) -> Any:
     section, number, keys = paths.located(scene, path)
     table = scene.bodies[int(number or 0)] if section == "body" else None
     if isinstance(table, ModelTable) and table.model == MANNEQUIN and keys[0] == "shape" and len(keys) > 1:
-        usual = vars(Proportions())
+        usual = keys_of(Proportions)
         if keys[1] in usual and keys[1] not in (table.shape or {}):
-            return usual[str(keys[1])]
+            return usual[str(keys[1])].default
     return paths.get(scene, path)
 
 

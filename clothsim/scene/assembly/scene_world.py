@@ -128,7 +128,12 @@ def build_effects(
             continue
         contacts = tuple(contact for contact in CONTACTS if contact in energies)
         if before is not None and name not in changed and not effect.sees_others:
-            _take_over(name, before, energies, constraints, off)
+            if name in before.energies:
+                energies[name] = before.energies[name]
+            elif name in before.constraints:
+                constraints[name] = before.constraints[name]
+            elif name in before.off:
+                off[name] = before.off[name]
             continue
         supplied = {"contacts": contacts, "built": energies}
         where = f"effects.{name}"
@@ -291,18 +296,6 @@ def _held(world: World, constraint: Constraint) -> list[str]:
         vertices = "1 vertex" if len(rows) == 1 else f"{len(rows):,} vertices"
         notes.append(f"{group.name}: {vertices} held, from ({low}) to ({high}) m.")
     return notes
-
-
-def _take_over(
-    name: str, before: Built, energies: dict[str, Energy], constraints: dict[str, Constraint], off: dict[str, str]
-) -> None:
-    """Put the effect `name` of what was built before where it belongs."""
-    if name in before.energies:
-        energies[name] = before.energies[name]
-    elif name in before.constraints:
-        constraints[name] = before.constraints[name]
-    elif name in before.off:
-        off[name] = before.off[name]
 
 
 def world_of(scene: Scene) -> World:

@@ -5,16 +5,19 @@ killed at any instant. What is true is on the disk: a drape is done when its fol
 """
 
 import json
+import os
 import shutil
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import sleep
 
-from clothsim.base.errors import MachineError
+from clothsim.base.errors import InputError, MachineError
 from clothsim.base.interruption import interruption
+from clothsim.engine import build
 from clothsim.study.farm.claims import Worker, claimed, owns_claim
-from clothsim.study.farm.drape import Drape, drape, failed
+from clothsim.study.farm.drape import Drape, drape, failed, store_world
 from clothsim.study.farm.plan import DrapeJob, Farm
 from clothsim.study.farm.publication import (
     as_npy,
@@ -26,7 +29,8 @@ from clothsim.study.farm.publication import (
     set_aside,
     working_folder,
 )
-from clothsim.study.farm.reading import CLOTH, PARAMETERS, SUMMARY
+from clothsim.study.farm.reading import CLOTH, PARAMETERS, SUMMARY, read_drape
+from clothsim.study.farm.verification import faults
 
 ATTEMPTS = 3
 """Attempts of a drape before it is published as killed."""
@@ -146,3 +150,44 @@ def _published(farm: Farm, job: DrapeJob, worker: Worker, made: Drape) -> bool:
     if made.positions is not None:
         files[CLOTH] = as_npy(made.positions)
     return publish(farm.directory, job.id, worker, files)
+
+
+# Repair of a farm: what is torn, or failed by no fault of its own, goes back into the plan.
+
+
+MACHINE = ("killed",)
+"""Causes of drapes that the machine may have failed: their processes were ended from outside, as for want of memory."""
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """What was repaired: the cause of each drape that was taken back, by id, and meshes that were stored again."""
+
+    taken_back: dict[str, str]
+    meshes: tuple[str, ...]
+
+
+def repair(farm: Farm, causes: Collection[str] = MACHINE) -> Repaired:
+    """Take drapes back into the plan: `work` makes them again.
+
+    Torn ones are, and those with one of the causes; a mesh that alone is torn is made again from its scene. A drape
+    that is whole stays.
+    """
+    stored = []
+    for digest, name in faults(farm).meshes.items():
+        job = next(job for job in farm.jobs if job.id == name)
+        with suppress(InputError):
+            made = store_world(farm.directory, build(farm.scene_of(job)).world)
+            stored += [digest for each in made.values() if digest in each.values()]
+    torn, taken = faults(farm).torn, dict[str, str]()
+    for job in farm.jobs:
+        if job.id in torn:
+            taken[job.id] = torn[job.id]
+        elif job.id in farm.published() and read_drape(farm.directory, job.id)[0]["cause"] in causes:
+            taken[job.id] = str(read_drape(farm.directory, job.id)[0]["reason"])
+    for name in taken:
+        old = farm.directory / "tmp" / f"{name}.repaired.{os.urandom(6).hex()}"
+        farm.folder(name).rename(old)
+        shutil.rmtree(old, ignore_errors=True)
+        (farm.directory / "attempts" / name).unlink(missing_ok=True)
+    return Repaired(taken, tuple(stored))

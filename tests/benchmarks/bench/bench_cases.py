@@ -9,7 +9,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.scene.scene import Scene
-from clothsim.study.presets import with_preset
+from clothsim.study.points import with_preset
 
 ROOT = Path(__file__).parents[3]
 """The repository: scenes/, and ../shared beside it where the real data is there."""

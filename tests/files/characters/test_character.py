@@ -5,7 +5,9 @@ import pytest
 
 from clothsim.base.errors import InputError
 from clothsim.files.characters.character import Character, mannequin_character, model_character, smpl_character
-from clothsim.files.characters.quaternions import (
+from clothsim.files.characters.skeleton import (
+    Pose,
+    Skeleton,
     from_matrices,
     from_rotation_vectors,
     product,
@@ -13,7 +15,6 @@ from clothsim.files.characters.quaternions import (
     to_matrices,
     to_rotation_vectors,
 )
-from clothsim.files.characters.skeleton import Pose, Skeleton
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.mannequin.generator import mannequin, turns_of
 from transfer.body_model import body_model

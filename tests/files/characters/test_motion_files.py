@@ -9,9 +9,8 @@ from clothsim.base.errors import InputError
 from clothsim.files.characters.character import SMPL_JOINTS, mannequin_character, model_character
 from clothsim.files.characters.gltf_character import read_character
 from clothsim.files.characters.motion_files import read_amass, read_animation, read_bvh, t_pose
-from clothsim.files.characters.quaternions import from_rotation_vectors, to_matrices
 from clothsim.files.characters.retarget import retargeted
-from clothsim.files.characters.skeleton import joint_roles
+from clothsim.files.characters.skeleton import from_rotation_vectors, joint_roles, to_matrices
 from clothsim.mesh.body import rotation_matrix
 from transfer.body_model import body_model
 

@@ -100,3 +100,11 @@ def test_a_narrow_fan_stays(wearer, degrees):
 def test_a_fan_above_the_chest_is_a_collar(wearer):
     mesh = skirt(300, level=150.0)
     assert folded_fans(mesh, wearer.body, wearer.surface)[1] == ()
+
+
+def test_a_fold_that_leaves_most_strings_in_the_body_is_not_made(wearer):
+    mesh = skirt(300)
+    wide = BodyMesh("wide", wearer.body.positions * [2.5, 1, 1], wearer.body.triangles, 1.0, ())
+    folded, notes = folded_fans(mesh, wide, body_surface(wide.positions, wide.triangles))
+    assert notes == ()
+    assert np.array_equal(folded.positions, mesh.positions)

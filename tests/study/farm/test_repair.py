@@ -10,9 +10,8 @@ from clothsim.study.farm.plan import open_farm, plan
 from clothsim.study.farm.publication import note_attempt
 from clothsim.study.farm.reading import read_drape
 from clothsim.study.farm.recipe import make_recipe
-from clothsim.study.farm.repair import repair
 from clothsim.study.farm.verification import verify
-from clothsim.study.farm.work import work
+from clothsim.study.farm.work import repair, work
 
 
 @pytest.fixture(scope="module")

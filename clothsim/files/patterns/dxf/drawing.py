@@ -11,8 +11,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError, MissingPackageError
-from clothsim.base.file_reading import read_regular_file
-from clothsim.base.reading_budget import Budget
+from clothsim.base.file_reading import Budget, read_regular_file
 from clothsim.files.patterns.dxf.outline import Part, parts_of_bezier, straight_parts
 from clothsim.patterns.curves import Arc, Straight
 

@@ -7,15 +7,17 @@ test compares the two.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from clothsim.base.arrays import Floats, Ints, as_positive, as_vector
+from clothsim.base.arrays import Floats, Ints, as_vector
 from clothsim.base.errors import InputError
+from clothsim.keys.generator_keys import Mannequin, Proportions
+from clothsim.keys.key_table import by_keywords
 from clothsim.mesh.body import rotation_matrix
 
 ARM_FALL = np.radians(50.0)
@@ -101,56 +103,6 @@ LENGTHS_UP_TO = 1.40
 """Height from which on the lengths of legs and trunk move nothing [m]."""
 THIGH, CALF = (0.70, 0.17), (0.36, 0.20)
 """Height of the thigh and of the calf [m], and the distance from it at which their factors end."""
-
-
-@dataclass(frozen=True)
-class Proportions:
-    """Height [m], and factors of the measures that the template has at that height.
-
-    chest, waist, hips, neck: girths; shoulder_width: between the shoulder joints, which a wider chest moves out as
-    well; limb_girth: of arms and legs, arm_girth of the upper arms beside it, thigh and calf of the legs; arm_length:
-    from shoulder to wrist; leg_length: to the crotch, at the cost of the trunk; waist_height: of the waist then.
-    """
-
-    height: float = 1.7
-    chest: float = 1.0
-    waist: float = 1.0
-    hips: float = 1.0
-    shoulder_width: float = 1.0
-    limb_girth: float = 1.0
-    neck: float = 1.0
-    arm_girth: float = 1.0
-    arm_length: float = 1.0
-    leg_length: float = 1.0
-    waist_height: float = 1.0
-    thigh: float = 1.0
-    calf: float = 1.0
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            low, high = RANGES[field.name]
-            value = as_positive(field.name, getattr(self, field.name))
-            if not low <= value <= high:
-                unit = " m" if field.name == "height" else ", a factor of the default mannequin's"
-                raise InputError(f"{field.name} must be from {low:g} to {high:g}{unit}, not {value:g}.")
-
-
-RANGES = {
-    "height": (0.5, 2.5),
-    "chest": (0.8, 1.35),
-    "waist": (0.75, 1.6),
-    "hips": (0.8, 1.45),
-    "shoulder_width": (0.95, 1.15),
-    "limb_girth": (0.75, 1.2),
-    "neck": (0.85, 1.25),
-    "arm_girth": (0.8, 1.3),
-    "arm_length": (0.85, 1.15),
-    "leg_length": (0.9, 1.12),
-    "waist_height": (0.93, 1.05),
-    "thigh": (0.85, 1.2),
-    "calf": (0.8, 1.3),
-}
-"""Bounds of each measure: beyond them the warped template would fold."""
 
 
 def warped(points: Floats, weights: Floats, proportions: Proportions) -> Floats:
@@ -374,41 +326,14 @@ def template() -> Template:
     return Template(*arrays)
 
 
-def mannequin(
-    pose: str = "a",
-    joints_degrees: Mapping[str, Sequence[float]] | None = None,
-    **figure: float,
-) -> tuple[Floats, Ints]:
+@by_keywords(Mannequin)
+def mannequin(keys: Mannequin) -> tuple[Floats, Ints]:
     """Closed human figure: z is up, it stands on z = 0 and faces -y, its left hand is at +x.
 
     Every figure in every pose has the same triangles.
-
-    Parameters
-    ----------
-    pose : str
-        "a" | "t" | "walk" | "reach" | "arms_down".
-    joints_degrees : mapping, optional
-        Rotation vectors by joint, in place of those of the pose [degrees].
-    **figure : float
-        `Proportions`.
-
-    Returns
-    -------
-    positions : (n, 3) float64
-        [m].
-    triangles : (m, 3) int64
-        Facing outward.
-
-    Raises
-    ------
-    InputError
-        Naming a bad key.
     """
-    proportions = Proportions(**figure)
-    turns = turns_of(pose, joints_degrees)
+    turns = turns_of(keys.pose, keys.joints_degrees)
     made = template()
-    positions = posed(
-        warped(made.positions, made.weights, proportions), made.weights, warped_joints(proportions), turns
-    )
+    positions = posed(warped(made.positions, made.weights, keys), made.weights, warped_joints(keys), turns)
     positions[:, 2] -= positions[:, 2].min()
     return positions, made.triangles.copy()

@@ -2,7 +2,7 @@
 
 Girths are those of a tape: the length of the convex hull of a plane section (ISO 8559-1, in its words below). Sections
 lie at fixed places of the template and move with it, so that a girth is a smooth function of the proportions. Each
-measure has its factor; those of the given measures m_k minimise, within their RANGES,
+measure has its factor; those of the given measures m_k minimise, within their bounds,
 
     sum ((m_k(p) - wanted_k) / m_k(1))^2,
 
@@ -21,14 +21,14 @@ from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import did_you_mean
 from clothsim.base.triangles import half_edges
+from clothsim.keys.generator_keys import Mannequin, Proportions
+from clothsim.keys.schema import keys_of
 from clothsim.mesh.generators.mannequin.generator import (
     CALF,
     CROTCH,
     JOINT_POSITIONS,
     JOINTS,
     LEVELS,
-    RANGES,
-    Proportions,
     joint,
     mannequin,
     template,
@@ -65,7 +65,7 @@ MEASURES: Mapping[str, str] = {
 """Measures [m] by name, and what each is."""
 ABSURD = 3.0
 """Ratio to the usual measure, or of that to it, from which one is taken for a number in another unit."""
-_FACTORS = {name: name for name in MEASURES if name in RANGES} | {
+_FACTORS = {name: name for name in MEASURES if name in keys_of(Proportions)} | {
     "upper_arm": "arm_girth",
     "inside_leg": "leg_length",
 }
@@ -104,7 +104,7 @@ class MeasuredBody:
         usual = asdict(Proportions())
         return {name: value for name, value in asdict(self.proportions).items() if value != usual[name]}
 
-    def mesh(self, pose: str = "a") -> tuple[Floats, Ints]:
+    def mesh(self, pose: str = Mannequin.pose) -> tuple[Floats, Ints]:
         """Positions (n, 3) [m] and triangles (m, 3) in a named pose; z is up."""
         return mannequin(pose, **asdict(self.proportions))
 
@@ -115,7 +115,7 @@ def measured_body(**wanted: float) -> MeasuredBody:
     Parameters
     ----------
     **wanted : float
-        Of `MEASURES` [m]. `height`, 1.7 m where it is not given, is met exactly.
+        Of `MEASURES` [m]. `height`, that of the mannequin where it is not given, is met exactly.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def measured_body(**wanted: float) -> MeasuredBody:
     _refuse_absurd(wanted, {"height": Proportions.height})
     height = Proportions(height=wanted.get("height", Proportions.height)).height
     aims = [name for name in wanted if name != "height"]
-    free = [name for name in RANGES if name in {_FACTORS[aim] for aim in aims}]
+    free = [name for name in keys_of(Proportions) if name in {_FACTORS[aim] for aim in aims}]
     usual = measures_of(Proportions(height=height))
     _refuse_absurd(wanted, usual)
 
@@ -145,15 +145,16 @@ def measured_body(**wanted: float) -> MeasuredBody:
         found = measures_of(_proportions(height, free, factors), aims)
         return np.array([(found[name] - wanted[name]) / usual[name] for name in aims])
 
-    low, high = np.array([RANGES[name] for name in free]).reshape(-1, 2).T
+    bounds = [keys_of(Proportions)[name].key for name in free]
+    low, high = np.array([(key.least, key.most) for key in bounds], np.float64).reshape(-1, 2).T
     fitted = np.ones(len(free))
     if aims:
         fitted = least_squares(residuals, fitted, bounds=(low, high), xtol=1e-7, max_nfev=100).x
         fitted = np.clip(np.round(fitted, 5), low, high)
     proportions = _proportions(height, free, fitted)
     ends = np.minimum(fitted - low, high - fitted) < 1e-3 * (high - low)
-    bounds = tuple(name for name, end in zip(free, ends, strict=True) if end)
-    return MeasuredBody(proportions, wanted, measures_of(proportions), bounds)
+    at_bounds = tuple(name for name, end in zip(free, ends, strict=True) if end)
+    return MeasuredBody(proportions, wanted, measures_of(proportions), at_bounds)
 
 
 def _refuse_absurd(wanted: Mapping[str, float], usual: Mapping[str, float]) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.base.errors import InputError
+from clothsim.keys.generator_keys import Proportions
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.mannequin.body_limbs import skinning_weights
 from clothsim.mesh.generators.mannequin.generator import (
@@ -14,7 +15,6 @@ from clothsim.mesh.generators.mannequin.generator import (
     POSES,
     TEMPLATE_HEIGHT,
     TEMPLATE_SOLE,
-    Proportions,
     joint,
     mannequin,
     mirrored,
@@ -219,5 +219,5 @@ def test_the_skeleton_is_a_tree_with_mirrored_sides():
 def test_a_bad_key_is_named(keys, words):
     with pytest.raises(InputError) as caught:
         mannequin(**keys)
-    assert caught.value.sentence.split()[0] == words[0]
+    assert caught.value.sentence.split()[0].removeprefix("mannequin.") == words[0]
     assert [word for word in words if word not in str(caught.value)] == []

@@ -6,11 +6,11 @@ from scipy.spatial import ConvexHull
 
 from clothsim import InputError, measured_body
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.keys.generator_keys import Proportions
 from clothsim.mesh.generators.mannequin.generator import (
     LEVELS,
     TEMPLATE_HEIGHT,
     TEMPLATE_SOLE,
-    Proportions,
     mannequin,
 )
 from clothsim.mesh.generators.mannequin.measures import MEASURES, measures_of
