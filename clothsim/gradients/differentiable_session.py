@@ -152,8 +152,7 @@ def refuse_undifferentiable(session: Session) -> None:
 def pilot_stiffness(session: Session, names: Sequence[str]) -> dict[str, float]:
     """Return the largest stiffness [Pa] of adaptive contacts in a run of the scene; ClothsimError where it fails.
 
-    That of a first step in which a contact did not act counts only without others: it bears the loads of all vertices,
-    those of pins too.
+    That of a first step in which a contact did not act counts only without others: no load of the scene chose it.
     """
     largest, unused = dict[str, float](), dict[str, float]()
     run, state = session.scene.run_settings, first_state(session.built.world, session.integrator.dt)

@@ -151,10 +151,11 @@ def recover_views(
     minima, coarse, shown = tuple(each.last.total for each in ends), None, first.positions
     runs, adjoint = runs + sum(each.runs for each in ends), sum(each.adjoint for each in ends)
     if finer:
-        fine_fit, weights = finer_fit(fit, best.last.at)
-        end = _on_finer_cloth(fine_fit, weights, best, partial(tell, start))
-        if end is None:
-            failed.append("The finer cloth could not be run: the values are of the cloth as given.")
+        try:
+            fine_fit, weights = finer_fit(fit, best.last.at)
+            end = _on_finer_cloth(fine_fit, weights, best, partial(tell, start))
+        except ClothsimError as error:
+            failed.append(f"The finer cloth could not be run, the values are of the cloth as given: {error.sentence}")
         else:
             fit, coarse, best, shown = fine_fit, best.last.at, end, np.asarray(weights @ shown)
             runs, adjoint = runs + end.runs, adjoint + end.adjoint
@@ -274,17 +275,15 @@ def _searched(fit: ViewFit, begun: Seen, tell: Callable[[Seen], None]) -> Search
     return end if end.fresh else replace(end, moves=_moves_at(fit, end.last, tell), runs=end.runs + len(begun.at))
 
 
-def _on_finer_cloth(
-    finer: ViewFit, weights: csr_array, coarse: SearchEnd, tell: Callable[[Seen], None]
-) -> SearchEnd | None:
+def _on_finer_cloth(finer: ViewFit, weights: csr_array, coarse: SearchEnd, tell: Callable[[Seen], None]) -> SearchEnd:
     """A few steps on a cloth with four triangles for one, with the derivatives that the coarse one has, continued.
 
-    None where it cannot be run.
+    ClothsimError where it cannot be run.
     """
     begun = finer.seen(coarse.last.at, np.asarray(weights @ coarse.last.positions))
     tell(begun)
     if not begun.parts:
-        return None
+        raise ClothsimError(begun.failure)
     drape = pulled(finer, begun)
     tell(drape)
     moves = of_finer_cloth(weights, coarse.moves)

@@ -257,7 +257,14 @@ def by_keywords(kind: type[Section]) -> Callable[[Callable[[Section], Result]], 
     def decorated(function: Callable[[Section], Result]) -> Callable[..., Result]:
         @wraps(function)
         def called(*values: Any, **keys: Any) -> Result:
-            return function(kind(**dict(zip(order, values, strict=False)), **keys))
+            by_order = dict(zip(order, values, strict=False))
+            if len(values) > len(order) or by_order.keys() & keys.keys():
+                given = f"{len(values)} values by their order"
+                raise InputError(
+                    f"{function.__name__}: {given} and {', '.join(keys) or 'none'} by name, of {', '.join(order)}.",
+                    "Give each key once.",
+                )
+            return function(kind(**by_order, **keys))
 
         return called
 

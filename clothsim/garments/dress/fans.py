@@ -119,7 +119,7 @@ def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tupl
             crossing |= {name: crossing[name] + [*both, len(seam.pairs)] for name in pair}
     positions = mesh.positions.copy()
     for name, (before, after, number) in crossing.items():
-        if before and after <= MOST * number:
+        if before and after <= min(before, MOST * number):
             positions[mesh.vertices[name]] = folded[mesh.vertices[name]]
             turn = f"a fan of {np.degrees(fans[name].turn):.0f} degrees, placed in waves round the body"
             notes.append(f"{name}, {turn}: {before} springs of its sides ran through the body, {after} do now")

@@ -35,6 +35,10 @@ from clothsim.solve.timers import EffectsInTurn, Timers
 
 P = TypeVar("P")
 
+TOO_SOFT = 10.0
+"""Stiffness needed over the given one from which on a contact is too soft: a load that holds a gap of d_hat / 100 needs
+a hundred times; an iterate may be as close by a long step alone."""
+
 
 @dataclass(frozen=True)
 class Potential:
@@ -235,7 +239,7 @@ class Potential:
         for name, energy in self.acting.items():
             if isinstance(energy, AdaptiveStiffness) and energy.has_sunk(start, x):
                 needed = energy.stiffness_needed(x, self.gradient(x))
-                if needed > energy.stiffness:
+                if needed > TOO_SOFT * energy.stiffness:
                     found[name] = needed
         return found
 
