@@ -81,15 +81,15 @@ EXAMPLES = (
     Example(
         "table",
         "A table cloth",
-        "run table --set cloth.cells=[120,120] --set cloth.fabric=cotton",
-        "--colour firebrick/linen",
+        "run table --set cloth.cells=[100,100] --set cloth.fabric=cotton",
+        "--colour #b03a2e/linen --view=-0.7,-1,0.55",
     ),
     Example("fit", "A shirt on a larger figure", "fit shirt --to shirt_large", "--colour #3f5f8f/#eef0f4"),
     Example(
         "flag",
         "A flag in gusts",
         "run flag --set cloth.cells=[105,70] --set run.duration=0.28",
-        "--colour #a8322a --view=-0.6,-1,0.1",
+        "--colour #c8463a --view=0.5,-1,0.15",
     ),
     Example(
         "knit_denim",
@@ -106,7 +106,7 @@ EXAMPLES = (
     Example(
         "spin",
         "A cloth that a turning ball drags round",
-        "run spin --set cloth.cells=[80,80]",
+        "run spin --set cloth.cells=[80,80] --set run.duration=0.8",
         "--colour teal/linen",
     ),
     Example("balloon", "A foil balloon", "run balloon --set cloth.cells=48", "--colour #d4a017"),
@@ -114,7 +114,7 @@ EXAMPLES = (
         "pleats",
         "A pleated skirt that turns",
         "run pleats --set cloth.size=0.018",
-        "--colour #1f5a46/#2b3f66",
+        "--colour #4f7f6d --view=-0.35,-1,0.4",
     ),
 )
 
