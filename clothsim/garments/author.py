@@ -309,7 +309,7 @@ def _positions(run: "Run", what: str, given: Any) -> Floats:
         try:
             mesh = files.read_mesh(given)
         except InputError as error:
-            raise InputError(f"{what}: {error.sentence}", error.remedy or KEY_FILE) from error
+            raise InputError(f"{what}: {error.sentence}", KEY_FILE) from error
         what = f"{what}, {given},"
         points, triangles = mesh.positions, mesh.triangles
         if len(points) == n + sum(len(body) for _, body, _ in run.bodies(0)):

@@ -357,7 +357,13 @@ def test_commands(tmp_path, capsys):
     assert main(["farm", "plan", str(tmp_path / "none.toml"), "-o", str(tmp_path / "none")]) == 2
     assert "0.07" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
-    (tmp_path / "r.toml").write_text(text % "0.06, 0.04")
+    (tmp_path / "scene.toml").write_text(
+        '[cloth]\nmesh = "rectangle"\ncells = [4, 4]\nposition = [0, 0, 0.2]\n'
+        '[[body]]\nmesh = "sphere"\nradius = 0.1\n[effects.inertia]\n[effects.body_contact]\n'
+        "[run]\nduration = 0.04\n"
+    )
+    crossing = text.replace("cloth.edge", "cloth.position[2]") % "0.0, 0.2"
+    (tmp_path / "r.toml").write_text(crossing)
     where = str(tmp_path / "farm")
     assert main(["farm", "plan", str(tmp_path / "r.toml"), "-o", where, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["planned"] == 2
