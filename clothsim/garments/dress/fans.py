@@ -97,9 +97,9 @@ def _middle_of_arc(angles: Floats) -> float:
 def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tuple[PatternMesh, tuple[str, ...]]:
     """Mesh whose wide fans lie in waves on half cones round the body; and a note for each.
 
-    Only where strings between them run through the body, and after it most do not, which draw the others round: others,
-    as a flounce that is narrower than the hips, are sewn from where they are. What is sewn to something above the chest
-    is a collar.
+    Only where strings between them run through the body, and folded no more of them do, and not most, so that the free
+    ones draw the others round: others, as a flounce that is narrower than the hips, are sewn from where they are. What
+    is sewn to something above the chest is a collar.
     """
     fans: dict[str, Fan] = {}
     middle = middle_of(body)

@@ -5,6 +5,7 @@ import pytest
 from sewing_patterns import panel, specification, stitch
 
 from clothsim.engine import intersecting_pairs
+from clothsim.garments.dress import fans
 from clothsim.garments.dress.fans import fan_of, folded_fans
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.rings import arms_between
@@ -108,3 +109,17 @@ def test_a_fold_that_leaves_most_strings_in_the_body_is_not_made(wearer):
     folded, notes = folded_fans(mesh, wide, body_surface(wide.positions, wide.triangles))
     assert notes == ()
     assert np.array_equal(folded.positions, mesh.positions)
+
+
+@pytest.mark.parametrize(("after", "made"), [(1, True), (2, True), (3, False)])
+def test_a_fold_after_which_more_strings_cross_the_body_is_not_made(wearer, monkeypatch, after, made):
+    mesh, counts = skirt(300), []
+
+    def crosses(pairs, surface):
+        counts.append(2 if len(counts) % 2 == 0 else after)
+        return np.arange(len(pairs)) < counts[-1]
+
+    monkeypatch.setattr(fans, "crosses_body", crosses)
+    folded, notes = folded_fans(mesh, wearer.body, wearer.surface)
+    assert len(notes) == (2 if made else 0)
+    assert np.array_equal(folded.positions, mesh.positions) != made

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from effect_builders import body_contact, inertia
+from effect_builders import body_contact, gravity, inertia
 from meshes import cloth, grid
 from solving import step_at
 
@@ -14,6 +14,8 @@ from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact.stiffness import RISE_TIME, HeavyBody, barrier_stiffness, bounded_stiffness
 from clothsim.physics.energies.base import CONTACT_TIME_SCALE
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.timers import Timers
 
 DT = 0.01
 RISE = RISE_TIME * CONTACT_TIME_SCALE
@@ -106,6 +108,17 @@ class TestStep:
         inward = own[: world.n_cloth] / np.linalg.norm(own[: world.n_cloth], axis=1)[:, None].clip(1e-300)
         expected = -40.0 * inward[touched, 2] / world.vertex_areas[touched]
         assert contact.stiffness_needed(x, own + load) == pytest.approx(expected.max(), rel=1e-9)
+
+    def test_contact_is_too_soft_where_ten_times_its_stiffness_is_needed(self, world):
+        step = step_of(world, 1.0, height=0.02)
+        weight, contact = gravity(world).begin(step), body_contact(world, d_hat=0.005).begin(step)
+        x = above_the_ball(world, contact, 0.005 * contact.d_hat)
+        needed = contact.stiffness_needed(x, weight.gradient(x) + contact.gradient(x))
+        for ratio, found in ((9.0, False), (11.0, True)):
+            softer = replace(contact, stiffness=needed / ratio)
+            potential = Potential({"gravity": weight, "body_contact": softer}, Timers())
+            stiffness = potential.stiffnesses_needed(step.positions, x)
+            assert stiffness == ({"body_contact": pytest.approx(needed)} if found else {})
 
     def test_a_rise_adds_the_allowed_energy_and_reports_it(self, world):
         contact = body_contact(world, d_hat=0.025)
