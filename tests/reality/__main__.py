@@ -113,11 +113,12 @@ def knits_text(compared: Sequence[knits.Compared]) -> str:
     away = np.median([abs(simulated - measured) for measured, simulated in lost])
     mean = np.mean(lost, axis=0)
     return (
-        f"{markdown_table(header, rows)}\n\nEach force is: simulated / mean of the pulls that were not fitted +- standard "
-        "deviation of all. "
+        f"{markdown_table(header, rows)}\n\nEach force is: simulated / mean of the pulls that were not fitted +- "
+        "standard deviation of all. "
         f"{within} of {all_of} simulated forces lie within the spread of the pulls; the median difference from the "
-        f"pulls that were not fitted is {100 * off:.0f} %. The width shrinks by {mean[0]:.0f} % in the mean of the pulls "
-        f"that were not fitted and by {mean[1]:.0f} % in the simulation; the median difference is {away:.1f} points."
+        f"pulls that were not fitted is {100 * off:.0f} %. The width shrinks by {mean[0]:.0f} % in the mean of the "
+        f"pulls that were not fitted and by {mean[1]:.0f} % in the simulation; the median difference is "
+        f"{away:.1f} points."
     )
 
 

@@ -58,7 +58,8 @@ def profile(row: Measured) -> str:
     solve_note = (
         ""
         if own is None
-        else f" One factorisation and solve of the same matrix takes {1e3 * own:.0f} ms, so that the ratio is {times:.2f}."
+        else f" One factorisation and solve of the same matrix takes {1e3 * own:.0f} ms, "
+        f"so that the ratio is {times:.2f}."
     )
     regional = (
         f" {row['regional_cpu']:.2f} s went into {row['regional']:.0f} iterations on patches "
@@ -117,8 +118,8 @@ def against(cases: Mapping[str, Compared]) -> tuple[tuple[str, ...], list[tuple[
 def oracle_summary(cases: Mapping[str, Compared]) -> str:
     """Summary of the table of `against`."""
     ratios = [
-        f"{row.ratio():.1f} times as long as clothsim in {name} ({row.vertices:,} vertices, {row.newton_steps} iterations, "
-        f"up to {row.pairs:,} pairs, {row.own_pairs:,} of cloth with cloth)"
+        f"{row.ratio():.1f} times as long as clothsim in {name} ({row.vertices:,} vertices, "
+        f"{row.newton_steps} iterations, up to {row.pairs:,} pairs, {row.own_pairs:,} of cloth with cloth)"
         for name, row in cases.items()
     ]
     met = "met" if all(row.ratio() >= AT_LEAST for row in cases.values()) else "not met"
