@@ -39,7 +39,7 @@ SPACING = 0.02
 WORN = 0.1
 """A garment farther from the body than this fraction of its size is not worn."""
 
-_TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left."
+_TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` wrote."
 
 
 def add_to(commands: Any) -> None:
