@@ -1,14 +1,21 @@
 """Pictures with traced light: cloth with a thickness, and what is lit by what."""
 
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
 from render_scenes import ball, sheet
 
 from clothsim.base.errors import InputError
-from clothsim.render import studio, surface_look
+from clothsim.base.srgb import linear_rgb
+from clothsim.mesh.generators.mannequin.generator import TEMPLATE_HEIGHT, joint, mannequin, template
+from clothsim.render import dummy_hands, studio, surface_look
 from clothsim.render import surface_look as shells
 from clothsim.render.camera import Viewpoint
+from clothsim.render.dummy_hands import with_hands
 from clothsim.render.picture import draw, picture_setup, rendered_without_legend
 from clothsim.render.styles import dyes_of
 from clothsim.render.surface_look import Surface
@@ -121,6 +128,67 @@ def test_traced_cloth_has_its_colour_and_a_shadow():
     assert middle[2] > 1.3 * middle[0]  # indigo
     assert corner.min() > middle.max()
     assert np.ptp(corner) < 0.08  # the backdrop is grey
+
+
+def seen_from(camera, facing):
+    """A cloth of half a metre whose normal is `facing`, as a camera in the direction `camera` sees it, sRGB (3,)."""
+    flat = square()
+    across = np.cross(facing, [0.0, 1.0, 0.0] if abs(facing[2]) > 0.9 else [0.0, 0.0, 1.0])
+    axes = np.stack([across, np.cross(facing, across), facing]) / np.linalg.norm(across)
+    card = replace(flat, positions=flat.positions @ axes, material=flat.positions)
+    settings = {"size": (64, 64), "up": "z", "view": camera, "title": "", "renderer": "auto"}
+    setup = picture_setup([[card]], colour=DYE, style="studio", samples=1, **settings)
+    return rendered_without_legend(setup, [card])[24:40, 24:40].mean(axis=(0, 1))
+
+
+DYE = "#8f2a24"
+
+
+@pytest.mark.parametrize(
+    ("camera", "facing"),
+    [((0.0, -1.0, 0.1), (0, -1, 0)), ((1.0, 0.0, 0.1), (1, 0, 0)), ((0.0, -1.0, 0.8), (0, 0, 1)), ("top", (0, 0, 1))],
+)
+def test_cloth_before_the_camera_has_the_colour_of_its_dye(camera, facing):
+    pytest.importorskip("mitsuba_oidn", reason="an extra: pip install 'clothsim[look]'")
+    assert 255 * seen_from(camera, facing) == pytest.approx(np.array([0x8F, 0x2A, 0x24]), abs=14)
+
+
+def test_bright_light_is_compressed_without_a_change_of_hue():
+    light = np.array([[0.3, 0.2, 0.1], [3.0, 0.3, 0.03], [0.9, 0.9, 0.9], [1.8, 1.8, 1.8]])
+    shown = linear_rgb(studio._developed(light))
+    assert shown[0] == pytest.approx(light[0])
+    assert shown[1] / shown[1, 0] == pytest.approx([1.0, 0.1, 0.01])
+    assert studio.SHOULDER < shown[2, 0] < shown[3, 0] < 1.0
+
+
+def test_the_faster_variant_is_taken_where_its_library_is_named(monkeypatch):
+    taken = []
+    for name in ("mitsuba", "mitsuba_oidn"):
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace(set_variant=taken.append))
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    studio._mitsuba()
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "libLLVM.so")
+    studio._mitsuba()
+    assert taken == ["scalar_rgb", "llvm_ad_rgb"]
+
+
+def test_drawn_hands_are_blades_and_leave_the_rest():
+    x, triangles = mannequin(pose="walk", height=1.85)
+    body = Surface("mannequin", x, triangles, "body", np.zeros((0, 2)))
+    moved = np.linalg.norm(with_hands(body, []).positions - x, axis=1)
+    weights = template().weights[:, [joint("left_wrist"), joint("right_wrist")]].sum(axis=1)
+    assert not moved[weights == 0].any()
+    scale = 1.85 / TEMPLATE_HEIGHT
+    for side in ("left", "right"):
+        rows, rest = dummy_hands._moves(side)
+        assert moved[rows] == pytest.approx(scale * np.linalg.norm(rest, axis=1), abs=1e-9)
+        hand = with_hands(body, []).positions[template().weights[:, joint(f"{side}_wrist")] > 0.999]
+        sizes = [np.linalg.svd(each - each.mean(axis=0))[1] for each in (hand, x[rows])]
+        assert sizes[0][2] < 0.5 * sizes[1][2]
+    worn = Surface("sleeve", x[weights > 0], np.array([[0, 1, 2]]), "cloth", np.zeros((0, 2)))
+    assert np.array_equal(with_hands(body, [worn]).positions, x)
+    other = ball()
+    assert with_hands(other, []) is other
 
 
 def test_traced_light_has_no_noise():
