@@ -21,7 +21,6 @@ from clothsim.base.srgb import linear_rgb, srgb
 from clothsim.base.triangles import area_vectors
 from clothsim.render.camera import Viewpoint
 from clothsim.render.colour_scale import Scale
-from clothsim.render.dummy_hands import with_hands
 from clothsim.render.surface_look import THREAD, Surface, cloth_shell, creased_normals, rounded, vertex_values
 
 PALETTE = np.array(
@@ -84,8 +83,7 @@ def render(
     n_cloths = 0
     for surface in surfaces:
         if surface.role == "body":
-            cloths = [each for each in surfaces if each.role == "cloth"]
-            body = rounded(with_hands(surface, cloths), cloths)
+            body = rounded(surface, [each for each in surfaces if each.role == "cloth"])
             corners = body.positions[body.triangles]
             normals = _facing(corners, creased_normals(body.positions, body.triangles), camera)
             shapes.append(_mesh(mi, corners, normals, _LACQUER))
@@ -219,7 +217,7 @@ def _twill() -> tuple[Floats, Floats]:
     return height, np.clip(threads / threads.mean(), 0.3, 1.5)
 
 
-KEY, FILL, RIM, SKY = 1.2, 0.16, 0.30, 0.16
+KEY, FILL, RIM, SKY = 1.12, 0.16, 0.30, 0.16
 """Brightness of a white matt surface that faces the light and has no other: with all of them, the side of a cloth that
 the camera sees has about the colour of its dye."""
 

@@ -11,11 +11,9 @@ from render_scenes import ball, sheet
 
 from clothsim.base.errors import InputError
 from clothsim.base.srgb import linear_rgb
-from clothsim.mesh.generators.mannequin.generator import TEMPLATE_HEIGHT, joint, mannequin, template
-from clothsim.render import dummy_hands, studio, surface_look
+from clothsim.render import studio, surface_look
 from clothsim.render import surface_look as shells
 from clothsim.render.camera import Viewpoint
-from clothsim.render.dummy_hands import with_hands
 from clothsim.render.picture import draw, picture_setup, rendered_without_legend
 from clothsim.render.styles import dyes_of
 from clothsim.render.surface_look import Surface
@@ -170,25 +168,6 @@ def test_the_faster_variant_is_taken_where_its_library_is_named(monkeypatch):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "libLLVM.so")
     studio._mitsuba()
     assert taken == ["scalar_rgb", "llvm_ad_rgb"]
-
-
-def test_drawn_hands_are_blades_and_leave_the_rest():
-    x, triangles = mannequin(pose="walk", height=1.85)
-    body = Surface("mannequin", x, triangles, "body", np.zeros((0, 2)))
-    moved = np.linalg.norm(with_hands(body, []).positions - x, axis=1)
-    weights = template().weights[:, [joint("left_wrist"), joint("right_wrist")]].sum(axis=1)
-    assert not moved[weights == 0].any()
-    scale = 1.85 / TEMPLATE_HEIGHT
-    for side in ("left", "right"):
-        rows, rest = dummy_hands._moves(side)
-        assert moved[rows] == pytest.approx(scale * np.linalg.norm(rest, axis=1), abs=1e-9)
-        hand = with_hands(body, []).positions[template().weights[:, joint(f"{side}_wrist")] > 0.999]
-        sizes = [np.linalg.svd(each - each.mean(axis=0))[1] for each in (hand, x[rows])]
-        assert sizes[0][2] < 0.5 * sizes[1][2]
-    worn = Surface("sleeve", x[weights > 0], np.array([[0, 1, 2]]), "cloth", np.zeros((0, 2)))
-    assert np.array_equal(with_hands(body, [worn]).positions, x)
-    other = ball()
-    assert with_hands(other, []) is other
 
 
 def test_traced_light_has_no_noise():

@@ -1,10 +1,8 @@
-"""Hands of the mannequin in traced pictures: one smooth blade each, as of a shop's dummy, in place of palm and thumb.
+"""Hands of the mannequin in pictures of the style studio: smooth blades, as of a shop's dummy, without thumbs.
 
 Only what is drawn changes: a run has the hands of the template, which are blunt.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -13,7 +11,6 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.generators.mannequin.generator import ARM, JOINT_POSITIONS, joint, mirrored, template
-from clothsim.render.surface_look import CLEARANCE, Surface
 
 LENGTH = 1.22
 """Length of a drawn hand relative to the template's, whose fingers are missing."""
@@ -31,21 +28,26 @@ RIGID = 0.999
 """Weight of the wrist from which on a vertex moves with it alone."""
 
 
-def with_hands(body: Surface, cloths: Sequence[Surface]) -> Surface:
-    """A mannequin with the hands of a dummy, away from the cloths; another body as it is."""
+CLEARANCE = 0.03
+"""Distance to a cloth within which a hand stays as it is, and from twice of which on it is a blade [m]."""
+
+
+def with_dummy_hands(positions: Floats, triangles: Ints, cloths: Floats) -> Floats:
+    """Vertices (n, 3) of a body with the hands of a dummy, away from the vertices (k, 3) of cloths [m].
+
+    What has not the template's triangles (m, 3) stays as it is.
+    """
     made = template()
-    if not np.array_equal(body.triangles, made.triangles):
-        return body
-    x = body.positions.copy()
-    near = cKDTree(np.concatenate([np.zeros((0, 3)), *(each.positions for each in cloths)]))
+    if not np.array_equal(triangles, made.triangles):
+        return positions
+    x, near, reach = positions.copy(), cKDTree(cloths), 2.0 * CLEARANCE
     for side in ("left", "right"):
         rows, moves = _moves(side)
         rigid = rows[made.weights[rows, joint(f"{side}_wrist")] > RIGID]
-        rest, drawn = made.positions[rigid], body.positions[rigid]
-        apart = np.minimum(near.query(x[rows], distance_upper_bound=2.0 * CLEARANCE, workers=1)[0], 2.0 * CLEARANCE)
-        free = np.clip(apart / CLEARANCE - 1.0, 0.0, 1.0)
-        x[rows] += free[:, None] * (moves @ _linear_part(rest, drawn))
-    return replace(body, positions=x)
+        apart = near.query(positions[rows], distance_upper_bound=reach, workers=1)[0]
+        free = np.clip(np.minimum(apart, reach) / CLEARANCE - 1.0, 0.0, 1.0)
+        x[rows] += free[:, None] * (moves @ _linear_part(made.positions[rigid], positions[rigid]))
+    return x
 
 
 @lru_cache(maxsize=2)
