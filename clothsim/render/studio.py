@@ -180,7 +180,7 @@ _LACQUER = {
     "type": "twosided",
     "bsdf": {
         "type": "principled",
-        "base_color": {"type": "rgb", "value": [0.64, 0.61, 0.57]},
+        "base_color": {"type": "rgb", "value": [0.55, 0.525, 0.49]},
         "roughness": 0.42,
         "specular": 0.45,
     },
