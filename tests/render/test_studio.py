@@ -178,6 +178,21 @@ def test_traced_light_has_no_noise():
     assert np.abs(np.diff(wall, axis=1)).mean() < 0.004  # four paths of a pixel differ by ten times as much
 
 
+def test_the_plane_of_a_weave_does_not_change_from_fold_to_fold():
+    flat = square()
+    x = flat.positions.copy()
+    x[:, 2] = 0.004 * np.sin(400 * x[:, 0])  # slopes up to 58 degrees
+    folded = replace(flat, material=x)
+    assert np.array_equal(shells.material_coordinates(folded), x[flat.triangles][..., :2])
+    globe = trimesh.creation.icosphere(4, 0.3)
+    closed = Surface("globe", np.array(globe.vertices), np.array(globe.faces), "cloth", np.zeros((0, 2)))
+    corners = closed.positions[closed.triangles]
+    seen = shells.material_coordinates(closed)
+    for axis, others in ((0, [1, 2]), (1, [0, 2]), (2, [0, 1])):
+        end = corners.mean(axis=1)[:, axis].argmax()
+        assert np.array_equal(seen[end], corners[end][:, others])
+
+
 def test_fairing_rounds_folds_and_stays_near():
     flat = square()
     x = flat.positions.copy()
