@@ -56,7 +56,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "physics/energies/triangle_pairs": ("physics/energies/test_paired_membrane",),
     "physics/energies/woven_membrane": ("physics/energies/test_fibres", "physics/energies/test_measured_membrane"),
     "physics/contact/anchors": ("physics/contact/test_rigid_motion", "physics/test_static_friction", *HISTORIES),
-    "physics/contact/barrier": ("physics/contact/test_effects", *BARRIER),
+    "physics/contact/barrier": ("physics/contact/test_stiffness", "physics/contact/test_effects", *BARRIER),
     "physics/contact/barrier_kernels": (
         "physics/contact/test_barrier",
         "physics/contact/test_effects",

@@ -318,6 +318,16 @@ def test_a_solve_that_ends_at_its_limit_took_as_many_iterations():
     assert sunk().iterations == PROBE_PERIOD
 
 
+def test_iterations_of_prescribed_displacements_are_not_probed():
+    world = small_world()
+    newton = newton_of(world, {"membrane": membrane(world)}, tolerance=1e-300)
+    x, corner = deformed(world), np.array([0])
+    target = Prescribed(corner, x[corner] + np.array([0.0, 0.0, 0.5]))
+    result = replace(newton, sinks=lambda x: True).minimise(x, target)
+    assert result.outcome.ending is Ending.SUNK
+    assert result.iterations > PROBE_PERIOD
+
+
 def test_no_end_was_forgotten():
     assert {ending for _, ending, *_ in ENDS} | {Ending.CONVERGED} == set(Ending)
 
