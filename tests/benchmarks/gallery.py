@@ -109,7 +109,7 @@ EXAMPLES = (
         "run spin --set cloth.cells=[80,80] --set run.duration=0.8",
         "--colour teal/linen",
     ),
-    Example("balloon", "A foil balloon", "run balloon --set cloth.cells=48", "--colour #d4a017"),
+    Example("balloon", "A foil balloon", "run balloon --set cloth.cells=32", "--colour #d4a017"),
     Example(
         "pleats",
         "A pleated skirt that turns",
