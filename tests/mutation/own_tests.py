@@ -90,7 +90,11 @@ MORE: dict[str, tuple[str, ...]] = {
     "solve/stepping/integrators": ("physics/energies/test_rigid_bodies", "physics/test_bdf2", "physics/test_time"),
     "solve/stepping/local_error": ("physics/test_asked_error",),
     "solve/stepping/stepping": ("solve/stepping/test_rest", "physics/test_time", "physics/test_bdf2"),
-    "solve/stepping/time_loop": (*STEPS, "solve/stepping/test_local_error"),
+    "solve/stepping/time_loop": (
+        "solve/stepping/test_branch_switching",
+        *STEPS,
+        "solve/stepping/test_local_error",
+    ),
     "gradients/backward_pass": ADJOINT,
     "gradients/design_aims": ("gradients/test_design",),
     "gradients/differentiable_session": ADJOINT,
