@@ -175,18 +175,24 @@ def _ends_to_sew_later(
 
     They come round with that piece. Such are the seams of which most springs run through the body, as do those of all
     seams round the body of both their panels: nothing else draws these round it. And those with a spring through the
-    body of two panels that are sewn round it to one another alone, as a wide flounce of one leg that reaches past the
-    other leg: closed first, it goes round both.
+    body of two panels that hang from a piece above and are sewn round the body to one another alone, as a wide flounce
+    of one leg that reaches past the other leg: closed first, it goes round both. A bodice is closed before what hangs
+    from it pulls its open sides apart.
     """
     joining = [seam for seam in within if order_of(seam, state) == WITHIN]
     crossing = [crosses_body(state.positions[state.pairs(seam)], surface) for seam in joining]
     panels = [_panels_of(seam) for seam in joining]
     passing = set().union(*(pair for pair, hits in zip(panels, crossing, strict=True) if hits.mean() <= MOST))
-    hung = {side.panel for seam in below for side in seam.stitch.sides}
+    joined = {side.panel for seam in below for side in seam.stitch.sides}
+    hung = {min(_panels_of(seam), key=lambda name: _height(state, name)) for seam in below}
     return tuple(
         seam
         for seam, pair, hits in zip(joining, panels, crossing, strict=True)
-        if pair <= hung and hits.any() and (not pair & passing or all(pair == each for each in panels if pair & each))
+        if hits.any()
+        and (
+            (pair <= joined and not pair & passing)
+            or (pair <= hung and all(pair == each for each in panels if pair & each))
+        )
     )
 
 
@@ -239,6 +245,11 @@ def order_of(seam: MeshedSeam, state: SewingState) -> int:
         return ONTO
     across, up, ahead = np.abs(_panel_middle(second) - _panel_middle(first))
     return BELOW if up > max(across, ahead) and not is_of_arm(first) else WITHIN
+
+
+def _height(state: SewingState, name: str) -> float:
+    """Height of the middle of a panel where the pattern places it [m]."""
+    return float(_panel_middle(state.mesh.pattern.panels[name])[1])
 
 
 def _panel_middle(panel: Panel) -> Floats:

@@ -347,12 +347,15 @@ def test_a_flounce_whose_ends_lie_before_the_legs_is_sewn_to_its_skirt_first(bod
         assert all(side.panel.startswith("flounce") for seam in phases[-1].closing for side in seam.stitch.sides)
 
 
-@pytest.mark.parametrize(("inner", "later"), [(-20, 1), (0, 0)])
-def test_a_flounce_of_one_leg_that_reaches_past_the_other_is_sewn_to_its_leg_first(body, inner, later):
-    """A trouser leg and its flounce, whose inner edge is at x = `inner`: the other leg is at -20 cm."""
+@pytest.mark.parametrize(("above", "inner", "later"), [(2, -20, 1), (2, 0, 0), (-20, 0, 0)])
+def test_a_flounce_of_one_leg_that_reaches_past_the_other_is_sewn_to_its_leg_first(body, above, inner, later):
+    """A trouser leg and its flounce, whose inner edges are at x = `above` and `inner`: the other leg is at -20 cm.
+
+    What the flounce hangs from is closed first, also where its own springs run through the other leg.
+    """
     panels, sides = {}, []
     for name, outline, level in (
-        ("leg", [[2, 0], [40, 0], [40, 15], [2, 15]], 35),
+        ("leg", [[above, 0], [40, 0], [40, 15], [above, 15]], 35),
         ("flounce", [[inner, 0], [50, 0], [45, 15], [inner + 5, 15]], 15),
     ):
         for part, depth in (("front", 15), ("back", -15)):
