@@ -184,7 +184,10 @@ def _ends_to_sew_later(
     panels = [_panels_of(seam) for seam in joining]
     passing = set().union(*(pair for pair, hits in zip(panels, crossing, strict=True) if hits.mean() <= MOST))
     joined = {side.panel for seam in below for side in seam.stitch.sides}
-    hung = {min(_panels_of(seam), key=lambda name: _height(state, name)) for seam in below}
+    heights = {
+        name: float((state.mesh.positions[rows] @ state.mesh.up).mean()) for name, rows in state.mesh.vertices.items()
+    }
+    hung = {min(_panels_of(seam), key=heights.__getitem__) for seam in below}
     return tuple(
         seam
         for seam, pair, hits in zip(joining, panels, crossing, strict=True)
@@ -243,18 +246,37 @@ def order_of(seam: MeshedSeam, state: SewingState) -> int:
         return ONTO
     if is_of_arm(first) != is_of_arm(second):
         return ONTO
+    if is_of_arm(first):
+        return WITHIN
     across, up, ahead = np.abs(_panel_middle(second) - _panel_middle(first))
-    return BELOW if up > max(across, ahead) and not is_of_arm(first) else WITHIN
-
-
-def _height(state: SewingState, name: str) -> float:
-    """Height of the middle of a panel where the pattern places it [m]."""
-    return float(_panel_middle(state.mesh.pattern.panels[name])[1])
+    return BELOW if up > max(across, ahead) or _joins_below(seam, state.mesh) else WITHIN
 
 
 def _panel_middle(panel: Panel) -> Floats:
     """Middle of the corners of a panel where the pattern places it, y upward, (3,) [m]."""
     return np.asarray(panel.placed(panel.vertices).mean(axis=0), np.float64)
+
+
+EDGE = 0.2
+"""Least height of the middle of an edge above or below that of its panel, as a fraction of the panel's height, of an
+upper or a lower edge: 0.5 where both are straight, 0 of a side."""
+
+
+def _joins_below(seam: MeshedSeam, mesh: PatternMesh) -> bool:
+    """True where the lower edge of one panel is sewn to the upper edge of another, as placed.
+
+    The middle of one need not lie below that of the other: the quarter of a bodice is farther from the middle of its
+    waistband across the body than upward, and the corners of half a circle skirt are level with its waist.
+    """
+    first, second = (_share_of_height(mesh.edges[side], side.panel, mesh) for side in seam.stitch.sides)
+    return first * second < 0 and min(abs(first), abs(second)) > EDGE
+
+
+def _share_of_height(rows: Ints, panel: str, mesh: PatternMesh) -> float:
+    """Height of the middle of vertices above that of their panel, as a fraction of the panel's height."""
+    heights = mesh.positions[mesh.vertices[panel]] @ mesh.up
+    above = float((mesh.positions[rows] @ mesh.up).mean() - heights.mean())
+    return above / max(float(np.ptp(heights)), np.finfo(float).tiny)
 
 
 def is_on_top(panel: Panel) -> bool:

@@ -279,6 +279,21 @@ def test_order_of_seams(body):
     assert order_of(state.mesh.seams[0], state) == DART
 
 
+@pytest.mark.parametrize("upward", [1, 2], ids=["y up", "z up"])
+def test_what_a_lower_edge_is_sewn_to_hangs_below_wherever_the_middles_lie(body, upward):
+    """The quarter of a bodice, its middle 20 cm aside of that of its waistband and 17 cm above; a side of both."""
+    panels = {
+        "quarter": panel([[0, 0], [40, 0], [40, 20], [0, 20]], translation=[0, 94, 20]),
+        "band": panel([[-40, 0], [40, 0], [40, 5], [-40, 5]], translation=[0, 84, 20]),
+    }
+    onto = [stitch(("quarter", 0), ("band", 2)), stitch(("quarter", 1), ("band", 1))]
+    mesh = mesh_pattern(pattern_of(specification(panels, onto)), SPACING)
+    if upward == 2:
+        body = BodyMesh("z up", body.positions[:, [0, 2, 1]] * [1, -1, 1], body.triangles, 1.0, ())
+    state = as_placed(placed_on(mesh, body)[0])
+    assert [order_of(seam, state) for seam in state.mesh.seams] == [BELOW, WITHIN]
+
+
 def test_panels_approach_the_body(body):
     surface = body_surface(body.positions, body.triangles)
     state = as_placed(placed_on(mesh_pattern(pattern_of(skirt(60)), SPACING), body)[0])
