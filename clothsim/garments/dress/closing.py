@@ -18,7 +18,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import build
 from clothsim.garments.dress.limbs import Wearer, limbs_between
 from clothsim.garments.dress.placement import is_of_arm
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth, worst_gap
 from clothsim.garments.dress.welding import mean_edge, welded_where_closed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
@@ -392,12 +392,6 @@ def _between_sides(state: SewingState, wearer: Wearer, limit: float) -> tuple[st
 def _open_seams(state: SewingState) -> list[MeshedSeam]:
     """Seams with a pair that is not welded."""
     return [state.mesh.seams[k] for k in state.open_seams]
-
-
-def worst_gap(state: SewingState) -> tuple[float, str]:
-    """Largest gap of all open seams [m], and the name of its seam."""
-    gaps = [(float(state.gaps(seam).max(initial=0.0)), seam.name) for seam in state.mesh.seams]
-    return max(gaps, default=(0.0, "none"))
 
 
 def contact_gap(scene: Scene) -> float:

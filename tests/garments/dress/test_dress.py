@@ -11,11 +11,11 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments import pictures
-from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases, worst_gap
+from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases
 from clothsim.garments.dress.corrections import _best_lift, approached, crossing_panels, lifted, separated
 from clothsim.garments.dress.pipeline import end_of_drape
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
-from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
+from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body, worst_gap
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import count_penetrations
 from clothsim.garments.pictures import frames_of, seam_strokes
