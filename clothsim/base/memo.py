@@ -42,14 +42,14 @@ class Memo(Generic[Result]):
         compute : callable
             The function; the same one at each call.
         """
-        for argument, result in self._cached:
+        for argument, result in reversed(self._cached):  # most often the last one
             if equal(argument, x):
                 return result
         return self.remember(x, compute(x))
 
     def known(self, x: Floats) -> Result | None:
         """Return the cached result for x (n, 3); None where there is none."""
-        return next((result for argument, result in self._cached if equal(argument, x)), None)
+        return next((result for argument, result in reversed(self._cached) if equal(argument, x)), None)
 
     def remember(self, x: Floats, result: Result) -> Result:
         """Cache a result for x (n, 3), which is copied, as the last one; return it."""

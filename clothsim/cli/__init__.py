@@ -30,7 +30,7 @@ class Command(NamedTuple):
 
 
 _SCENE = "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys."
-_RUN = "Name the directory that `clothsim run SCENE -o DIR` left."
+_RUN = "Name the directory that `clothsim run SCENE -o DIR` wrote."
 _MESH = "Repair the file, or read a part of it: --group or --component."
 _GARMENT = "`clothsim check FILE` examines a mesh; units are given by --scale."
 _FARM = "`clothsim farm --help` has an example."

@@ -39,14 +39,17 @@ def add_to(commands: Any) -> None:
     author.add_argument("--free", default="", metavar="NAMES", help="what may explain them: stretch,bending,hem,...")
     author.add_argument("--no-rest", action="store_true", help="numbers only, no residual rest shape")
     author.add_argument(
-        "--rate", default="300", metavar="R", help="rate of the quick pull to the edits [1/s] (default 300)"
+        "--rate",
+        default="300",
+        metavar="R",
+        help="rate at which --quick draws the cloth to the edits [1/s] (default 300)",
     )
     author.add_argument(
         "--space", choices=("canonical", "world"), help="space of the quick form (default: by the body)"
     )
-    author.add_argument("--no-floor", action="store_true", help="skip the twins, two more runs the first time")
+    author.add_argument("--no-floor", action="store_true", help="skip the two runs that measure the noise floor")
     add_overwrite(author, "replace an earlier run in the output directory")
-    add_output_options(author, json="print author.json", quiet="print the end only", handler=_author)
+    add_output_options(author, json="print author.json", quiet="print only the result", handler=_author)
 
 
 def _author(arguments: argparse.Namespace) -> Report:

@@ -57,7 +57,7 @@ def _body(arguments: argparse.Namespace) -> Report:
     wanted = {name: as_length(f"--{name.replace('_', '-')}", text, EXAMPLE) for name, text in texts.items()}
     refuse_output(arguments.output, arguments)
     if arguments.output.suffix.lower() != ".obj":
-        raise clothsim.InputError(f"{arguments.output} is not an OBJ file.", "Name it with .obj: -o me.obj.")
+        raise clothsim.InputError(f"{arguments.output} is not an OBJ file.", "Give it the ending .obj: -o me.obj.")
     made = clothsim.measured_body(**wanted)
     files.write_obj(arguments.output, *made.mesh(arguments.pose))
     document = {

@@ -39,7 +39,7 @@ SPACING = 0.02
 WORN = 0.1
 """A garment farther from the body than this fraction of its size is not worn."""
 
-_TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left."
+_TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` wrote."
 
 
 def add_to(commands: Any) -> None:
@@ -52,7 +52,7 @@ def add_to(commands: Any) -> None:
     check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")
     mesh = check.add_argument_group("for a mesh file, as in a scene")
     mesh.add_argument("--body", action="store_true", help="examine it as a body: fewer faults matter")
-    mesh.add_argument("--scale", metavar="S", help="its numbers times S are metres")
+    mesh.add_argument("--scale", metavar="S", help="metres per unit of the file")
     mesh.add_argument("--group", metavar="NAME", help="only this group of the file")
     mesh.add_argument("--component", metavar="N", help="only this piece, 0 the largest")
     worn = check.add_argument_group("for a garment on a body (--scale then applies to both)")
@@ -60,10 +60,10 @@ def add_to(commands: Any) -> None:
     worn.add_argument(
         "--body-group", action="append", metavar="NAME", help="this group of the body; repeat it for several"
     )
-    worn.add_argument("--body-scale", metavar="S", help="its numbers times S are metres")
+    worn.add_argument("--body-scale", metavar="S", help="metres per unit of the body")
     worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
     worn.add_argument("--weld", metavar="M", help="sew borders closer than M [m]")
-    worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
+    worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture that marks the faults")
     check.add_argument("--seams", type=Path, metavar="TOML", help="seams of a .dxf; -o draws the edge numbers")
     check.add_argument("--motion", action="store_true", help="for a scene: where parts of a moving body model meet")
     add_overwrite(check)

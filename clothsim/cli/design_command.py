@@ -62,12 +62,12 @@ def add_to(commands: Any) -> None:
     design.add_argument("--symmetric", action="store_true", help="move points as mirror images in each panel")
     design.add_argument("--runs", default="40", metavar="N", help="bound on the runs (default 40)")
     design.add_argument("--pattern", type=Path, metavar="FILE", help="pattern of a cloth of arrays")
-    design.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
+    design.add_argument("--size", default="2cm", metavar="L", help="mesh size of that pattern (default 2cm)")
     design.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     add_set(design)
     add_overwrite(design, "replace an earlier run in the output directory")
     add_output_options(
-        design, json="print design.json, the rest on stderr", quiet="print the end only", handler=_design
+        design, json="print design.json, the rest on stderr", quiet="print only the result", handler=_design
     )
 
 

@@ -53,11 +53,13 @@ def add_to(commands: Any) -> None:
     """Add the commands to the parser."""
     export = commands.add_parser("export", description=_EXPORT)
     export.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
-    export.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="its ending is the format")
+    export.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", required=True, help="the file; its ending selects the format"
+    )
     export.add_argument("--frame", metavar="N", help="one frame: 0, 1, ... or last (default: all)")
-    export.add_argument("--fps", metavar="N", help="frames a second, linear between the run's (default: its own)")
+    export.add_argument("--fps", metavar="N", help="frames per second, interpolated (default: the run's)")
     export.add_argument("--scale", default="1", metavar="N", help="units of the file per metre: 100 for cm")
-    export.add_argument("--up", choices=("y", "z"), help="axis against gravity (default: the format's or the scene's)")
+    export.add_argument("--up", choices=("y", "z"), help="the up axis (default: the format's or the scene's)")
     export.add_argument(
         "--colour", choices=("stretch", "plain"), default="stretch", help="colour of the cloth's vertices"
     )
@@ -73,18 +75,18 @@ def add_to(commands: Any) -> None:
     render.add_argument("--frame", metavar="N", help="frame of a picture: 0, 1, ... or last (default)")
     render.add_argument("--size", metavar="WxH", help="pixels, or 85x64mm at 300 dots per inch")
     render.add_argument("--view", default="auto", metavar="X,Y,Z", help="or front, back, left, right, top")
-    render.add_argument("--up", metavar="X,Y,Z", help="default: against gravity")
+    render.add_argument("--up", metavar="X,Y,Z", help="the up direction (default: against gravity)")
     look = render.add_mutually_exclusive_group()
     look.add_argument("--colour", metavar="C", help="stretch, plain, navy or red/white")
     look.add_argument("--field", metavar="NAME", help="colour by a field: stress, compression, ...")
     render.add_argument(
         "--style", choices=("fields", "print", "fabric", "studio"), default="fields", metavar="S",
-        help="fields (default), print (outlines on white), fabric (woven) or studio (traced light, minutes)",
+        help="fields (default), print (outlines on white), fabric (woven) or studio (path tracing, minutes)",
     )  # fmt: skip
     render.add_argument("--range", metavar="LOW,HIGH", help="range of the colours (default: percentiles)")
     render.add_argument("--follow", action="store_true", help="the camera of a movie follows the cloth")
     render.add_argument("--true-mesh", action="store_true", help="draw the triangles, not a smooth surface")
-    render.add_argument("--frames-per-second", metavar="N", help="of a movie")
+    render.add_argument("--frames-per-second", metavar="N", help="frame rate of a movie")
     add_overwrite(render)
     add_output_options(render, json="print the file as JSON", quiet="print nothing", handler=_render)
     bundle = commands.add_parser("bundle", description=_BUNDLE)

@@ -54,7 +54,7 @@ def add_to(commands: Any) -> None:
     )
     verify.add_argument("--share", dest="fraction", action=Renamed, now="--fraction")
     verify.set_defaults(handler=_verify)
-    mend = actions.add_parser("repair", help="take torn and killed drapes back into the plan")
+    mend = actions.add_parser("repair", help="put torn and killed drapes back into the plan")
     mend.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     mend.add_argument("--cause", action="append", metavar="NAME", help="also drapes of this cause, such as refused")
     mend.set_defaults(handler=_repair)

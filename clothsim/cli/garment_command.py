@@ -52,9 +52,9 @@ def add_to(commands: Any) -> None:
         metavar="GARMENT",
         help="a mesh, .mhclo, or a scene: a .toml or a name",
     )
-    fit.add_argument("--made-for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
+    fit.add_argument("--made-for", type=Path, metavar="BODY", help="the body that it was made for (default: --to)")
     fit.add_argument("--from", dest="made_for", action=Renamed, now="--made-for", type=Path)
-    fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
+    fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body that will wear it")
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
     fit.add_argument("--scale-to", metavar="S", help="the same for the body of --to")
@@ -62,11 +62,11 @@ def add_to(commands: Any) -> None:
         "--body-group",
         action="append",
         metavar="NAME",
-        help="a group, or several, of the bodies (default: the largest)",
+        help="a group of the bodies; repeat for several (default: the largest)",
     )
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than M [m]")
-    fit.add_argument("--markers", type=Path, metavar="FILE", help="a point on each body: x y z x y z a line")
+    fit.add_argument("--markers", type=Path, metavar="FILE", help="points on both bodies: x y z x y z per line")
     fit.add_argument("--fabric", metavar="NAME", help="a named fabric (default cotton)")
     size = fit.add_mutually_exclusive_group()
     size.add_argument("--own-size", action="store_true", help="keep the size in which it was cut")
@@ -75,7 +75,7 @@ def add_to(commands: Any) -> None:
     add_overwrite(fit, "replace an earlier run in the directory")
     fit.add_argument("--no-picture", action="store_true", help="draw nothing")
     add_output_options(
-        fit, json="print the summary as JSON, the rest on stderr", quiet="print the end only", handler=_fit
+        fit, json="print the summary as JSON, the rest on stderr", quiet="print only the result", handler=_fit
     )
     dress = commands.add_parser("dress", description=_DRESS)
     dress.add_argument(
@@ -114,18 +114,22 @@ def add_to(commands: Any) -> None:
         "--waistband", action="store_true", help="take in upper edges that would slide to the girth of the body"
     )
     dress.add_argument("--hold", dest="waistband", action=Renamed, now="--waistband", nargs=0, const=True)
-    dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
-    dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
+    dress.add_argument(
+        "--origin", default="auto", choices=("auto", "floor", "waist"), help="what is at y = 0 in the file"
+    )
+    dress.add_argument(
+        "--rotation-order", default="zyx", choices=("zyx", "xyz"), help="order of panel rotations (default zyx)"
+    )
     dress.add_argument("--seams", type=Path, metavar="TOML", help="seams and placement of a .dxf (default NAME.toml)")
     dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
     dress.add_argument(
         "--body-group",
         action="append",
         metavar="NAME",
-        help="a group, or several, of the body (default: the largest)",
+        help="a group of the body; repeat for several (default: the largest)",
     )
     dress.add_argument(
-        "--budget", metavar="TIME", help="CPU time after which it ends and names what is between the seams: 90s, 10min"
+        "--budget", metavar="TIME", help="CPU time after which it stops and names what keeps seams open: 90s, 10min"
     )
     add_overwrite(dress, "replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
@@ -133,7 +137,7 @@ def add_to(commands: Any) -> None:
         "--movie", action="store_true", help="write movie.mp4 of the sewing, or movie.gif without ffmpeg"
     )
     add_output_options(
-        dress, json="print the summary as JSON, the rest on stderr", quiet="print the end only", handler=_dress
+        dress, json="print the summary as JSON, the rest on stderr", quiet="print only the result", handler=_dress
     )
 
 

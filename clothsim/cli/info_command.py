@@ -18,7 +18,7 @@ from clothsim.cli.arguments import add_output_options, add_overwrite, refuse_out
 from clothsim.cli.report import DONE, Report
 
 _SCENES = """\
-List the example scenes. `clothsim run NAME` simulates one where no file has that name.
+List the example scenes. `clothsim run NAME` simulates one, unless a file has that name.
 
   clothsim scenes --json
   clothsim run sphere

@@ -48,7 +48,7 @@ def _add_motion(learn: Parser) -> None:
     learn.add_argument("--motion", action="store_true", help="learn a garment in motion, from a farm of clips")
     learn.add_argument("--held-kind", metavar="KIND", help="with --motion: kind held out (default: drawn)")
     learn.add_argument("--held-bodies", default="2", metavar="N", help="with --motion: bodies held out (default 2)")
-    learn.add_argument("--model", choices=["recurrent"], help="with --motion: this too (clothsim[learn])")
+    learn.add_argument("--model", choices=["recurrent"], help="with --motion: also train this one (clothsim[learn])")
     learn.add_argument("--kind", choices=MODELS, help="with --motion: write that kind of model, not the best")
     learn.add_argument("--seed", default="0", metavar="N", help="with --motion: seed of random choices (default 0)")
 

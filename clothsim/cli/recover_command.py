@@ -51,17 +51,19 @@ def add_to(commands: Any) -> None:
     recover.add_argument("--prior", action="store_true", help="combine bending with 618 measured fabrics")
     recover.add_argument("--test", choices=("cusick",), help="outlines of drapes (.npz), with --set density=0.15")
     recover.add_argument("--pattern", type=Path, metavar="FILE", help="pattern.json of a cloth of arrays")
-    recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
+    recover.add_argument("--size", default="2cm", metavar="L", help="mesh size of that pattern (default 2cm)")
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
-    recover.add_argument("--starts", metavar="N", help="starts of the search (default 2, of pictures 1)")
-    recover.add_argument("--folds", metavar="N", help="with --views: drapes to choose a start from (6)")
-    recover.add_argument("--no-twins", action="store_true", help="with --views: no other models at the end")
+    recover.add_argument("--starts", metavar="N", help="starts of the search (default 2; 1 with --views)")
+    recover.add_argument("--folds", metavar="N", help="with --views: drapes from which a start is chosen (6)")
+    recover.add_argument(
+        "--no-twins", action="store_true", help="with --views: skip the runs for the model's own error"
+    )
     recover.add_argument("--finer", action="store_true", help="with --views: end on half the mesh size")
     recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
     add_set(recover)
     add_overwrite(recover, "replace an earlier run in the output directory")
     add_output_options(
-        recover, json="print recovery.json, the rest on stderr", quiet="print the end only", handler=_recover
+        recover, json="print recovery.json, the rest on stderr", quiet="print only the result", handler=_recover
     )
 
 

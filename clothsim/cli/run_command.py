@@ -43,7 +43,7 @@ an archive of `clothsim bundle`.
 """
 
 _WRINKLE = """\
-Give the cloth of a coarse run wrinkles: waves where it is compressed, as targets of a finer cloth under contact.
+Add wrinkles to a coarse run: waves where its cloth is compressed, as targets of a finer cloth under contact.
 Writes the files of a run, whose frames are checked exactly, targets.npy and wrinkles.json.
 
   clothsim run twist -o coarse --set effects.membrane.compression=0.05
@@ -75,7 +75,9 @@ def add_to(commands: Any) -> None:
     wrinkle.add_argument("directory", type=Path, metavar="RUN", help="the output of `clothsim run`")
     wrinkle.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="output directory")
     wrinkle.add_argument("--cells", default="4x", metavar="Nx", help="parts of each edge, 2x to 8x (default: 4x)")
-    wrinkle.add_argument("--least-radius", metavar="LENGTH", help="of crests by fabric: 4mm (default: by mechanics)")
+    wrinkle.add_argument(
+        "--least-radius", metavar="LENGTH", help="smallest radius of crests, such as 4mm (default: by mechanics)"
+    )
     add_overwrite(wrinkle, "replace an earlier run in the output directory")
     wrinkle.set_defaults(handler=_wrinkle, dump_iterates=None)
     for command in (run, resume, wrinkle):
@@ -85,7 +87,7 @@ def add_to(commands: Any) -> None:
             command.add_argument(
                 "--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1"
             )
-        add_output_options(command, json="print the summary as JSON, the rest on stderr", quiet="print the end only")
+        add_output_options(command, json="print the summary as JSON, the rest on stderr", quiet="print only the result")
 
 
 PATIENCE = 5.0
@@ -131,6 +133,11 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = engine.override(scene, *arguments.set)
     if arguments.error is not None:
         scene = engine.replace(scene, "solver.error", as_length("--error", arguments.error))
+    if arguments.preset is not None and scene.solver_settings.error:
+        messages(arguments)(
+            f"--error takes precedence over --preset {arguments.preset}: it chooses dt, cells and d_hat, starting from "
+            "those of the preset."
+        )
     if arguments.estimate:
         scene = engine.replace(scene, "solver.estimate", True)
     if arguments.frames_per_second is not None:

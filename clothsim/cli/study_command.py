@@ -48,9 +48,7 @@ def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     study = commands.add_parser("study", description=_DESCRIPTION)
     study.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
-    study.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name_study)"
-    )
+    study.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: SCENE_study)")
     study.add_argument("--parameters", metavar="NAMES", help="dt,cells,tolerance,d_hat,eps_v,iterations (default: all)")
     study.add_argument("--knobs", dest="parameters", action=Renamed, now="--parameters")
     study.add_argument("--goal", metavar="GOAL", help="show which triangles cause its error: hem, girth=0.8, ...")
@@ -58,7 +56,9 @@ def add_to(commands: Any) -> None:
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one per core)")
     add_set(study)
     add_overwrite(study)
-    add_output_options(study, json="print study.json, the rest on stderr", quiet="print the end only", handler=_study)
+    add_output_options(
+        study, json="print study.json, the rest on stderr", quiet="print only the result", handler=_study
+    )
 
 
 def _study(arguments: argparse.Namespace) -> Report:

@@ -32,7 +32,7 @@ def add_to(commands: Any) -> None:
     sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     sweep.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,C", help="a key and its values")
     add_set(sweep, "change a key in all runs")
-    sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: the scene's name_sweep)")
+    sweep.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder (default: SCENE_sweep)")
     add_output_options(sweep, json="print the rows as JSON", quiet="print nothing but errors", handler=_sweep)
 
 

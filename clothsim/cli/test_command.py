@@ -34,7 +34,7 @@ def add_to(commands: Any) -> None:
     test.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a key of [cloth] to replace")
     test.add_argument("-o", "--output", type=Path, metavar="DIR", help="write test.json (and drape.png) there")
     add_overwrite(test)
-    test.add_argument("--quiet", action="store_true", help="print the end only")
+    test.add_argument("--quiet", action="store_true", help="print only the result")
     test.add_argument("--json", action="store_true", help="print test.json, the rest on stderr")
     test.add_argument("--debug", action="store_true", help="show tracebacks")
     test.set_defaults(handler=_test)

@@ -36,7 +36,7 @@ def add_to(commands: Any) -> None:
     repose.add_argument("file", type=Path, metavar="FILE", help="the output of `clothsim unpose`")
     repose.add_argument("scene", type=Path, metavar="SCENE", help="a scene with the same body model")
     repose.add_argument("-o", "--output", type=Path, metavar="OBJ", required=True, help="the garment")
-    repose.add_argument("--cloth", metavar="NAME", help="which of several")
+    repose.add_argument("--cloth", metavar="NAME", help="which cloth, if there are several")
     repose.add_argument("--frame", default="last", metavar="N", help="0, 1, ... or last (default: last)")
     repose.add_argument("--time", default="0", metavar="S", help="time in the scene's motion [s] (default: 0)")
     add_overwrite(repose)

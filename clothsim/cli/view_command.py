@@ -26,12 +26,12 @@ pip install 'clothsim[view]'. Ctrl-C ends it.
   clothsim view drape --field stress --port 9000
 """
 _PREVIEW = """\
-Move the inputs of a model of drapes in a browser: the predicted garment with the verdict of the exact test, and a
-button that drapes and certifies. Needs pip install 'clothsim[view]'. Ctrl-C ends it.
+Show a model of drapes in a browser: sliders of its inputs, the predicted garment with the result of the exact test,
+and a button that drapes and certifies. Needs pip install 'clothsim[view]'. Ctrl-C ends it.
 
   clothsim preview drapes model.npz
 
-With --motion the model is of motion (`clothsim learn --motion`) and the first argument a scene with a moving body: the
+With --motion, MODEL is one of motion (`clothsim learn --motion`) and the first argument a scene with a moving body: the
 figure moves, each frame with its verdict: certified as predicted, repaired, or simulated.
 
   clothsim preview walking.toml moving.npz --motion
@@ -48,7 +48,7 @@ def add_to(commands: Any) -> None:
     view.add_argument("--browser", action="store_true", help="open the browser too")
     add_output_options(view, json="print the address as JSON", quiet="print nothing", handler=_view)
     shown = commands.add_parser("preview", description=_PREVIEW)
-    shown.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm, or a scene file of the same")
+    shown.add_argument("directory", type=Path, metavar="DIR", help="the farm's folder, or its scene file")
     shown.add_argument("--motion", action="store_true", help="a garment in motion: the first argument is a scene")
     shown.add_argument("model", type=Path, metavar="MODEL", help="the output of `clothsim learn`")
     _add_address(shown)

@@ -318,7 +318,9 @@ def _positions(run: "Run", what: str, given: Any) -> Floats:
             raise InputError(f"{what} has other triangles than the run.", "Keep the order of the vertices when saving.")
     if points.shape != (n, 3):
         has = f"{len(points)} vertices" if points.shape[1:] == (3,) else f"an array {points.shape}"
-        remedy = "Move vertices of what `clothsim export RUN --frame N -o FRAME.obj` wrote, add and merge none."
+        remedy = (
+            "Move vertices of what `clothsim export RUN --frame N -o FRAME.obj` wrote, without adding or merging any."
+        )
         raise InputError(f"{what} has {has}, the cloths of the run have {n} vertices.", remedy)
     if not np.isfinite(points).all():
         raise InputError(f"{what} has a vertex that is not finite.", "Give each vertex a position.")

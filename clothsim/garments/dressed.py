@@ -400,7 +400,7 @@ def _graded(
     return graded(pattern, source, body, origin, factors)
 
 
-PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, as tunic"
+PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, such as tunic"
 """What the name of a pattern must be."""
 
 

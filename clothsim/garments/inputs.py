@@ -235,7 +235,7 @@ def stands(body: BodyMesh) -> bool:
         return False
 
 
-BODY_FILE = "a mesh file, or a scene with a body, as shirt (a mannequin)"
+BODY_FILE = "a mesh file, or a scene with a body, such as shirt (a mannequin)"
 """What the name of a body must be."""
 
 

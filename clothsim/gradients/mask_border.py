@@ -294,7 +294,7 @@ class MaskBorder(PictureLoss):
         if made.any():
             own = cKDTree(targets[made]).query(targets)[0] > JUNCTION
         if not own.any():
-            raise InputError("A body in front makes all of the mask's border.", "Check the pose of the camera.")
+            raise InputError("All of the mask's border belongs to a body in front.", "Check the pose of the camera.")
         return own
 
 

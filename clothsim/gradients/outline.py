@@ -86,5 +86,7 @@ def outline_of(shadow: np.ndarray, pixel: float, centre: tuple[float, float], co
             sector = np.round(angle * count / (2 * np.pi)).astype(np.int64) % count
             areas += np.bincount(sector.ravel(), grey.ravel(), minlength=count) / len(offsets) ** 2
     if not (areas > 0).all():
-        raise InputError(f"The shadow has none at {360 * int(areas.argmin()) / count:g} degrees.", "Check the centre.")
+        raise InputError(
+            f"The shadow has no outline at {360 * int(areas.argmin()) / count:g} degrees.", "Check the centre."
+        )
     return pixel * np.sqrt(areas * count / np.pi)

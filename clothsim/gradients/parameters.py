@@ -47,7 +47,7 @@ def value_at(scene: Scene, world: World, path: str) -> Floats:
         For a path that names no number of the scene, or one of the steps, which are held.
     """
     if paths.parts_of(path)[0] in HELD:
-        raise InputError(f"{path} has no gradient: the steps of a run are held.", f"Compare runs: sweep {path}.")
+        raise InputError(f"{path} has no gradient: the steps of a run are fixed.", f"Compare runs: sweep {path}.")
     value: Any = paths.get(scene, path)
     if value is None and is_of_fabric(path):
         _, number, keys = paths.located(scene, path)
@@ -147,7 +147,7 @@ class Variation:
         for offset, weight in self.stencil:
             variant = self.build(offset * self.step)
             if variant.energies.keys() != integrator.potential.energies.keys():
-                raise InputError("The gradient by a parameter at which an effect is switched off is one-sided.")
+                raise InputError("The gradient with respect to a parameter at which an effect is off is one-sided.")
             total += weight / self.step * self._power(variant, integrator, steps, adjoints)
         return total
 

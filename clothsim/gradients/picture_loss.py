@@ -122,7 +122,7 @@ def as_mask(name: str, mask: np.ndarray, size: tuple[int, int]) -> Floats:
     if covered.min() < 0.0 or covered.max() > 1.0:
         raise InputError(f"{name} has entries from {covered.min():g} to {covered.max():g}.", "Divide by the largest.")
     if covered.max() < 0.5:
-        raise InputError(f"{name} is empty: no pixel shows the cloth.", "Leave the view out, or turn the mask round.")
+        raise InputError(f"{name} is empty: no pixel shows the cloth.", "Leave the view out, or invert the mask.")
     if covered.min() > 0.5:
-        raise InputError(f"{name} is full: every pixel shows the cloth.", "Turn the mask round, or segment the cloth.")
+        raise InputError(f"{name} is full: every pixel shows the cloth.", "Invert the mask, or segment the cloth.")
     return covered

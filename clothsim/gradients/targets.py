@@ -90,8 +90,8 @@ def _points(path: Path) -> Floats:
     try:
         rows = np.loadtxt(path, ndmin=2)
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read ({error}).", "Give a point x y z a line.") from error
+        raise InputError(f"{path} cannot be read ({error}).", "Give one point x y z per line.") from error
     if rows.shape[1] < 3 or not len(rows):
-        raise InputError(f"{path} has no points.", "Give a point x y z a line.")
+        raise InputError(f"{path} has no points.", "Give one point x y z per line.")
     as_points(str(path), rows[:, :3])
     return np.asarray(rows, np.float64)

@@ -181,10 +181,10 @@ class ClothKeys(PlacedKeys):
         float | None, Key("Strain under 490 N/m along weft, for strain_limit", "1", above=0, shown="the fabric's")
     ] = None
     shrinkage_warp: Annotated[
-        OverTime, Key("Part by which the rest shape is shorter along warp; below 0 it is longer", "1", below=1)
+        OverTime, Key("Fraction by which the rest shape is shorter along warp; below 0 it is longer", "1", below=1)
     ] = 0.0
     shrinkage_weft: Annotated[
-        OverTime, Key("Part by which the rest shape is shorter along weft; below 0 it is longer", "1", below=1)
+        OverTime, Key("Fraction by which the rest shape is shorter along weft; below 0 it is longer", "1", below=1)
     ] = 0.0
     weld: Annotated[float, Key("Border vertices closer than this are sewn; 0 is none", "m", least=0)] = 0.0
     sewn: Annotated[bool, Key("The mesh is sewn already: seams of three layers are no fault")] = False
@@ -199,7 +199,7 @@ class FilePart(KeyTable):
     group: Annotated[str | None, Key("A group or object of an OBJ file, a node of a glb", shown="all")] = None
     parts: Annotated[
         Sequence[str],
-        Key("Several such groups, which make the body together: its own hair and clothes are named or left out",
+        Key("Several such groups that together make the body, such as skin and shoes; others are left out",
             shown="all"),
     ] = ()  # fmt: skip
     component: Annotated[

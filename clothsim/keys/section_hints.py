@@ -19,7 +19,9 @@ ELSEWHERE = {
         ("color", "colour", "texture"), "A picture has colours: `clothsim render DIR -o FILE --colour navy`."
     ),
     **dict.fromkeys(("steps", "n_steps"), "The steps follow from run.duration and solver.dt."),
-    **dict.fromkeys(("device", "gpu", "backend"), "All runs on the CPU: solver.threads is the number of its threads."),
+    **dict.fromkeys(
+        ("device", "gpu", "backend"), "Everything runs on the CPU: solver.threads is the number of its threads."
+    ),
 }
 """What to do about names that no section has."""
 

@@ -37,7 +37,7 @@ class Solver(KeyTable):
     converge: Annotated[
         bool,
         Key("Each step is solved until forces balance and the fastest vertex, too, is within newton_error_fraction; "
-            "else until the motion of each body is"),
+            "else the motion of each body decides"),
     ] = False  # fmt: skip
     tolerance: Annotated[
         float,
@@ -49,7 +49,9 @@ class Solver(KeyTable):
     ] = "bdf2"
     linear: Annotated[
         Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
-        Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
+        Key(
+            "Linear solver; auto is the fastest that is installed; mixed is PARDISO in single precision with refinement"
+        ),
     ] = "auto"
     threads: Annotated[
         int,
@@ -63,7 +65,7 @@ class Solver(KeyTable):
     ] = 100
     unstable_equilibrium: Annotated[
         Literal["leave", "keep"],
-        Key("Unstable equilibria are left along their lowest mode, or kept; recorded either way"),
+        Key("Leave unstable equilibria along their lowest mode, or only record them"),
     ] = "leave"
     perturbation_seed: Annotated[
         int, Key("Side to which an unstable equilibrium is left; 2 k and 2 k + 1 take opposite ones", "1", least=0)
@@ -77,7 +79,7 @@ class Solver(KeyTable):
         bool,
         Key("Estimate the error by two more runs, with dt, cells of generated meshes and d_hat coarser by 2 and 4"),
     ] = False
-    budget: Annotated[float, Key("Processor time of all runs that error may take", "s", above=0)] = 600.0
+    budget: Annotated[float, Key("Processor time that all runs for error may take", "s", above=0)] = 600.0
 
     @property
     def longest_step(self) -> float:

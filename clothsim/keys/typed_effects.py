@@ -90,7 +90,7 @@ class Membrane(EffectKeys):
     ] = ()
     narrowing_warp: Annotated[
         CurveTable,
-        Key("Measured narrowing along the warp: rows of strain and of the strain that it takes from the width", "1"),
+        Key("Measured narrowing along the warp: rows of a strain and the strain by which the width then shrinks", "1"),
     ] = ()
     narrowing_weft: Annotated[CurveTable, Key("The same along the weft", "1")] = ()
     elements: Annotated[
@@ -336,7 +336,7 @@ class Friction(EffectKeys):
     section: ClassVar[str] = "effects.friction"
 
     coefficient: Annotated[float, Key("Coefficient of friction of all other pairs", "1", least=0)] = 0.3
-    mu_static: Annotated[float | AUTO, Key("Coefficient of contacts that hold; auto: coefficient", "1", least=0)] = (
+    mu_static: Annotated[float | AUTO, Key("Coefficient of contacts that stick; auto: coefficient", "1", least=0)] = (
         "auto"
     )
     mu_kinetic: Annotated[
@@ -350,7 +350,7 @@ class Friction(EffectKeys):
         float | AUTO, Key("Displacement after which a contact slides; auto: 1e-5 of the cloth's size", "m", above=0)
     ] = "auto"  # fmt: skip
     eps_v: Annotated[
-        float | AUTO, Key("Speed below which a contact creeps; auto: none, it holds its place", "m/s", above=0)
+        float | AUTO, Key("Speed below which a contact creeps; auto: contacts stick", "m/s", above=0)
     ] = "auto"  # fmt: skip
     iterations: Annotated[
         int, Key("Solves of a step, each with the contact forces of the one before", "1", least=1)

@@ -38,7 +38,7 @@ def _hint(where: str, key: str, names: list[str]) -> str:
     if len(longer) == 1:
         return f"Did you mean {longer[0]!r}?"
     few = ", ".join(longer[:3]) + (" and others" if len(longer) > 3 else "")
-    begun = f"Keys of {where} that begin so: {few}. " if longer else ""
+    begun = f"Keys of {where} that begin like this: {few}. " if longer else ""
     return did_you_mean(key, names, 0.75) or f"{begun}{home_of(key)}".strip() or did_you_mean(key, names) or known
 
 

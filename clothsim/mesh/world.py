@@ -228,7 +228,7 @@ def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = (), rigid: Sequ
     names = [cloth.name for cloth in cloths] + [body.name for body in bodies]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise InputError(f"Two things are called {twice!r}.", "Give each cloth and body a name of its own.")
+        raise InputError(f"Two objects are named {twice!r}.", "Give each cloth and body a name of its own.")
     offsets = np.cumsum([0] + [len(cloth.positions) for cloth in cloths])
     parts = [cloth_hinges(cloth, offset) for cloth, offset in zip(cloths, offsets[:-1], strict=True)]
     return World(tuple(cloths), tuple(bodies), join_hinges(parts), np.zeros((0, 3)), np.zeros(3), tuple(rigid))

@@ -170,7 +170,7 @@ def limits_of(given: Any) -> Limits | None:
     largest = max(abs(low), abs(high))
     if largest > LARGEST or high - low < NARROWEST * largest:
         remedy = f"Give numbers up to {LARGEST:g} that differ by {NARROWEST:g} of the larger one or more."
-        raise InputError(f"The range of colours is {low:.10g} to {high:.10g}, which no bar can label.", remedy)
+        raise InputError(f"The range of colours is {low:.10g} to {high:.10g}, which a colour bar cannot label.", remedy)
     return low, high
 
 

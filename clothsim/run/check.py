@@ -296,7 +296,7 @@ def _examine_run(directory: Path) -> Examination:
     if not (directory / TRAJECTORY_NAME).is_file():
         raise InputError(
             f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).",
-            "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left.",
+            "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` wrote.",
         )
     run = open_run(directory)
     frames_of_it = many(len(run.times), "frame")

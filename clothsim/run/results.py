@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from clothsim.scene.assembly.scene_world import Built
 
 NO_GRADIENT = "Simulate again: clothsim.simulate(scene, differentiable=True)."
-RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate left."
+RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate wrote."
 
 _INTERRUPTED = {"status": "interrupted", "reason": "The run was stopped before its end, or is still going."}
 

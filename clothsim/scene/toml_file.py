@@ -73,7 +73,8 @@ def refuse_ending_of_installed(path: Path) -> None:
     """InputError for a missing file `NAME.toml` where there is an installed scene of that name."""
     if path.suffix == ".toml" and not os.path.exists(path) and installed(Path(path.stem)) is not None:
         raise InputError(
-            f"There is no scene file {path}, but an installed scene of that name.", f"Leave its ending out: {path.stem}"
+            f"There is no scene file {path}, but an installed scene of that name.",
+            f"Write it without the ending: {path.stem}",
         )
 
 
@@ -214,7 +215,7 @@ def _toml_remedy(message: str, text: str) -> str:
         return "Write true and false in small letters."
     if "twice" in message or "overwrite" in message:
         return "Write each section once; of several cloths or bodies each as [[cloth]], [[body]]."
-    return "Write key = value; texts in quotes, lists in brackets with commas, as in toml.io."
+    return "Write key = value; texts in quotes, lists in brackets with commas (see toml.io)."
 
 
 def _near(file: Path) -> str:

@@ -1,7 +1,7 @@
 """Timers and counters of each effect and of each phase of a step, in CPU seconds of the thread that does the work."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import thread_time
@@ -86,7 +86,7 @@ class _Call(_Measurement):
         self.open()
 
     def __exit__(self, *failure: object) -> None:
-        self.timers.charge(self.name, self.counter, self.close())
+        self.timers.charge(((self.name, self.counter, self.close()),))
 
 
 class _Phase(_Measurement):
@@ -108,22 +108,24 @@ class _Phase(_Measurement):
 
 
 class EffectsInTurn(_Measurement):
-    """Calls of one effect after the other, each charged the time since the one before."""
+    """Calls of one effect after the other, each charged the time since the one before, all of them at the end."""
 
-    __slots__ = ("before",)
+    __slots__ = ("before", "calls")
 
     def __enter__(self) -> "EffectsInTurn":
         self.open()
         self.before = self.start
+        self.calls: list[tuple[str, str, float]] = []
         return self
 
     def done(self, name: str, counter: str) -> None:
         """Charge an effect with what was done since the last call."""
-        now, inside = thread_time(), self.charged[-1]
-        self.timers.charge(name, counter, now - self.before - inside)
-        self.before, self.charged[-1] = now, 0.0
+        now, charged = thread_time(), self.charged
+        self.calls.append((name, counter, now - self.before - charged[-1]))
+        self.before, charged[-1] = now, 0.0
 
     def __exit__(self, *failure: object) -> None:
+        self.timers.charge(self.calls)
         inside = self.charged.pop()  # since the last border, where an error ended the call
         if self.charged:
             self.charged[-1] += self.before - self.start + inside
@@ -157,15 +159,19 @@ class Timers:
         """Time a phase that belongs to no effect."""
         return _Phase(self, name)
 
-    def charge(self, name: str, counter: str, seconds: float) -> None:
-        """Add the seconds of a call to an effect, and count it under `counter` where that is given."""
-        counters = self.effects.get(name)
-        if counters is None:
-            counters = self.effects[name] = EffectCounters()
+    def account(self, name: str) -> EffectCounters:
+        """Return the counters of an effect, at 0 where it has none yet."""
+        known = self.effects.get(name)
+        return self.effects.setdefault(name, EffectCounters()) if known is None else known
+
+    def charge(self, calls: Iterable[tuple[str, str, float]]) -> None:
+        """Add the seconds of calls to their effects, and count each under its counter where that has a name."""
         with self._lock:
-            counters.seconds += seconds
-            if counter:
-                setattr(counters, counter, getattr(counters, counter) + 1)
+            for name, counter, seconds in calls:
+                counters = self.account(name)
+                counters.seconds += seconds
+                if counter:
+                    setattr(counters, counter, getattr(counters, counter) + 1)
 
     @contextmanager
     def patch(self) -> Iterator[None]:

@@ -153,7 +153,7 @@ def table(record: Record) -> str:
     seen = list(record.values())
     worn = sum(one["status"] in ("worn", "completed") for one in seen)
     days = when(one["date"] for one in seen)
-    return f"{markdown_table(HEADER, rows)}\n\n{worn} of {len(seen)} pairs are inside the bar (measured {days})."
+    return f"{markdown_table(HEADER, rows)}\n\n{worn} of {len(seen)} pairs meet the criteria (measured {days})."
 
 
 def main() -> None:

@@ -93,7 +93,7 @@ EXAMPLES = (
     ),
     Example(
         "knit_denim",
-        "A knit and a denim",
+        "A T-shirt knit beside denim",
         "run knit_denim --set cloth.knit.cells=34 --set cloth.denim.cells=34",
         "--colour #c8963c,#35507c --view=-0.4,-1,0.35",
     ),

@@ -150,7 +150,14 @@ def _booked(session: Session) -> dict[str, float]:
     return {**timers.phases, **{name: account.seconds for name, account in timers.effects.items()}}
 
 
-HEADER = ("effects", "ms a step", "of it its own", "Newton iterations a step", "ms an iteration", "non-zeros")
+HEADER = (
+    "effects",
+    "ms a step",
+    "of which the last effect",
+    "Newton iterations a step",
+    "ms an iteration",
+    "non-zeros",
+)
 
 
 def cells_of(rung: Rung, first: bool) -> list[str]:
@@ -174,14 +181,16 @@ def lines(ladder: Ladder) -> list[list[str]]:
 def markdown(ladder: Ladder, picture: str = "") -> str:
     """Section of the README: the picture, where there is one, and the table."""
     left = ", ".join(f"{name} ({why})" for name, why in ladder.left_out.items())
-    said = f"{ladder.day}, a sheet of {ladder.cells}x{ladder.cells} cells on a ball, one thread, every rung from one"
+    said = (
+        f"{ladder.day}, a sheet of {ladder.cells}x{ladder.cells} cells on a ball, one thread, every row from the same"
+    )
     return "\n".join(
         [
             "<details><summary>Cost ladder: cost that each effect adds to a step</summary>",
             "",
-            *([f"![Milliseconds a step, rung by rung]({picture})", ""] if picture else []),
+            *([f"![Milliseconds a step, effect by effect]({picture})", ""] if picture else []),
             f"{said} state;",
-            f"made by `python -m tests.benchmarks.ladder`.{f' No rung: {left}.' if left else ''}",
+            f"made by `python -m tests.benchmarks.ladder`.{f' Left out: {left}.' if left else ''}",
             "",
             markdown_table(HEADER, lines(ladder)),
             "",

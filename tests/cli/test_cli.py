@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from command_line import FREE, SHEET, refused, with_keywords
 
+import clothsim
+from clothsim.base.errors import InputError
 from clothsim.base.record import read_summary
 from clothsim.cli import main
 from clothsim.cli.progress import Lines
@@ -89,6 +91,26 @@ def test_json_is_the_summary_and_nothing_else_is_on_stdout(capsys, tmp_path):
     out, err = capsys.readouterr()
     assert json.loads(out) == read_summary(tmp_path / "made/here/summary.json")
     assert "effects  inertia, gravity" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "lines"),
+    [
+        (["--preset", "draft"], 0),
+        (["--error", "5mm"], 0),
+        (["--preset", "draft", "--error", "5mm"], 1),
+        (["--preset", "draft", "--set", "solver.error=0.005"], 1),
+    ],
+)
+def test_an_error_and_a_preset_are_answered_with_which_counts(capsys, monkeypatch, words, lines):
+    def simulate(scene, *_, **__):
+        raise InputError(f"{scene.solver_settings.error}", "")
+
+    monkeypatch.setattr(clothsim, "simulate", simulate)
+    assert main(["run", "sheet.toml", "--no-picture", *words]) == 2
+    out, err = capsys.readouterr()
+    assert sum("--error" in line and "--preset draft" in line for line in (out + err).splitlines()) == lines
+    assert ("0.005" in err) == ("5mm" in words or "solver.error=0.005" in words)
 
 
 def test_quiet_prints_the_end_only(capsys):

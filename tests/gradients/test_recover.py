@@ -1,5 +1,7 @@
 """Recovery of numbers from a drape with noise (G-6)."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from small_skirt import hanging_skirt, skirt_mesh
@@ -10,7 +12,7 @@ from clothsim.gradients.fabric_prior import bending_prior
 from clothsim.gradients.loss_of_numbers import problem_of
 from clothsim.gradients.losses import Custom, Distance, Height, Scan
 from clothsim.gradients.parameters import with_value
-from clothsim.gradients.recover import identifiability
+from clothsim.gradients.recover import _hessian, identifiability
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene
 from clothsim.gradients.targets import target_loss
@@ -194,3 +196,12 @@ def test_numbers_that_a_fixed_key_refuses_are_a_rejected_trial():
     assert "bending_bias" in refused.failure
     known = identifiability(problem, problem.origin - np.log(50.0), 1.0)
     assert np.isnan(known.errors["cloth.bending_warp"])
+
+
+def test_the_hessian_is_the_symmetric_part_of_differences_of_slopes():
+    slopes = np.array([[2.0, 0.3, 0.0], [0.1, 1.0, -0.5], [0.0, -0.5, 4.0]])
+    problem = SimpleNamespace(evaluated=lambda at: SimpleNamespace(loss=at @ slopes @ at / 2, slope=slopes @ at))
+    expected = [[2.0, 0.2, 0.0], [0.2, 1.0, -0.5], [0.0, -0.5, 4.0]]
+    np.testing.assert_allclose(_hessian(problem, np.array([1.0, -2.0, 0.5])), expected, rtol=1e-9, atol=1e-9)
+    fails = SimpleNamespace(evaluated=lambda at: SimpleNamespace(loss=np.inf, slope=at))
+    assert np.isnan(_hessian(fails, np.ones(3))).all()

@@ -113,5 +113,9 @@ ROWS = (
     Row("A16b", "the same, 20, twisted out of its plane: depth of its end / L", partial(_end, depth, TWISTED)),
     Row("A16c", "the same: distance of its end from the plane / L", partial(_end, aside, TWISTED)),
     Row("A16d", "the same, 40, in its plane again: depth of its end / L", partial(_end, depth, STRAIGHTENED)),
-    Row("A16e", "the same: rho_A g L^3/D at which it leaves its plane, by a line through squares", _leaving),
+    Row(
+        "A16e",
+        "the same: rho_A g L^3/D at which it leaves its plane, extrapolated linearly from squared distances",
+        _leaving,
+    ),
 )

@@ -211,7 +211,7 @@ ROWS = (
     Row("A1e", "energy of a simple shear of 0.4 [J/m2]", _shear),
     Row(
         "A1f",
-        "patch test with slivers: furthest from the affine map",
+        "patch test with slivers: largest distance from the affine map",
         lambda: Outcome(max(one.distance for one in _patches()), 0.0, 1e-10, unit="size"),
     ),
     Row(

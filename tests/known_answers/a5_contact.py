@@ -179,9 +179,9 @@ def _capstan(mu: float, printed: str, dt: float = 0.05, iterations: int = 1, bar
 
 
 LAGGED = (
-    "friction takes the normal forces of the step's start, and the belt slackens by 0.4 % a step: 0.46 % at dt 0.025, "
-    "0.32 % at 0.0125, 0.19 % with 8 lagged iterations; no matter of the mesh (the 0.19 % are the belt's own bending, "
-    "0.07 % with a tenth of it, and d_hat, 0.06 % with a quarter)"
+    "friction uses the normal forces at the start of the step, while the tension falls by 0.4 % a step: 0.46 % at dt "
+    "0.025, 0.32 % at 0.0125, 0.19 % with 8 lagged iterations. The mesh has no influence; the 0.19 % come from the "
+    "bending of the belt (0.07 % with a tenth of its stiffness) and from d_hat (0.06 % with a quarter of it)"
 )
 
 

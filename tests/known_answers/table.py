@@ -44,7 +44,7 @@ ROWS: tuple[Row, ...] = (
     *a16_curled_strip.ROWS,
 )
 
-HEADER = ("row", "what", "ours", "exact", "off", "coarser", "bar", "order", "hinges off", "CPU s", "passed")
+HEADER = ("row", "what", "simulated", "exact", "error", "coarser", "bound", "order", "error, hinges", "CPU s", "passed")
 
 
 def chosen(names: Iterable[str], rows: Sequence[Row] = ROWS) -> list[Row]:
@@ -95,7 +95,7 @@ def asked(outcome: Outcome) -> str:
     """The orders that pass, in words."""
     low, high = outcome.orders
     if low < 0:
-        return "no bar"
+        return "no bound"
     return f">= {low:g}" if high > 2.5 else f"{low:g} to {high:g}"
 
 

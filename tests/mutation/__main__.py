@@ -158,7 +158,7 @@ def summary(record: Record) -> str:
         of_first = (first.count(word) for word in (CAUGHT, TIME_OUT, SURVIVED))
         rows.append((room, *map(str, (len(entries), *of_first, equivalent, open_now))))
     totals = [str(sum(int(row[k]) for row in rows)) for k in range(1, 7)]
-    header = ("room", "mutants", "caught", "time-out", "survived first", "of these equivalent", "survive now")
+    header = ("package", "mutants", "caught", "time-out", "survived at first", "of which equivalent", "survive now")
     return markdown_table(header, [*rows, ("all", *totals)])
 
 

@@ -56,7 +56,7 @@ MORE: dict[str, tuple[str, ...]] = {
     "physics/energies/triangle_pairs": ("physics/energies/test_paired_membrane",),
     "physics/energies/woven_membrane": ("physics/energies/test_fibres", "physics/energies/test_measured_membrane"),
     "physics/contact/anchors": ("physics/contact/test_rigid_motion", "physics/test_static_friction", *HISTORIES),
-    "physics/contact/barrier": ("physics/contact/test_effects", *BARRIER),
+    "physics/contact/barrier": ("physics/contact/test_stiffness", "physics/contact/test_effects", *BARRIER),
     "physics/contact/barrier_kernels": (
         "physics/contact/test_barrier",
         "physics/contact/test_effects",
@@ -90,7 +90,11 @@ MORE: dict[str, tuple[str, ...]] = {
     "solve/stepping/integrators": ("physics/energies/test_rigid_bodies", "physics/test_bdf2", "physics/test_time"),
     "solve/stepping/local_error": ("physics/test_asked_error",),
     "solve/stepping/stepping": ("solve/stepping/test_rest", "physics/test_time", "physics/test_bdf2"),
-    "solve/stepping/time_loop": (*STEPS, "solve/stepping/test_local_error"),
+    "solve/stepping/time_loop": (
+        "solve/stepping/test_branch_switching",
+        *STEPS,
+        "solve/stepping/test_local_error",
+    ),
     "gradients/backward_pass": ADJOINT,
     "gradients/design_aims": ("gradients/test_design",),
     "gradients/differentiable_session": ADJOINT,

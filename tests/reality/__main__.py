@@ -90,8 +90,8 @@ def page(lays: Sequence[Lays], fits: Sequence[Fit], scores: Sequence[Scored], st
         f"Mean scores: simulated {means[0]:.2f}, with the spread of other fabrics {means[1]:.2f},",
         f"best rival {means[2]:.2f}, ceiling {means[3]:.2f}: skill {skills[0]:.2f} and {skills[1]:.2f};",
         f"better than the best rival on {better[0]} and {better[1]} of {len(scores)} fabrics.",
-        f"Medians: sd r {depth:+.0f} %, n_eff off by {folds:.1f};",
-        f"fold slope {_slopes(lays):+.2f} points a fold in the cloth and {_slopes_of(stored):+.2f} simulated.",
+        f"Medians: the simulated sd r differs by {depth:+.0f} %, n_eff by {folds:.1f}. The fold slope is",
+        f"{_slopes(lays):+.2f} points a fold in the cloth and {_slopes_of(stored):+.2f} in the simulation.",
     ]
     return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
 
@@ -113,10 +113,12 @@ def knits_text(compared: Sequence[knits.Compared]) -> str:
     away = np.median([abs(simulated - measured) for measured, simulated in lost])
     mean = np.mean(lost, axis=0)
     return (
-        f"{markdown_table(header, rows)}\n\nSimulated / mean of the pulls that were not fitted +- sd of all. "
-        f"{within} of {all_of} simulated forces lie within the spread of the pulls, in the median {100 * off:.0f} % "
-        f"from those not fitted. The width: {mean[0]:.0f} % are lost in the mean of the pulls that were not fitted, "
-        f"{mean[1]:.0f} % simulated, in the median {away:.1f} points apart."
+        f"{markdown_table(header, rows)}\n\nEach force is: simulated / mean of the pulls that were not fitted +- "
+        "standard deviation of all. "
+        f"{within} of {all_of} simulated forces lie within the spread of the pulls; the median difference from the "
+        f"pulls that were not fitted is {100 * off:.0f} %. The width shrinks by {mean[0]:.0f} % in the mean of the "
+        f"pulls that were not fitted and by {mean[1]:.0f} % in the simulation; the median difference is "
+        f"{away:.1f} points."
     )
 
 

@@ -30,12 +30,13 @@ def rows(table: Sequence[Sequence[Sequence[float]]], lays: Sequence[Lays]) -> li
         return [change(ensemble, own) for ensemble, own in zip(whole, lays, strict=True)]
 
     cases = {
-        f"right in the mean: {name}": corrected(lambda e, own, at=at: _moved(e, own, at)) for name, at in RIGHT.items()
+        f"mean corrected: {name}" if at else "the model": corrected(lambda e, own, at=at: _moved(e, own, at))
+        for name, at in RIGHT.items()
     }
-    cases["each spread that of the fabric"] = corrected(_spread_as)
-    cases["every ratio alike likely"] = [fitted(table, each, scatter, weigh=False).ensemble for each in lays]
-    cases["outlines on the axis"] = [fitted(table, each, scatter, centred=True).ensemble for each in lays]
-    cases["both"] = [fitted(table, each, scatter, weigh=False, centred=True).ensemble for each in lays]
+    cases["spread of the fabric in place of the simulated one"] = corrected(_spread_as)
+    cases["all ratios equally likely"] = [fitted(table, each, scatter, weigh=False).ensemble for each in lays]
+    cases["outlines not shifted off the axis"] = [fitted(table, each, scatter, centred=True).ensemble for each in lays]
+    cases["both of the last two"] = [fitted(table, each, scatter, weigh=False, centred=True).ensemble for each in lays]
     found = []
     for name, ensembles in cases.items():
         means, skills = mean_scores(scored(lays, ensembles))

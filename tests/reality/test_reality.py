@@ -88,7 +88,7 @@ def test_a_sheet_has_the_bending_length_and_the_ratio_that_were_asked_for_and_so
 def test_with_all_three_means_right_nothing_is_lost_but_spread():
     lays, _ = fabrics(8)
     rows = {row[0]: float(row[1]) for row in causes.rows(TABLE, lays)}
-    assert rows["right in the mean: all three"] < min(v for k, v in rows.items() if k != "right in the mean: all three")
+    assert rows["mean corrected: all three"] < min(v for k, v in rows.items() if k != "mean corrected: all three")
     assert scatter_of_fitted(lays)[0] < 0.05
 
 

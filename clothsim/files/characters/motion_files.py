@@ -130,7 +130,9 @@ def _bvh_frames(path: Path, text: str, width: int) -> tuple[int, float, Floats]:
         raise InputError(f"{path.name} has no CHANNELS: nothing moves.", "Export it with its motion.")
     if len(values) != count * width:
         whole = len(values) // width
-        raise InputError(f"{path.name} says {count:,} frames of {width} channels, and has {whole:,}.", "Copy it again.")
+        raise InputError(
+            f"{path.name} declares {count:,} frames of {width} channels, and has {whole:,}.", "Copy it again."
+        )
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
         raise InputError(f"{path.name}: frame {bad[0] // width} has a value that is not finite.", "Export it again.")

@@ -110,7 +110,7 @@ def glb_bytes(animation: Animation) -> bytes:
     splits = [split_vertices(part, len(base.points)) for part, base in zip(animation.parts, bases, strict=True)]
     lines = [part.name for part, (_, triangles, _) in zip(animation.parts, splits, strict=True) if not len(triangles)]
     if lines:
-        raise InputError(f"{lines[0]} is a rod, and a glTF file has triangles alone.", "Export USD, OBJ or PLY.")
+        raise InputError(f"{lines[0]} is a rod, and a glTF file has only triangles.", "Export USD, OBJ or PLY.")
     meshes = [
         _base(buffer, part, replace(base, colours=end.colours), split)
         for part, base, end, split in zip(animation.parts, bases, last, splits, strict=True)

@@ -84,7 +84,9 @@ def packed(checkpoint: Checkpoint) -> bytes:
 def read_checkpoint(path: str | Path) -> Checkpoint:
     """Read a checkpoint. InputError where the file is missing, broken or another program's."""
     if not os.path.isfile(path):
-        raise InputError(f"There is no checkpoint {path}.", "Name the directory that `clothsim run SCENE -o DIR` left.")
+        raise InputError(
+            f"There is no checkpoint {path}.", "Name the directory that `clothsim run SCENE -o DIR` wrote."
+        )
     return unpacked(read_regular_file(path), str(path))
 
 

@@ -271,7 +271,7 @@ def _create(path: Path, surfaces: tuple[SurfaceRows, ...], arrays: tuple[FrameAr
 def _resume(path: Path, surfaces: tuple[SurfaceRows, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
     trajectory = read_trajectory(path)
     if not 0 <= frames <= len(trajectory.times):
-        raise InputError(f"{path} holds {len(trajectory.times)} frames, so no run can go on from frame {frames}.")
+        raise InputError(f"{path} holds {len(trajectory.times)} frames, so no run can continue from frame {frames}.")
     with _opened(path) as file:
         stored = {array for block in blocks(file) for array in arrays_of(block)}
     wanted = {array for array in arrays if any(surface.role == array.role for surface in surfaces)}

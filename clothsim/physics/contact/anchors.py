@@ -193,10 +193,17 @@ def turners_of(elements: Ints, triangles_at: Ints) -> Ints:
 
     triangles_at (N, 3): rows of a triangle at each vertex of a body, -1 for all others; empty where there is no body.
     """
-    if not len(triangles_at):
-        return np.full((len(elements), 3), -1)
-    last = triangles_at[elements[:, 3]]
-    return np.where(last[:, :1] < 0, triangles_at[elements[:, 0]], last)
+    return _turners(elements, triangles_at) if len(triangles_at) else np.full((len(elements), 3), -1)
+
+
+@kernel
+def _turners(elements: Ints, triangles_at: Ints) -> Ints:
+    found = np.empty((len(elements), 3), np.int64)
+    for p in range(len(elements)):
+        at = elements[p, 0] if triangles_at[elements[p, 3], 0] < 0 else elements[p, 3]
+        for k in range(3):
+            found[p, k] = triangles_at[at, k]
+    return found
 
 
 @kernel
@@ -217,16 +224,18 @@ def directions_of(x: Floats, elements: Ints, turners: Ints) -> Floats:
     """Return an edge of the body of each contact, else of its second surface, (p, 3) [m]; 0 where that is a vertex."""
     found = np.empty((len(elements), 3))
     for p in range(len(elements)):
-        first, second = _edge(elements[p], turners[p])
+        first, second = _edge(elements, turners, p)
         found[p, 0], found[p, 1], found[p, 2] = minus(row(x, second), row(x, first))
     return found
 
 
 @part
-def _edge(element: Ints, turner: Ints) -> tuple[int, int]:
-    if turner[0] >= 0:
-        return turner[0], turner[1]
-    return (element[1], element[2]) if element[2] == element[3] else (element[2], element[3])
+def _edge(elements: Ints, turners: Ints, p: int) -> tuple[int, int]:
+    """Rows of the ends of the edge of contact p; whole arrays are passed, as a view of a row takes longer than this."""
+    if turners[p, 0] >= 0:
+        return turners[p, 0], turners[p, 1]
+    b, c, d = elements[p, 1], elements[p, 2], elements[p, 3]
+    return (b, c) if c == d else (c, d)
 
 
 @kernel
@@ -237,7 +246,7 @@ def facings_of(x: Floats, elements: Ints, weights: Floats, turners: Ints) -> Flo
     """
     found = np.zeros((len(elements), 3))
     for p in range(len(elements)):
-        a, b, c, d, has_one = _sides(elements[p], weights[p], turners[p])
+        a, b, c, d, has_one = _sides(elements, weights, turners, p)
         first, second = minus(row(x, b), row(x, a)), minus(row(x, d), row(x, c))
         normal = cross(first, second)
         if has_one and length(normal) > LEAST_TANGENT * length(first) * length(second):
@@ -246,14 +255,14 @@ def facings_of(x: Floats, elements: Ints, weights: Floats, turners: Ints) -> Flo
 
 
 @part
-def _sides(element: Ints, weights: Floats, turner: Ints) -> tuple[int, int, int, int, bool]:
-    """Rows of the ends of the two sides that span a contact's facing, and whether it has one."""
-    if turner[0] >= 0:
-        return turner[0], turner[1], turner[0], turner[2], True
-    a, b, c, d = element[0], element[1], element[2], element[3]
-    if 0.0 < weights[0] < 1.0:
+def _sides(elements: Ints, weights: Floats, turners: Ints, p: int) -> tuple[int, int, int, int, bool]:
+    """Rows of the ends of the two sides that span the facing of contact p, and whether it has one."""
+    if turners[p, 0] >= 0:
+        return turners[p, 0], turners[p, 1], turners[p, 0], turners[p, 2], True
+    a, b, c, d = elements[p, 0], elements[p, 1], elements[p, 2], elements[p, 3]
+    if 0.0 < weights[p, 0] < 1.0:
         return a, b, c, d, True
-    return b, c, c, d, weights[1] < 0.0
+    return b, c, c, d, weights[p, 1] < 0.0
 
 
 @kernel
@@ -261,8 +270,8 @@ def _ends(elements: Ints, weights: Floats, turners: Ints) -> Ints:
     """Rows of the two ends of `directions_of`, then of the four of the sides of `facings_of`, (6, p)."""
     ends = np.empty((6, len(elements)), np.int64)
     for p in range(len(elements)):
-        ends[0, p], ends[1, p] = _edge(elements[p], turners[p])
-        ends[2, p], ends[3, p], ends[4, p], ends[5, p], _ = _sides(elements[p], weights[p], turners[p])
+        ends[0, p], ends[1, p] = _edge(elements, turners, p)
+        ends[2, p], ends[3, p], ends[4, p], ends[5, p], _ = _sides(elements, weights, turners, p)
     return ends
 
 
@@ -410,13 +419,17 @@ def tangential(vectors: Floats, normals: Floats) -> Floats:
     return found
 
 
+@kernel
 def _keys(elements: Ints, weights: Floats, labels: Ints) -> Ints:
     """One number for the material point of each contact and the object that it touches, (p,)."""
-    first = np.where(weights[:, 1] == 1.0, elements[:, 1], elements[:, 0])
-    on_edge = (weights[:, 0] != 1.0) & (weights[:, 1] != 1.0)
-    second = np.where(on_edge, elements[:, 1], -1)
-    count = int(labels.max(initial=0)) + 1
-    return np.asarray((first * (len(labels) + 1) + second + 1) * count + labels[elements[:, 3]], np.int64)
+    keys, count = np.empty(len(elements), np.int64), 1
+    for label in labels:
+        count = max(count, label + 1)
+    for p in range(len(elements)):
+        first = elements[p, 1] if weights[p, 1] == 1.0 else elements[p, 0]
+        second = elements[p, 1] if weights[p, 0] != 1.0 and weights[p, 1] != 1.0 else -1
+        keys[p] = (first * (len(labels) + 1) + second + 1) * count + labels[elements[p, 3]]
+    return keys
 
 
 def _turned(vectors: Floats, normals: Floats) -> Floats:

@@ -16,7 +16,7 @@ from clothsim.physics.contact.pair_list import Pairs, distinct
 from clothsim.physics.contact.psd_projection import positive_factors
 from clothsim.physics.contact.stiffness import HeavyBody, barrier_stiffness, bounded_stiffness, kinetic_energy_of_impact
 from clothsim.physics.energies.base import Energy, Step
-from clothsim.physics.energies.hessians import ByElement, ElementHessian, LowRankHessian, room_for
+from clothsim.physics.energies.hessians import ByElement, DeferredHessian, ElementHessian, LowRankHessian
 from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, Coupling, EnergyReport, Restrictable
 
 
@@ -113,10 +113,10 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
         stiffness = max(stiffness, step.least_stiffness.get(self.name, 0.0))
         before = float(step.memory.get(self.name, stiffness))
-        if stiffness > before and "inertia" in step.bound:
+        rises = stiffness > before and "inertia" in step.bound
+        if rises and (energy := self.value(step.positions) / self.stiffness):
             kinetic = kinetic_energy_of_impact(step.velocities, self.masses)
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
-            energy = self.value(step.positions) / self.stiffness
             stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt, step.contact_time)
         bound = replace(self, stiffness=stiffness)
         known = self._evaluations.known(step.positions)
@@ -285,8 +285,11 @@ def projected(
 
 def exact(
     records: Floats, x: Floats, elements: Ints, thresholds: Floats, n_points: int, kappa: float
-) -> ElementHessian:
+) -> DeferredHessian:
     """Exact Hessian of pairs with these records [N/m]."""
-    blocks = room_for(elements)
-    kernels.exact_blocks(blocks, records, x, elements, thresholds, n_points, kappa)
-    return ElementHessian(elements, blocks)
+    of_pairs = records, x, elements, thresholds, n_points, kappa
+    return DeferredHessian(
+        elements,
+        lambda blocks: kernels.exact_blocks(blocks, *of_pairs),
+        lambda data, at: kernels.add_exact(data, at, *of_pairs),
+    )

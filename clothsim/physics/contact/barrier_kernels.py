@@ -14,6 +14,7 @@ from clothsim.base.jit import kernel, natural, part
 from clothsim.base.vectors import cross, dot, four_points, minus
 from clothsim.physics.contact.distance import closest_points, distance_squared, tangent_directions
 from clothsim.physics.contact.psd_projection import absolute_block, relative
+from clothsim.physics.energies.block_sums import add_dense
 
 DIFFERENCE, VALUE, FIRST, SECOND, CROSS_RATIO, RECORD_SIZE = 4, 7, 8, 9, 10, 11
 """Columns of a closest-point record, and their number."""
@@ -250,6 +251,17 @@ def exact_blocks(blocks, records, x, elements, thresholds, n_points, kappa):
     for e in range(len(elements)):
         _relative_block(block, 0, factors, records, four_points(x, elements, e), e, e >= n_points, thresholds[e], kappa)
         absolute_block(block, 0, blocks, e)
+
+
+@kernel
+def add_exact(data, at, records, x, elements, thresholds, n_points, kappa):
+    """`LanesHessian.add` of the exact Hessian."""
+    block, factors, whole, outside = np.empty((1, 9, 9)), np.empty((5, 9)), np.empty((1, 12, 12)), 0
+    for e in range(len(elements)):
+        _relative_block(block, 0, factors, records, four_points(x, elements, e), e, e >= n_points, thresholds[e], kappa)
+        absolute_block(block, 0, whole, 0)
+        outside += add_dense(data, at, e, whole.reshape(-1), 4)
+    return outside
 
 
 @kernel

@@ -24,6 +24,7 @@ from clothsim.physics.contact.filter import (
     displacement_norms,
     follows_path,
     pairs_possibly_within,
+    path_end,
     path_fraction,
     point_on_path,
     retained_pairs,
@@ -164,14 +165,15 @@ class Candidates:
         The listed pairs bound the path that is searched for the others. 0 where x + dx is not finite.
         """
         start, ccd_seconds = thread_time(), self.seconds["CCD"]
-        listed, displacement, after, requested = self._pairs, None, x + most * dx, most
-        if not np.isfinite(after).all():
+        listed, displacement, requested = self._pairs, None, most
+        after, finite = path_end(x, dx, most)
+        if not finite:
             return 0.0
         if self._path is not None:
             displacement = self._displacements(x, after)
             most = self._limit_of_listed(displacement, x, dx, most)
         if most < requested:
-            displacement, after = None, x + most * dx
+            displacement, after = None, path_end(x, dx, most)[0]
         displacement = self._ensure_covers(x, after, self.activation_distance, displacement)
         if self._pairs is not listed:
             most = self._limit_of_listed(displacement, x, dx, most)

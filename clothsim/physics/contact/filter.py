@@ -125,6 +125,17 @@ def retained_pairs(
 
 
 @kernel
+def path_end(x: Floats, dx: Floats, fraction: float) -> tuple[Floats, bool]:
+    """x + fraction dx (N, 3) [m], and whether all of it is finite."""
+    end, finite = np.empty_like(x), True
+    for i in range(len(x)):
+        for k in range(3):
+            end[i, k] = x[i, k] + fraction * dx[i, k]
+            finite &= end[i, k] - end[i, k] == 0.0
+    return end, finite
+
+
+@kernel
 def path_fraction(x: Floats, start: Floats, end: Floats, rows: Ints) -> float:
     """Fraction in [0, 1] of the path start -> end (N, 3) [m] at which these rows of x are closest to it."""
     length = projection = 0.0

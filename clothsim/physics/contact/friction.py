@@ -26,7 +26,8 @@ from clothsim.physics.contact.anchors import (
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.contact.barrier_kernels import by_lag
 from clothsim.physics.energies.base import Energy, Step
-from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.physics.energies.block_sums import OUTSIDE, add_block
+from clothsim.physics.energies.hessians import DeferredHessian
 from clothsim.physics.energies.protocols import (
     Elementwise,
     EnergyReport,
@@ -168,10 +169,8 @@ class FrictionEnergy(
         if not found:
             return self
         elements, weights, differences, forces = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        objects = self.labels[elements[:, 0]], self.labels[elements[:, 3]]
-        held = (self.static[objects] * forces) > 0.0
-        elements, weights, differences, forces = (each[held] for each in (elements, weights, differences, forces))
-        kinetic, static = self.kinetic[objects][held] * forces, self.static[objects][held] * forces
+        held, kinetic, static = _limits(elements, forces, self.labels, self.kinetic, self.static)
+        elements, weights, differences = (each.take(held, axis=0) for each in (elements, weights, differences))
         normals = differences / lengths(differences)[:, None]
         slips, turns, slides = self._inherited(elements, weights, normals)
         limits = np.where(slides, kinetic, static)
@@ -231,9 +230,14 @@ class FrictionEnergy(
         normals /= np.where(limits > 0.0, limits, 1.0)[:, None, None]
         return Grip(limits, normals, self.labels)
 
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+    def hessian(self, x: Floats, project: bool = True) -> DeferredHessian:
         """Blocks (p, 12, 12) [N/m]; positive semi-definite without projection."""
-        return ElementHessian(self.elements, _hessian(x, *self._lagged))
+        lagged = self._lagged
+        return DeferredHessian(
+            self.elements,
+            lambda blocks: _fill_blocks(blocks, x, *lagged),
+            lambda data, at: _add_blocks(data, at, x, *lagged),
+        )
 
     def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> StartDerivatives:
         """By the start of the displacements, and by what is lagged."""
@@ -368,6 +372,19 @@ def _sliding(x, start, rows, g, n, z, u):
 
 
 @kernel
+def _limits(elements, forces, labels, kinetic, static):
+    """Indices of the pairs with friction, by the forces (p,) [N], and their limits mu F by either coefficient [N]."""
+    held, limits, count = np.empty(len(elements), np.int64), np.empty((2, len(elements))), 0
+    for p in range(len(elements)):
+        first, second = labels[elements[p, 0]], labels[elements[p, 3]]
+        limit = static[first, second] * forces[p]
+        if limit > 0.0:
+            held[count], limits[0, count], limits[1, count] = p, kinetic[first, second] * forces[p], limit
+            count += 1
+    return held[:count].copy(), limits[0, :count].copy(), limits[1, :count].copy()
+
+
+@kernel
 def _add_grips(of_rows, products, elements, weights, normals, limits):
     """Add the shares L |g_i| of each pair to its rows, (N,), and their products with n n', (N, 3, 3)."""
     for p in range(len(elements)):
@@ -411,23 +428,47 @@ def _gradient(x, start, elements, weights, normals, limits, slips, e):
 
 
 @kernel
-def _hessian(x, start, elements, weights, normals, limits, slips, e):
-    """Blocks (p, 12, 12): L g_i g_j (f0'/|u| (I - n n' - t t') + f0'' t t'), t = u/|u|."""
-    blocks = np.empty((len(elements), 12, 12))
-    u, block = np.empty(3), np.empty((3, 3))
+def _fill_blocks(blocks, x, start, elements, weights, normals, limits, slips, e):
+    """Write blocks (p, 12, 12): L g_i g_j K."""
+    u, K = np.empty(3), np.empty((3, 3))
     for p in range(len(elements)):
-        length = _sliding(x, start, elements[p], weights[p], normals[p], slips[p], u)
-        tangent_scale = _per_length(length, e)
-        normal_part = 0.0 if length >= e else 2.0 * (1.0 - length / e) / e
-        for k in range(3):
-            for q in range(3):
-                block[k, q] = tangent_scale * ((1.0 if k == q else 0.0) - normals[p, k] * normals[p, q])
-                if length > 0.0:
-                    block[k, q] += (normal_part - tangent_scale) * u[k] * u[q] / (length * length)
+        _tangential_stiffness(K, x, start, elements, weights, normals, slips, e, p, u)
         for i in range(4):
             for k in range(3):
                 for j in range(4):
                     weight = limits[p] * weights[p, i] * weights[p, j]
                     for q in range(3):
-                        blocks[p, 3 * i + k, 3 * j + q] = weight * block[k, q]
-    return blocks
+                        blocks[p, 3 * i + k, 3 * j + q] = weight * K[k, q]
+
+
+@kernel
+def _add_blocks(data, at, x, start, elements, weights, normals, limits, slips, e):
+    """`DeferredHessian.add` of the same."""
+    u, K, block, outside = np.empty(3), np.empty((3, 3)), np.empty(9), 0
+    for p in range(len(elements)):
+        _tangential_stiffness(K, x, start, elements, weights, normals, slips, e, p, u)
+        number = 0
+        for i in range(4):
+            for j in range(i, 4):
+                if at[p, number] >= 0:
+                    weight = limits[p] * weights[p, i] * weights[p, j]
+                    for k in range(3):
+                        for q in range(3):
+                            block[3 * k + q] = weight * K[k, q]
+                    add_block(data, at[p, number], block, 0, 3, 1)
+                outside += at[p, number] == OUTSIDE
+                number += 1
+    return outside
+
+
+@inlined
+def _tangential_stiffness(K, x, start, elements, weights, normals, slips, e, p, u):
+    """K (3, 3) = f0'/|u| (I - n n' - t t') + f0'' t t' of a pair [1/m], t = u/|u|; u (3,) is overwritten."""
+    length = _sliding(x, start, elements[p], weights[p], normals[p], slips[p], u)
+    tangent_scale = _per_length(length, e)
+    normal_part = 0.0 if length >= e else 2.0 * (1.0 - length / e) / e
+    for k in range(3):
+        for q in range(3):
+            K[k, q] = tangent_scale * ((1.0 if k == q else 0.0) - normals[p, k] * normals[p, q])
+            if length > 0.0:
+                K[k, q] += (normal_part - tangent_scale) * u[k] * u[q] / (length * length)

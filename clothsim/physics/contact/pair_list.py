@@ -101,18 +101,6 @@ def _merged(
     return rows, columns[0], columns[1], new_keys, columns[2]
 
 
-@kernel
-def concatenated_rows(a: Ints, i: Ints, b: Ints, j: Ints) -> Ints:
-    """Rows i (p,) of a (n, k) beside rows j (p,) of b (m, l), (p, k + l)."""
-    rows = np.empty((len(i), a.shape[1] + b.shape[1]), np.int64)
-    for p in range(len(i)):
-        for k in range(a.shape[1]):
-            rows[p, k] = a[i[p], k]
-        for k in range(b.shape[1]):
-            rows[p, a.shape[1] + k] = b[j[p], k]
-    return rows
-
-
 # Distinct contact features: the barrier of a point against a surface by inclusion and exclusion.
 #
 # A point p close to a shared edge is equally far from both triangles; the sum of the barriers of all triangles would

@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.jit import kernel, part
+from clothsim.base.jit import kernel, natural, part
 from clothsim.base.parallel import together
 from clothsim.physics.contact.bvh import (
     STACK_SIZE,
@@ -31,7 +31,7 @@ from clothsim.physics.contact.ccd import (
     separated_by_centroids,
     vertex_rows,
 )
-from clothsim.physics.contact.pair_list import NO_PAIRS, Pairs, concatenated_rows
+from clothsim.physics.contact.pair_list import NO_PAIRS, Pairs
 from clothsim.physics.contact.surface import ContactSurface, Primitives
 
 FoundPairs = tuple[Ints, Ints, Floats]
@@ -343,26 +343,81 @@ class CandidateSearch:
             return NO_PAIRS, np.zeros(0)
         first, second = self.surface.first, self.surface.second
         orders = [lexicographic_order(a, b) for a, b, _ in found]
-        points, others, edges = ((a[order], b[order]) for (a, b, _), order in zip(found, orders, strict=True))
-        elements = (
-            concatenated_rows(first.points[:, None], points[0], second.triangles, points[1]),
-            concatenated_rows(second.points[:, None], others[0], first.triangles, others[1]),
-            concatenated_rows(first.edges, edges[0], second.edges, edges[1]),
-        )
-        n_points = len(elements[0]) + len(elements[1])
-        point_rows = np.concatenate(elements[:2])[:, 0]
-        areas = self._areas[0][edges[0]] + self._areas[1][edges[1]]
-        areas[self._flat[edges[1]]] = 0.0
-        lengths = self._lengths[0][edges[0]] * self._lengths[1][edges[1]]
-        pair_list = Pairs(
-            np.concatenate(elements),
-            np.concatenate([self._point_areas[point_rows], areas]) / 4,
-            np.concatenate([np.zeros(n_points), PARALLEL * lengths**2]),
-            np.concatenate([kind << 60 | a << 30 | b for kind, (a, b) in enumerate((points, others, edges))]),
-            n_points,
-        )
-        distances = [each[order] for (_, _, each), order in zip(found, orders, strict=True)]
-        return pair_list, np.concatenate(distances)
+        ends = np.cumsum([len(order) for order in orders])
+        pairs = Pairs(*_room_for_pairs(int(ends[-1])), n_points=int(ends[1]))
+        distances = np.empty(len(pairs))
+        columns = pairs.elements, pairs.weights, pairs.thresholds, pairs.keys, distances
+        sides = (first.points, second.triangles), (second.points, first.triangles)
+        for kind, (points, triangles) in enumerate(sides):
+            at = int(ends[kind]) - len(orders[kind])
+            _list_point_pairs(*columns, at, kind, *found[kind], orders[kind], points, triangles, self._point_areas)
+        of_edges = first.edges, second.edges, *self._areas, self._flat, *self._lengths
+        _list_edge_pairs(*columns, int(ends[1]), *found[2], orders[2], *of_edges)
+        return pairs, distances
+
+
+def _room_for_pairs(count: int) -> tuple[Ints, Floats, Floats, Ints]:
+    """Uninitialised `Pairs.elements`, weights, thresholds and keys."""
+    return np.empty((count, 4), np.int64), np.empty(count), np.empty(count), np.empty(count, np.int64)
+
+
+@kernel
+def _list_point_pairs(
+    elements: Ints,
+    weights: Floats,
+    thresholds: Floats,
+    keys: Ints,
+    distances: Floats,
+    at: int,
+    kind: int,
+    a: Ints,
+    b: Ints,
+    found: Floats,
+    order: Ints,
+    points: Ints,
+    triangles: Ints,
+    areas: Floats,
+) -> None:
+    """Write pairs of points a and triangles b, in an order, and their distances to rows of a list from `at` on."""
+    for n in range(len(order)):
+        k, row = order[n], natural(at + n)
+        point, triangle = points[a[k]], b[k]
+        elements[row, 0], weights[row], thresholds[row], distances[row] = point, areas[point] / 4, 0.0, found[k]
+        for corner in range(3):
+            elements[row, 1 + corner] = triangles[triangle, corner]
+        keys[row] = kind << 60 | a[k] << 30 | triangle
+
+
+@kernel
+def _list_edge_pairs(
+    elements: Ints,
+    weights: Floats,
+    thresholds: Floats,
+    keys: Ints,
+    distances: Floats,
+    at: int,
+    a: Ints,
+    b: Ints,
+    found: Floats,
+    order: Ints,
+    edges: Ints,
+    others: Ints,
+    areas: Floats,
+    other_areas: Floats,
+    flat: np.ndarray,
+    lengths: Floats,
+    other_lengths: Floats,
+) -> None:
+    """Write pairs of edges a and b, in an order, and their distances to rows of a list from `at` on."""
+    for n in range(len(order)):
+        k, row = order[n], natural(at + n)
+        i, j = a[k], b[k]
+        for end in range(2):
+            elements[row, end], elements[row, 2 + end] = edges[i, end], others[j, end]
+        length = lengths[i] * other_lengths[j]
+        weights[row] = 0.0 if flat[j] else (areas[i] + other_areas[j]) / 4
+        thresholds[row], distances[row] = PARALLEL * (length * length), found[k]
+        keys[row] = 2 << 60 | i << 30 | j
 
 
 class _Trees:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.base.arrays import Floats, Ints
@@ -124,10 +125,14 @@ class LanesHessian:
         fill(lanes, first) writes the blocks of the elements from `first` on, as many as fit, to `lanes` (g, size): for
         each group of LANES elements the blocks of corners a <= b in this order, each row by row, every entry for all
         lanes side by side. The last lanes of the last group may belong to no element.
+    add : function, optional
+        add(data, at) adds all blocks to the data of a matrix at block offsets (`block_sums`) and returns the number
+        outside of its pattern: one call of a kernel, in which a group never leaves the fastest cache.
     """
 
     elements: Ints
     fill: Callable[[Floats, int], None]
+    add: Callable[[Floats, NDArray[np.int32]], int] | None = None
 
     @property
     def nnz(self) -> int:
@@ -170,8 +175,50 @@ class LanesHessian:
         return ElementHessian(self.elements, self.blocks).to_sparse(n_vertices)
 
 
-ByElement = ElementHessian | LowRankHessian | LanesHessian
-"""Second derivatives element by element, in any of the three forms."""
+@dataclass(frozen=True)
+class DeferredHessian:
+    """Second derivatives as one dense block an element, computed while they are assembled.
+
+    Those of a thousand contacts would fill the L2 cache, and the blocks of bodies among them are no part of a matrix.
+    What they are computed from must not change in place before the assembly.
+
+    Parameters
+    ----------
+    elements : (m, k) int array
+        Rows of x.
+    fill : function
+        fill(blocks) writes `blocks` (m, 3k, 3k) [N/m].
+    add : function
+        As of `LanesHessian`.
+    """
+
+    elements: Ints
+    fill: Callable[[Floats], None]
+    add: Callable[[Floats, NDArray[np.int32]], int]
+
+    @property
+    def nnz(self) -> int:
+        """Number of entries of all blocks."""
+        return len(self.elements) * (3 * self.elements.shape[1]) ** 2
+
+    @property
+    def blocks(self) -> Floats:
+        """Dense blocks (m, 3k, 3k) [N/m]."""
+        blocks = room_for(self.elements)
+        self.fill(blocks)
+        return blocks
+
+    def times(self, vectors: Floats) -> Floats:
+        """Products of the blocks with `vectors` (m, 3k), (m, 3k)."""
+        return ElementHessian(self.elements, self.blocks).times(vectors)
+
+    def to_sparse(self, n_vertices: int) -> sparse.csr_array:
+        """The assembled (3n, 3n) matrix [N/m]; slow, for tests and diagnostics."""
+        return ElementHessian(self.elements, self.blocks).to_sparse(n_vertices)
+
+
+ByElement = ElementHessian | LowRankHessian | LanesHessian | DeferredHessian
+"""Second derivatives element by element, in any of the four forms."""
 
 
 @dataclass(frozen=True)

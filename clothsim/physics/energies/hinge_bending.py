@@ -68,8 +68,7 @@ class HingeBending(Elementwise, Energy):
     def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
         """12 x 12 a hinge [N/m]: Gauss-Newton k g g', g = dtheta/dx; exact: plus k (theta - theta0) d2theta/dx2."""
         moments = np.zeros(len(self.vertices)) if project else self._moments(x)
-        hinges = self.vertices, moments, self.stiffnesses
-        return LanesHessian(self.vertices, lambda lanes, first: kernels.fill(lanes, first, *hinges, x))
+        return kernels.hinge_hessian(self.vertices, moments, self.stiffnesses, x)
 
     def strains_of_angles(self) -> tuple[sparse.csr_array, Floats]:
         """B (h, h) and w (h,) [N m] of E = sum w |B (theta - theta0)|^2/2, a strain a hinge: its own angle."""

@@ -9,7 +9,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import LANES, inlined, kernel, natural
 from clothsim.base.vectors import four_points
 from clothsim.geometry.kinematics.hinge_angle import hinge_angle_gradient, hinge_blocks, hinge_direction
-from clothsim.physics.energies.hessians import point, write
+from clothsim.physics.energies.block_sums import add_lanes
+from clothsim.physics.energies.hessians import LanesHessian, point, write
 
 
 @kernel
@@ -43,29 +44,52 @@ def gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     return out
 
 
+def hinge_hessian(vertices: Ints, moments: Floats, stiffnesses: Floats, x: Floats) -> LanesHessian:
+    """Return sum M d2theta/dx2 + k g g', g = dtheta/dx, with k = `stiffnesses` (h,) [N m]."""
+    given = vertices, moments, stiffnesses, x
+    return LanesHessian(
+        vertices, lambda lanes, first: fill(lanes, first, *given), lambda data, at: add_hinges(data, at, *given)
+    )
+
+
 @kernel
 def fill(lanes: Floats, first: int, vertices: Ints, moments: Floats, stiffnesses: Floats, x: Floats) -> None:
-    """`LanesHessian.fill` of sum M d2theta/dx2 + k g g', g = dtheta/dx."""
+    """`LanesHessian.fill` of `hinge_hessian`."""
     points, factors = np.zeros(12 * LANES), np.zeros(2 * LANES)
     for group in range(len(lanes)):
-        begin = first + group * LANES
-        _gather(points, vertices, x, begin)
-        for lane in range(min(LANES, len(vertices) - begin)):
-            factors[lane], factors[LANES + lane] = moments[begin + lane], stiffnesses[begin + lane]
-        out = lanes[group]
-        for lane in range(LANES):
-            a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
-            aa, ab, ac, ad, bb, bc, bd, cc, cd, dd = hinge_blocks(a, b, c, d, factors[lane], factors[LANES + lane])
-            write(out, 0, lane, aa)
-            write(out, 1, lane, ab)
-            write(out, 2, lane, ac)
-            write(out, 3, lane, ad)
-            write(out, 4, lane, bb)
-            write(out, 5, lane, bc)
-            write(out, 6, lane, bd)
-            write(out, 7, lane, cc)
-            write(out, 8, lane, cd)
-            write(out, 9, lane, dd)
+        _fill_group(lanes[group], first + group * LANES, points, factors, vertices, moments, stiffnesses, x)
+
+
+@kernel
+def add_hinges(data: Floats, at: Ints, vertices: Ints, moments: Floats, stiffnesses: Floats, x: Floats) -> int:
+    """`LanesHessian.add` of `hinge_hessian`."""
+    points, factors, lanes = np.zeros(12 * LANES), np.zeros(2 * LANES), np.empty(90 * LANES)
+    outside = 0
+    for first in range(0, len(vertices), LANES):
+        _fill_group(lanes, first, points, factors, vertices, moments, stiffnesses, x)
+        outside += add_lanes(data, at, first, lanes)
+    return outside
+
+
+@inlined
+def _fill_group(out, begin, points, factors, vertices, moments, stiffnesses, x):
+    """Fill a group of lanes; points (12 LANES,) and factors (2 LANES,) are overwritten."""
+    _gather(points, vertices, x, begin)
+    for lane in range(min(LANES, len(vertices) - begin)):
+        factors[lane], factors[LANES + lane] = moments[begin + lane], stiffnesses[begin + lane]
+    for lane in range(LANES):
+        a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
+        aa, ab, ac, ad, bb, bc, bd, cc, cd, dd = hinge_blocks(a, b, c, d, factors[lane], factors[LANES + lane])
+        write(out, 0, lane, aa)
+        write(out, 1, lane, ab)
+        write(out, 2, lane, ac)
+        write(out, 3, lane, ad)
+        write(out, 4, lane, bb)
+        write(out, 5, lane, bc)
+        write(out, 6, lane, bd)
+        write(out, 7, lane, cc)
+        write(out, 8, lane, cd)
+        write(out, 9, lane, dd)
 
 
 @inlined

@@ -70,8 +70,7 @@ class HingeMoments(Elementwise, Energy):
     def hessian(self, x: Floats, project: bool = True) -> LanesHessian | SumHessian:
         """Exact: 12 x 12 for each hinge with a moment [N/m]; projected: none."""
         active = self._active() if not project else np.zeros(0, np.int64)
-        hinges = self.vertices[active], -self.moments[active], np.zeros(len(active))
-        return LanesHessian(hinges[0], lambda lanes, first: kernels.fill(lanes, first, *hinges, x))
+        return kernels.hinge_hessian(self.vertices[active], -self.moments[active], np.zeros(len(active)), x)
 
     def _active(self) -> Ints:
         return np.flatnonzero(self.moments)

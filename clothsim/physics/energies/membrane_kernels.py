@@ -5,7 +5,8 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; E = sum A psi(F).
 
 import numpy as np
 
-from clothsim.base.jit import LANES, kernel, natural
+from clothsim.base.jit import LANES, inlined, kernel, natural
+from clothsim.physics.energies.block_sums import add_lanes
 from clothsim.physics.energies.triangle_kernels import (
     VALUES_PER_LANE,
     deformation_gradient,
@@ -69,17 +70,40 @@ def fill(lanes, first, x, triangles, inverses, areas, mu, lam, project):
     V) the modes are block diagonal: stretch [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over (w2 v1, w1 v2), n
     v1, n v2.
     """
-    F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
-    alpha, beta = np.empty(3), np.empty(3)
-    lane_values = np.zeros(VALUES_PER_LANE * LANES)
+    room, lane_values = _room(), np.zeros(VALUES_PER_LANE * LANES)
     for group in range(len(lanes)):
-        for lane in range(min(LANES, len(triangles) - first - group * LANES)):
-            t = first + group * LANES + lane
-            s1, s2 = principal_state(x, triangles[t], inverses[t], F, n, V, W, alpha, beta)
-            a, b, c = stretch_block(mu[t], lam[t], s1, s2)
-            twist, flip, out1, out2 = other_modes(mu[t], lam[t], s1, s2)
-            if project:
-                a, b, c = project_2x2(a, b, c)
-                twist, flip, out1, out2 = max(twist, 0.0), max(flip, 0.0), max(out1, 0.0), max(out2, 0.0)
-            store_lane(lane_values, lane, areas[t], alpha, beta, W, n, (a, b, c), (twist, flip, out1, out2))
+        _store_group(lane_values, first + group * LANES, room, x, triangles, inverses, areas, mu, lam, project)
         fill_lanes(lanes[group], lane_values)
+
+
+@kernel
+def add_triangles(data, at, x, triangles, inverses, areas, mu, lam, project):
+    """`LanesHessian.add` of the same."""
+    room, lane_values, lanes = _room(), np.zeros(VALUES_PER_LANE * LANES), np.empty(54 * LANES)
+    outside = 0
+    for first in range(0, len(triangles), LANES):
+        _store_group(lane_values, first, room, x, triangles, inverses, areas, mu, lam, project)
+        fill_lanes(lanes, lane_values)
+        outside += add_lanes(data, at, first, lanes)
+    return outside
+
+
+@inlined
+def _room():
+    """Room for F, n, V, W, alpha and beta of a triangle."""
+    return np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3)), np.empty(3), np.empty(3)
+
+
+@inlined
+def _store_group(lane_values, begin, room, x, triangles, inverses, areas, mu, lam, project):
+    """Store what the blocks of a group of triangles are computed from."""
+    F, n, V, W, alpha, beta = room
+    for lane in range(min(LANES, len(triangles) - begin)):
+        t = begin + lane
+        s1, s2 = principal_state(x, triangles[t], inverses[t], F, n, V, W, alpha, beta)
+        a, b, c = stretch_block(mu[t], lam[t], s1, s2)
+        twist, flip, out1, out2 = other_modes(mu[t], lam[t], s1, s2)
+        if project:
+            a, b, c = project_2x2(a, b, c)
+            twist, flip, out1, out2 = max(twist, 0.0), max(flip, 0.0), max(out1, 0.0), max(out2, 0.0)
+        store_lane(lane_values, lane, areas[t], alpha, beta, W, n, (a, b, c), (twist, flip, out1, out2))

@@ -117,8 +117,8 @@ class MidedgeBending(ElementGradients, Energy, Restrictable):
     def hessian(self, x: Floats, project: bool = True) -> LanesHessian | SumHessian:
         """Exact: J' G'G J + moments d2theta/dx2, J = dtheta/dx [N/m]; projected: J' k J with the bounds k, by hinge."""
         moments = np.zeros(len(self.vertices)) if project else self._moments(x)
-        hinges = self.vertices, moments, self.bounds if project else np.zeros(len(self.vertices))
-        by_hinge = LanesHessian(self.vertices, lambda lanes, first: hinge_kernels.fill(lanes, first, *hinges, x))
+        bounds = self.bounds if project else np.zeros(len(self.vertices))
+        by_hinge = hinge_kernels.hinge_hessian(self.vertices, moments, bounds, x)
         return by_hinge if project else SumHessian((by_hinge, self._squares(x)))
 
     def element_gradients(self, x: Floats) -> tuple[Ints, Floats]:

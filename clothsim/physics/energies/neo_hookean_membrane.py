@@ -56,8 +56,12 @@ class NeoHookeanMembrane(Elementwise, Energy):
 
     def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
         """Blocks (m, 9, 9) [N/m]; projected in F-space in closed form, or exact."""
-        elements = self._elements
-        return LanesHessian(self.triangles, lambda lanes, first: kernels.fill(lanes, first, x, *elements, project))
+        given = x, *self._elements, project
+        return LanesHessian(
+            self.triangles,
+            lambda lanes, first: kernels.fill(lanes, first, *given),
+            lambda data, at: kernels.add_triangles(data, at, *given),
+        )
 
     def with_triangles(self, triangles: Ints) -> Self:
         """Return the same elements between other vertices, `triangles (m, 3)`."""

@@ -167,8 +167,7 @@ class PlasticBendingEnergy(HingeMoments, HistorySensitivity):
         if not isinstance(self.model, MidedgeBending):
             lost = -np.where(beyond > 0, self.weights, 0.0) / (1 + self.hardening)
         acting = np.zeros(0, np.int64) if project else np.flatnonzero((moments != 0) | (lost != 0))
-        hinges = self.vertices[acting], moments[acting], lost[acting]
-        by_hinge = LanesHessian(hinges[0], lambda lanes, first: hinge_kernels.fill(lanes, first, *hinges, x))
+        by_hinge = hinge_kernels.hinge_hessian(self.vertices[acting], moments[acting], lost[acting], x)
         if project or not isinstance(self.model, MidedgeBending) or not beyond.any():
             return by_hinge
         return SumHessian((by_hinge, self._lost(self.model, x, driving, beyond)))

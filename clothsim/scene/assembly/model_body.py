@@ -208,7 +208,7 @@ def character_of_scene(scene: Scene) -> tuple[PlacedCharacter, str]:
     models = [(k, keys) for k, keys in enumerate(scene.bodies) if isinstance(keys, ModelTable)]
     if len(models) != 1:
         raise InputError(
-            f"The scene has {len(models)} body models.", 'It takes one: [[body]] model = "mannequin", for instance.'
+            f"The scene has {len(models)} body models.", 'It needs one: [[body]] model = "mannequin", for instance.'
         )
     k, keys = models[0]
     where = "body" if len(scene.bodies) == 1 else f"body[{k}]"

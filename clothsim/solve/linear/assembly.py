@@ -2,18 +2,13 @@
 
 The matrix is the upper triangle of a symmetric one in blocks of 3x3: starts (n + 1,) and columns of the blocks, the
 diagonal first in each row; data (9 b,) their numbers, block by block, row by row. Only the blocks of corners a <= b of
-an element are visited, in this order. Block (a, b) or its transpose is added by a choice of strides, not by a branch,
-which would be mispredicted half of the time.
+an element are visited, in this order.
 """
 
 import numpy as np
 
-from clothsim.base.jit import inlined, kernel, natural, part
-
-LOWER, OUTSIDE = -1, -2
-"""Block offset of a block that is not stored (a row beyond the unknowns), and of one that the pattern lacks."""
-TRANSPOSED, BOTH = 1, 2
-"""Flags in a block offset: the transpose is stored; the block is diagonal and receives both block and transpose."""
+from clothsim.base.jit import kernel, natural, part
+from clothsim.physics.energies.block_sums import BOTH, LOWER, OUTSIDE, TRANSPOSED, add_block
 
 
 @part
@@ -63,30 +58,9 @@ def add_blocks(data, at, first, numbers, lanes, offsets, down, along):
         for k in range(at.shape[1]):
             where = at[first + i, k]
             if where >= 0:
-                _add(data, where, flat, begin + natural(offsets[k]), down, along)
+                add_block(data, where, flat, begin + natural(offsets[k]), down, along)
             outside += where == OUTSIDE
     return outside
-
-
-@inlined
-def _add(data, where, numbers, first, down, along):
-    """Add one 3x3 block that begins at numbers[first]; its rows are `down` apart, its columns `along`."""
-    at, middle = 9 * (where >> 2), first + down + along
-    swap = (where & TRANSPOSED) * (down - along)  # no branch
-    down, along = natural(down - swap), natural(along + swap)
-    data[at] += numbers[first]
-    data[at + 1] += numbers[first + along]
-    data[at + 2] += numbers[first + 2 * along]
-    data[at + 3] += numbers[first + down]
-    data[at + 4] += numbers[middle]
-    data[at + 5] += numbers[middle + along]
-    data[at + 6] += numbers[first + 2 * down]
-    data[at + 7] += numbers[middle + down]
-    data[at + 8] += numbers[middle + down + along]
-    if where & BOTH:  # a diagonal block: the transpose follows
-        for i in range(3):
-            for j in range(3):
-                data[at + 3 * i + j] += numbers[first + j * down + i * along]
 
 
 @kernel

@@ -151,7 +151,7 @@ class System:
         hessians = self._own(given)
         known = self._offsets
         offsets = self._known_offsets(hessians)
-        if any((at == OUTSIDE).any() for key, (_, at) in offsets.items() if key not in known):
+        if any(at.min() == OUTSIDE for key, (_, at) in offsets.items() if key not in known):  # the least of all
             offsets = self._extended(hessians)
         pattern = self.pattern
 

@@ -134,7 +134,7 @@ class SparsityPattern:
 
     def diagonal(self, data: Floats) -> Floats:
         """Return the diagonal, (3 n,)."""
-        return data[self._on_diagonal]
+        return data.take(self._on_diagonal)
 
     def shift(self, data: Floats, amount: Floats | float) -> Floats:
         """Return a copy of `data` with `amount`, one for all or (3 n,), added to the diagonal."""
@@ -155,10 +155,18 @@ def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
         size = hessian.blocks.shape[1]
         numbers = np.ascontiguousarray(hessian.blocks).reshape(len(at), size * size)
         return assembly.add_blocks(data, at, 0, numbers, 1, _offsets_in_dense(size), size, 1)
-    outside, offsets = 0, 9 * LANES * np.arange(at.shape[1])
+    if hessian.add is not None:
+        return hessian.add(data, at)
+    outside, offsets = 0, _offsets_in_lanes(at.shape[1])
     for first, lanes in hessian.chunks():
         outside += assembly.add_blocks(data, at, first, lanes, LANES, offsets, 3 * LANES, LANES)
     return outside
+
+
+@cache
+def _offsets_in_lanes(count: int) -> Ints:
+    """Positions of the first entries of `count` blocks in the lanes of a group."""
+    return 9 * LANES * np.arange(count)
 
 
 @cache

@@ -277,7 +277,7 @@ def without_net_force(translated: Floats, b: Floats, x: Floats) -> Floats:
     itself where the translations have no positive stiffness T'A T, or would no longer lead downhill. translated
     (3, 3 n): A T, to which implicit parts add nothing, as a translation bends no cloth.
     """
-    stiffness = np.array([image.reshape(-1, 3).sum(axis=0) for image in translated])
+    stiffness = translated.reshape(3, -1, 3).sum(axis=1)
     force = b.reshape(-1, 3).sum(axis=0) - np.array([dot(image, x) for image in translated])
     if not np.isfinite(stiffness).all() or np.linalg.eigvalsh(stiffness)[0] <= 0.0:
         return x

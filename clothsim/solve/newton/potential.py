@@ -16,7 +16,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.memo import Memo
 from clothsim.base.vectors import add_to
 from clothsim.physics.energies.base import Energy, Step
-from clothsim.physics.energies.hessians import Hessian, ImplicitHessian, LanesHessian, SumHessian
+from clothsim.physics.energies.hessians import DeferredHessian, Hessian, ImplicitHessian, LanesHessian, SumHessian
 from clothsim.physics.energies.protocols import (
     AdaptiveStiffness,
     BarrierGap,
@@ -186,7 +186,7 @@ class Potential:
     def _hessian(self, effects: EffectsInTurn, name: str, x: Floats, project: bool) -> Hessian:
         hessian = self.energies[name].hessian(x[self._rows[name]], project)
         effects.done(name, "hessians")
-        self.timers.effects[name].hessian_nonzeros = int(hessian.nnz)
+        self.timers.account(name).hessian_nonzeros = int(hessian.nnz)
         if isinstance(hessian, SumHessian):
             return SumHessian(tuple(self._timed_part(name, part) for part in hessian.parts))
         return hessian if isinstance(hessian, sparse.csr_array) else self._timed_part(name, hessian)
@@ -194,7 +194,10 @@ class Potential:
     def _timed_part(self, name: str, part: Any) -> Any:
         """A part of a Hessian whose later work is timed as its energy's."""
         if isinstance(part, LanesHessian):
-            return LanesHessian(part.elements, self._timed(name, part.fill))
+            added = None if part.add is None else self._timed(name, part.add)
+            return LanesHessian(part.elements, self._timed(name, part.fill), added)
+        if isinstance(part, DeferredHessian):
+            return DeferredHessian(part.elements, self._timed(name, part.fill), self._timed(name, part.add))
         if isinstance(part, ImplicitHessian):
             return ImplicitHessian(part.elements, self._timed(name, part.apply), part.explicit)
         return part

@@ -208,7 +208,8 @@ def open_farm(directory: str | Path) -> Farm:
     folder = Path(directory)
     if folder.is_file():
         raise InputError(
-            f"{folder} is a file, not the folder of a farm.", "Name that of `clothsim farm plan RECIPE -o DIR`."
+            f"{folder} is a file, not the folder of a farm.",
+            "Name the folder that `clothsim farm plan RECIPE -o DIR` wrote.",
         )
     if not (folder / FARM_NAME).exists():
         raise InputError(f"{folder} is not a farm.", "Make one: `clothsim farm plan RECIPE -o DIR`.")

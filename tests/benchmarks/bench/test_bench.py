@@ -320,11 +320,11 @@ def test_the_table_against_ipctk_has_ratios_and_the_bar(tmp_path):
     assert header == ("part", "sphere 40: ms", "ipctk ms", "ratio")
     assert lines[-1] == ("all", "4.00", "80.00", "20.0")
     assert oracle_summary(rows) == (
-        "ipctk takes 20.0 times ours in sphere 40 (1,681 vertices, 20 iterations, up to 900 pairs, 50 of cloth with "
-        "cloth): the bar of 10 is met."
+        "ipctk takes 20.0 times as long as clothsim in sphere 40 (1,681 vertices, 20 iterations, up to 900 pairs, "
+        "50 of cloth with cloth): the aim of 10 is met."
     )
     slow = {"sphere 100": replace(rows["sphere 40"], ours=theirs | {"CCD": 0.04})}
-    assert oracle_summary(slow).endswith(": the bar of 10 is not met.")
+    assert oracle_summary(slow).endswith(": the aim of 10 is not met.")
     file = tmp_path / "profile.md"
     file.write_text("head\n<!-- oracle -->\n<!-- /oracle -->\n", encoding="utf-8")
     write_oracle(file, rows, "2026-01-02T03:04+00:00")

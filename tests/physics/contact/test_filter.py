@@ -7,6 +7,7 @@ from clothsim.physics.contact.filter import (
     active_among,
     displacement_norms,
     pairs_possibly_within,
+    path_end,
     path_fraction,
     point_on_path,
 )
@@ -51,6 +52,16 @@ def test_displacements_are_the_larger_of_both_ends_and_the_largest_of_each_group
     found, first, second = displacement_norms(before, after, reference, rows, 2)
     assert (found[2], first, second) == (np.inf, 5.0, np.inf)
     assert displacement_norms(before, after, reference, rows, 4)[1:] == (np.inf, 0.0)
+
+
+def test_the_end_of_a_path_is_finite_where_all_of_it_is():
+    x, dx = np.random.default_rng(3).standard_normal((2, 4, 3))
+    end, finite = path_end(x, dx, 0.3)
+    assert finite
+    assert np.array_equal(end, x + 0.3 * dx)
+    for number in (np.nan, np.inf, -np.inf):
+        dx[3, 2] = number
+        assert not path_end(x, dx, 0.3)[1]
 
 
 @pytest.mark.parametrize("limit", [0.1, 0.5, 1.0])

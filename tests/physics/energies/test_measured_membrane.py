@@ -175,6 +175,17 @@ class TestTheEnergy:
         projected = dense_hessian(energy, x, project=True)
         assert np.linalg.eigvalsh(projected)[0] > -1e-12 * np.abs(projected).max()
 
+    def test_curvatures_of_the_law_are_differences_of_its_slopes(self):
+        """Within the rows and beyond them; in the Hessian of a sheet the shear is small beside the stretches."""
+        law = sheet(**NARROWING)[1].threads.law
+        for measured in ([1.03, 1.15, 0.3], [1.07, 1.2, -0.4], [0.98, 1.4, 0.1], [1.12, 0.97, 0.6]):
+            at = np.array([measured])
+            forward, back = (np.array([law.slopes(at + h * axis)[0] for axis in np.eye(3)]) for h in STEP[::-1])
+            difference = (forward - back) / np.ptp(STEP)
+            aa, ab, bb, shear = law.curvatures(at)[0]
+            expected = [[aa, ab, 0], [ab, bb, 0], [0, 0, shear]]
+            np.testing.assert_allclose(difference, expected, rtol=1e-6, atol=1e-6 * abs(aa))
+
     def test_rest_is_rest_and_a_triangle_without_area_is_refused(self):
         world, energy = sheet()
         assert abs(energy.value(pulled(world, 1.0))) < 1e-14

@@ -14,9 +14,10 @@ from meshes import deformed, random_rotation
 from scipy import sparse
 
 from clothsim.physics.energies.base import Constraint, Energy, Step
-from clothsim.physics.energies.hessians import ByElement, explicit
+from clothsim.physics.energies.hessians import ByElement, ElementHessian, LanesHessian, explicit
 from clothsim.physics.energies.protocols import ContactGap, restricted
 from clothsim.scene.effects import CONTACTS, EFFECTS
+from clothsim.solve.linear.sparsity import make_pattern
 
 EXAMPLES = {name: effect.example() for name, effect in EFFECTS.items()}
 
@@ -113,6 +114,24 @@ def test_types_and_shapes(name):
                 assert hessian.shape == (x.size, x.size)
         dense = dense_hessian(energy, x, project)
         assert np.abs(dense - dense.T).max() <= 1e-12 * np.abs(dense).max()
+
+
+@every_energy
+@pytest.mark.parametrize("project", [True, False])
+def test_what_a_kernel_adds_to_a_matrix_has_the_bits_of_its_blocks(name, project):
+    energy, world = made(name)
+    every = explicit([energy.hessian(position(world), project)])
+    added = [hessian for hessian in every if getattr(hessian, "add", None)]
+    pattern = make_pattern(world.n_unknowns, world.triangles, added)
+    for hessian in added:
+        lanes = isinstance(hessian, LanesHessian)
+        apart = replace(hessian, add=None) if lanes else ElementHessian(hessian.elements, hessian.blocks)
+        (data, outside), (expected, _) = pattern.assemble([hessian]), pattern.assemble([apart])
+        assert outside == 0
+        assert data.any() or not expected.any()
+        assert np.array_equal(data, expected)
+        smaller = make_pattern(world.n_unknowns, world.triangles[:0], [])
+        assert smaller.assemble([hessian])[1] == smaller.assemble([apart])[1]
 
 
 @every_energy

@@ -99,3 +99,8 @@ def test_without_dependent_rows_the_same_objects_come_back():
 def test_a_patch_knows_what_moves_dependent_rows(rows):
     assert rows.parts.any_of(np.array([0, 6]))
     assert not rows.parts.any_of(np.array([0, 4]))
+
+
+def test_unknowns_that_move_others_are_those_of_its_parts(rows):
+    found = [rows.parts.any_of(np.array([row])) for row in range(UNKNOWNS + 1)]
+    assert found == [False] * CLOTH + [True] * (UNKNOWNS - CLOTH) + [False]

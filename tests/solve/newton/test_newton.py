@@ -18,6 +18,7 @@ from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton import direction
+from clothsim.solve.newton.convergence import MOST_UNBALANCED
 from clothsim.solve.newton.direction import QuadraticModel
 from clothsim.solve.newton.newton import FARTHEST, PROBE_PERIOD
 from clothsim.solve.newton.outcome import Ending, outcome, position_text
@@ -316,6 +317,17 @@ def test_every_end_has_its_name_and_place(scene, ending, rows, numbers):
 def test_a_solve_that_ends_at_its_limit_took_as_many_iterations():
     assert iteration_limit().iterations == 2
     assert sunk().iterations == PROBE_PERIOD
+    assert unbalanced().iterations == MOST_UNBALANCED
+
+
+def test_iterations_of_prescribed_displacements_are_not_probed():
+    world = small_world()
+    newton = newton_of(world, {"membrane": membrane(world)}, tolerance=1e-300)
+    x, corner = deformed(world), np.array([0])
+    target = Prescribed(corner, x[corner] + np.array([0.0, 0.0, 0.5]))
+    result = replace(newton, sinks=lambda x: True).minimise(x, target)
+    assert result.outcome.ending is Ending.SUNK
+    assert result.iterations > PROBE_PERIOD
 
 
 def test_no_end_was_forgotten():

@@ -193,3 +193,12 @@ def test_a_slow_cloth_far_from_equilibrium_is_not_displaced():
     assert reports[-1].fastest < integrator.rest_speed
     assert reports[-1].state.rest is Rest.DISTANT
     assert not any(report.switches for report in reports)
+
+
+def test_the_normal_of_a_plane_far_from_the_origin():
+    turn = random_rotation(4)
+    points = np.column_stack([np.random.default_rng(5).uniform(size=(6, 2)), np.full(6, 7.0)])
+    assert np.abs(np.abs(time_loop._normal(points @ turn.T)) - np.abs(turn[:, 2])).max() < 1e-12
+    points[3, 2] += 1e-3
+    assert time_loop._normal(points @ turn.T) is None
+    assert time_loop._normal(np.linspace(points[0], points[1], 5)) is None

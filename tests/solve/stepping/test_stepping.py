@@ -13,9 +13,11 @@ from solving import integrator_of, run_of
 from clothsim import Scene, simulate
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Prescribed
+from clothsim.solve.newton import newton
 from clothsim.solve.newton.outcome import Ending
+from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.state import first_state
-from clothsim.solve.stepping.stepping import GROWTH, MAX_HALVINGS, _blocked, _shorter, advance
+from clothsim.solve.stepping.stepping import GROWTH, MAX_HALVINGS, MOST_SUNK, _added, _blocked, _shorter, advance
 from clothsim.solve.stepping.time_loop import steps
 
 
@@ -82,6 +84,29 @@ def test_frames_land_on_their_times(dt, duration, fps):
     assert [report.state.step for report in reports] == list(range(1, len(reports) + 1))
     assert max(report.dt for report in reports) <= dt * (1 + 1e-9)
     assert min(report.dt for report in reports) > 0.3 * min(dt, 1 / fps, duration)
+
+
+def test_a_step_that_sinks_is_repeated_and_the_last_solve_is_not_probed(monkeypatch):
+    integrator = falling()
+    start = first_state(integrator.world, 0.1)
+    alone = advance(integrator, start, until=1.0)
+    begun, begin = [], Potential.begin
+    monkeypatch.setattr(Potential, "begin", lambda self, step: (begun.append(step), begin(self, step))[1])
+    monkeypatch.setattr(Potential, "stiffnesses_needed", lambda self, start, x: {"toy": float(len(begun))})
+    monkeypatch.setattr(newton, "PROBE_PERIOD", 1)
+    report = advance(integrator, start, until=1.0)
+    assert report.converged
+    assert report.failures == alone.failures == ()
+    assert [step.least_stiffness.get("toy") for step in begun] == [None, *map(float, range(1, MOST_SUNK + 1))]
+    assert report.result.iterations == alone.result.iterations + MOST_SUNK
+    assert np.array_equal(report.state.positions, alone.state.positions)
+
+
+def test_a_repeated_solve_counts_the_iterations_before_it():
+    result = advance(falling(), first_state(small_world(), 0.1), until=1.0).result
+    before = replace(result, iterations=50, elimination_iterations=70)
+    both = _added(before, replace(result, iterations=3, elimination_iterations=4))
+    assert (both.iterations, both.elimination_iterations) == (53, 74)
 
 
 def test_frames_land_on_their_times_after_failures_too():
