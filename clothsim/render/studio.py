@@ -1,10 +1,12 @@
 """Path-traced pictures of a photographer's studio: soft lights, a backdrop, woven cloth with rims, hems and stitches.
 
-Needs Mitsuba 3 (Jakob et al. 2022), `pip install 'clothsim[look]'`. Its scalar variant is taken: the vectorised ones
-need a library of LLVM, and some of those end the process. The noise of the few paths of a pixel is removed by Open
-Image Denoise (Afra 2019), a network that also sees the colour and the normal of what a pixel shows.
+Needs Mitsuba 3 (Jakob et al. 2022), `pip install 'clothsim[look]'`. Its scalar variant is taken: the vectorised one,
+about twice as fast, needs a library of LLVM, and some of those end the process; it is taken where DRJIT_LIBLLVM_PATH
+names the library. The noise of the few paths of a pixel is removed by Open Image Denoise (Afra 2019), a network that
+also sees the colour and the normal of what a pixel shows.
 """
 
+import os
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
@@ -15,6 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.linalg import unit
+from clothsim.base.srgb import linear_rgb, srgb
 from clothsim.base.triangles import area_vectors
 from clothsim.render.camera import Viewpoint
 from clothsim.render.colour_scale import Scale
@@ -24,7 +27,7 @@ PALETTE = np.array(
     [[0.055, 0.125, 0.245], [0.55, 0.24, 0.075], [0.115, 0.20, 0.125], [0.40, 0.055, 0.075], [0.62, 0.55, 0.43]]
 )
 """Linear RGB of cloths without a field or dyes: indigo, ochre, bottle green, madder, ecru."""
-BACKDROP = np.array([0.46, 0.45, 0.44])
+BACKDROP = np.array([0.76, 0.755, 0.745])
 RIBS, TEXELS, RIB_PIXELS = 48, 768, 2.4
 """Ribs and texels of a tile of the weave, and the least width of a rib in a picture [pixels]."""
 RIB, RELIEF = 1.6e-3, 0.25
@@ -72,7 +75,7 @@ def render(
         Without Mitsuba.
     """
     mi = _mitsuba()
-    threads = np.stack([PALETTE, PALETTE], axis=1) if dyes is None else np.asarray(dyes) ** 2.2
+    threads = np.stack([PALETTE, PALETTE], axis=1) if dyes is None else linear_rgb(np.asarray(dyes))
     everything = np.concatenate([each.positions for each in surfaces])
     extent = float(np.ptp(everything, axis=0).max())
     pixel = 2.0 * camera.tangents[1] / size[1] * float((camera.position - everything.mean(axis=0)) @ camera.axes[2])
@@ -101,7 +104,7 @@ def render(
 
 
 def _mitsuba() -> Any:
-    """The module `mitsuba` in its scalar variant. InputError where it or its denoiser is not installed."""
+    """The module `mitsuba` in the variant to be used. InputError where it or its denoiser is not installed."""
     try:
         mitsuba, _ = import_module("mitsuba"), import_module("mitsuba_oidn")
     except ImportError as error:
@@ -109,7 +112,7 @@ def _mitsuba() -> Any:
             'The style "studio" needs Mitsuba and its denoiser.',
             "pip install 'clothsim[look]', or use the style \"fabric\".",
         ) from error
-    mitsuba.set_variant("scalar_rgb")
+    mitsuba.set_variant("llvm_ad_rgb" if os.environ.get("DRJIT_LIBLLVM_PATH") else "scalar_rgb")
     return mitsuba
 
 
@@ -157,7 +160,7 @@ def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, pixel: 
     normals = _facing(shell.corners, shell.normals, camera)
     values = vertex_values(surface)
     if scale is not None and len(values):
-        painted = (scale.colours(values)[shell.source] ** 2.2).reshape(-1, 3)
+        painted = linear_rgb(scale.colours(values)[shell.source]).reshape(-1, 3)
         made = [_mesh(mi, shell.corners, normals, _woven(mi, None, rib), shell.uv, painted)]
     else:
         made = [_mesh(mi, shell.corners, normals, _woven(mi, dyes, rib), shell.uv)]
@@ -177,7 +180,7 @@ _LACQUER = {
     "type": "twosided",
     "bsdf": {
         "type": "principled",
-        "base_color": {"type": "rgb", "value": [0.38, 0.355, 0.33]},
+        "base_color": {"type": "rgb", "value": [0.55, 0.525, 0.49]},
         "roughness": 0.42,
         "specular": 0.45,
     },
@@ -214,13 +217,18 @@ def _twill() -> tuple[Floats, Floats]:
     return height, np.clip(threads / threads.mean(), 0.3, 1.5)
 
 
+KEY, FILL, RIM, SKY = 1.12, 0.16, 0.30, 0.16
+"""Brightness of a white matt surface that faces the light and has no other: with all of them, the side of a cloth that
+the camera sees has about the colour of its dye."""
+
+
 def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: float) -> dict[str, Any]:
-    """Floor that curves into a wall behind the scene, a large soft light, a weak one against it, and a sky."""
-    right, _, back = camera.axes
-    upright = up / np.linalg.norm(up)
-    level = back - (back @ upright) * upright
-    level = right if np.linalg.norm(level) < 1e-3 else level / np.linalg.norm(level)
-    side = np.cross(upright, level)
+    """Floor that curves into a wall behind the scene, and lights that turn with the camera.
+
+    A large soft light over its left shoulder, a weak one from its right, one against it, and a sky.
+    """
+    side, upright = camera.axes[0], up / np.linalg.norm(up)
+    level = np.cross(side, upright)
     centre = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
     floor = centre - (centre @ upright - (everything @ upright).min() + 1e-4 * extent) * upright
     radius, depth = 1.2 * extent, 1.8 * extent
@@ -236,12 +244,13 @@ def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: f
         first = np.stack([near[:-1], away[:-1], near[1:]], axis=1)
         return np.concatenate([first, np.stack([away[:-1], away[1:], near[1:]], axis=1)])
 
-    def panel(towards: Floats, distance: float, half: float, radiance: list[float]) -> dict[str, Any]:
+    def panel(towards: Floats, distance: float, half: float, brightness: float, tint: list[float]) -> dict[str, Any]:
         origin = centre + distance * extent * unit(towards)
         turned = mi.ScalarTransform4f().look_at(
             origin=list(origin), target=list(centre), up=list(upright + 0.01 * side)
         )
-        emitter = {"type": "area", "radiance": {"type": "rgb", "value": radiance}}
+        radiance = brightness * np.pi * (distance / (2.0 * half)) ** 2 * np.array(tint)
+        emitter = {"type": "area", "radiance": {"type": "rgb", "value": list(radiance)}}
         return {
             "type": "rectangle",
             "to_world": turned @ mi.ScalarTransform4f().scale(half * extent),
@@ -250,10 +259,10 @@ def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: f
 
     return {
         "backdrop": _mesh(mi, strip(left, far), strip(facing, facing), _diffuse(BACKDROP)),
-        "key": panel(-1.05 * right + 0.75 * upright + 0.05 * level, 3.6, 0.76, [40.0, 38.7, 37.0]),
-        "fill": panel(1.0 * right + 0.35 * upright + 0.7 * level, 3.2, 1.0, [0.6, 0.65, 0.75]),
-        "rim": panel(0.75 * right + 0.9 * upright - 0.75 * level, 2.4, 0.5, [9.0, 9.0, 9.4]),
-        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 0.15}},
+        "key": panel(-0.80 * side + 0.75 * upright + 0.60 * level, 3.6, 0.76, KEY, [1.02, 1.0, 0.97]),
+        "fill": panel(1.0 * side + 0.35 * upright + 0.7 * level, 3.2, 1.0, FILL, [0.95, 1.0, 1.08]),
+        "rim": panel(0.75 * side + 0.9 * upright - 0.75 * level, 2.4, 0.5, RIM, [1.0, 1.0, 1.04]),
+        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": SKY}},
     }
 
 
@@ -275,14 +284,13 @@ def _sensor(mi: Any, camera: Viewpoint, size: tuple[int, int], extent: float) ->
     }
 
 
-SHOULDER = 0.45
+SHOULDER = 0.6
 """Linear light from which on it is compressed: white cloth that lies under the lamp still shows its folds."""
 
 
 def _developed(light: Any) -> Floats:
-    """SRGB in [0, 1] of linear light, its brightest part compressed."""
-    linear = np.maximum(light, 0.0)
-    linear = np.where(
-        linear < SHOULDER, linear, 1.0 - (1.0 - SHOULDER) * np.exp((SHOULDER - linear) / (1.0 - SHOULDER))
-    )
-    return np.clip(np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055), 0.0, 1.0)
+    """SRGB in [0, 1] of linear light, its brightest part compressed without a change of hue or saturation."""
+    linear = np.maximum(np.asarray(light, np.float64), 0.0)
+    most = linear.max(axis=-1, keepdims=True)
+    shown = 1.0 - (1.0 - SHOULDER) * np.exp(np.minimum(SHOULDER - most, 0.0) / (1.0 - SHOULDER))
+    return np.clip(srgb(linear * np.where(most > SHOULDER, shown / np.maximum(most, SHOULDER), 1.0)), 0.0, 1.0)

@@ -329,11 +329,21 @@ def cloth_shell(surface: Surface, pixel: float = 0.0) -> tuple[Shell, Floats]:
     return shell, np.concatenate(stitches)
 
 
+SPREADS = 60
+"""Times that the vectors of triangles are summed over their neighbours: the plane that a garment is seen in changes
+along one line at its sides then, and not from fold to fold."""
+
+
 def material_coordinates(surface: Surface) -> Floats:
-    """Coordinates of the undeformed cloth at each corner, (m, 3, 2) [m], in the plane that its triangle faces."""
-    material = surface.material if len(surface.material) else surface.positions
-    corners = material[surface.triangles]
-    facing = np.abs(area_vectors(corners)).argmax(axis=1)
+    """Coordinates of the undeformed cloth at each corner, (m, 3, 2) [m], in the plane that it faces thereabouts."""
+    material, triangles = surface.material if len(surface.material) else surface.positions, surface.triangles
+    corners = material[triangles]
+    rows = np.arange(triangles.size) // 3
+    at_vertex = csr_array((np.ones(triangles.size), (triangles.ravel(), rows)), shape=(len(material), len(triangles)))
+    facing = area_vectors(corners)
+    for _ in range(SPREADS):
+        facing = at_vertex.T @ unit(at_vertex @ facing)
+    facing = np.abs(facing).argmax(axis=1)
     axes = np.array([[1, 2], [0, 2], [0, 1]])[facing]
     return np.take_along_axis(corners, np.repeat(axes[:, None], 3, axis=1), axis=2)
 

@@ -22,6 +22,7 @@ from clothsim.base.record import (
 )
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
+from clothsim.mesh.generators.mannequin.dummy_hands import with_dummy_hands
 from clothsim.mesh.world import SurfaceRows, World, world_surfaces
 from clothsim.render.colour_scale import Quantity, per_vertex
 from clothsim.render.surface_look import Surface, crosses, evenly_spaced, spacing_of
@@ -49,6 +50,18 @@ def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     none = np.zeros((0, 2))
     return made + [
         Surface(name, points, triangles, "body", none) for name, points, triangles in trajectory.bodies(frame)
+    ]
+
+
+def studio_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
+    """The surfaces of a frame, the mannequin among them with the hands of a shop's dummy."""
+    made = frame_surfaces(trajectory, frame)
+    cloths = np.concatenate([np.zeros((0, 3)), *(each.positions for each in made if each.role == "cloth")])
+    return [
+        replace(each, positions=with_dummy_hands(each.positions, each.triangles, cloths))
+        if each.role == "body"
+        else each
+        for each in made
     ]
 
 
@@ -232,6 +245,11 @@ def draw_pictures(
     return trouble
 
 
+def _surfaces_of(settings: dict[str, Any]) -> Drawing:
+    """The usual surfaces of a frame in the style of a picture."""
+    return studio_surfaces if settings.get("style") == "studio" else frame_surfaces
+
+
 def draw_frame(
     trajectory: Trajectory, target: Path, frame: int = -1, surfaces_of: Drawing | None = None, **settings: Any
 ) -> str:
@@ -239,7 +257,7 @@ def draw_frame(
 
     surfaces_of: in place of the usual surfaces of a frame; settings: as of `render.picture.draw`.
     """
-    surfaces = (surfaces_of or frame_surfaces)(trajectory, frame)
+    surfaces = (surfaces_of or _surfaces_of(settings))(trajectory, frame)
     return render.draw(target, surfaces, title=_title(trajectory, frame), **settings)
 
 
@@ -247,7 +265,7 @@ def frame_picture(
     trajectory: Trajectory, frame: int = -1, surfaces_of: Drawing | None = None, **settings: Any
 ) -> np.ndarray:
     """The picture of one frame, (height, width, 3) uint8; arguments as of `draw_frame`."""
-    surfaces = (surfaces_of or frame_surfaces)(trajectory, frame)
+    surfaces = (surfaces_of or _surfaces_of(settings))(trajectory, frame)
     given = {"size": (1280, 960), "colour": "auto", "view": "auto", "renderer": "auto", **settings}
     return render.rendered(render.picture_setup([surfaces], title=_title(trajectory, frame), **given), surfaces)
 
@@ -263,7 +281,9 @@ def draw_movie(
     times = trajectory.times
     if "frames_per_second" not in settings and len(times) > 1:
         settings["frames_per_second"] = (len(times) - 1) / (times[-1] - times[0])
-    return render.write_movie(target, Frames(trajectory, surfaces_of or frame_surfaces), progress=progress, **settings)
+    return render.write_movie(
+        target, Frames(trajectory, surfaces_of or _surfaces_of(settings)), progress=progress, **settings
+    )
 
 
 def draw_failure(directory: Path, failure: dict[str, Any], world: World, target: Path, up: Any) -> str:

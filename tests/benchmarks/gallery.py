@@ -34,7 +34,7 @@ LOOKS = {
     "cards": "--size 480x480 --colour firebrick/linen",
     "crease": "--size 480x360 --colour linen",
     "funnel": "--size 480x360 --colour #3f5f8f/#eef0f4",
-    "hanging": "--colour #3f5f8f",
+    "hanging": "--colour #3f5f8f/#eef0f4",
     "hoody": "--colour #5b6f4a",
     "impact": "--size 480x360 --colour #9c4a36",
     "jacket": "--colour #6a3d2f",
@@ -89,7 +89,7 @@ EXAMPLES = (
         "flag",
         "A flag in gusts",
         "run flag --set cloth.cells=[105,70] --set run.duration=0.28",
-        "--colour #c8463a --view=0.5,-1,0.15",
+        "--colour #8f2a24 --view=0.5,-1,0.15",
     ),
     Example(
         "knit_denim",
@@ -109,7 +109,7 @@ EXAMPLES = (
         "run spin --set cloth.cells=[80,80] --set run.duration=0.8",
         "--colour teal/linen",
     ),
-    Example("balloon", "A foil balloon", "run balloon --set cloth.cells=48", "--colour #d4a017"),
+    Example("balloon", "A foil balloon", "run balloon --set cloth.cells=32", "--colour #d4a017"),
     Example(
         "pleats",
         "A pleated skirt that turns",

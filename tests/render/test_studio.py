@@ -1,11 +1,16 @@
 """Pictures with traced light: cloth with a thickness, and what is lit by what."""
 
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
 from render_scenes import ball, sheet
 
 from clothsim.base.errors import InputError
+from clothsim.base.srgb import linear_rgb
 from clothsim.render import studio, surface_look
 from clothsim.render import surface_look as shells
 from clothsim.render.camera import Viewpoint
@@ -123,12 +128,69 @@ def test_traced_cloth_has_its_colour_and_a_shadow():
     assert np.ptp(corner) < 0.08  # the backdrop is grey
 
 
+def seen_from(camera, facing):
+    """A cloth of half a metre whose normal is `facing`, as a camera in the direction `camera` sees it, sRGB (3,)."""
+    flat = square()
+    across = np.cross(facing, [0.0, 1.0, 0.0] if abs(facing[2]) > 0.9 else [0.0, 0.0, 1.0])
+    axes = np.stack([across, np.cross(facing, across), facing]) / np.linalg.norm(across)
+    card = replace(flat, positions=flat.positions @ axes, material=flat.positions)
+    settings = {"size": (64, 64), "up": "z", "view": camera, "title": "", "renderer": "auto"}
+    setup = picture_setup([[card]], colour=DYE, style="studio", samples=1, **settings)
+    return rendered_without_legend(setup, [card])[24:40, 24:40].mean(axis=(0, 1))
+
+
+DYE = "#8f2a24"
+
+
+@pytest.mark.parametrize(
+    ("camera", "facing"),
+    [((0.0, -1.0, 0.1), (0, -1, 0)), ((1.0, 0.0, 0.1), (1, 0, 0)), ((0.0, -1.0, 0.8), (0, 0, 1)), ("top", (0, 0, 1))],
+)
+def test_cloth_before_the_camera_has_the_colour_of_its_dye(camera, facing):
+    pytest.importorskip("mitsuba_oidn", reason="an extra: pip install 'clothsim[look]'")
+    assert 255 * seen_from(camera, facing) == pytest.approx(np.array([0x8F, 0x2A, 0x24]), abs=14)
+
+
+def test_bright_light_is_compressed_without_a_change_of_hue():
+    light = np.array([[0.3, 0.2, 0.1], [3.0, 0.3, 0.03], [0.9, 0.9, 0.9], [1.8, 1.8, 1.8]])
+    shown = linear_rgb(studio._developed(light))
+    assert shown[0] == pytest.approx(light[0])
+    assert shown[1] / shown[1, 0] == pytest.approx([1.0, 0.1, 0.01])
+    assert studio.SHOULDER < shown[2, 0] < shown[3, 0] < 1.0
+
+
+def test_the_faster_variant_is_taken_where_its_library_is_named(monkeypatch):
+    taken = []
+    for name in ("mitsuba", "mitsuba_oidn"):
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace(set_variant=taken.append))
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    studio._mitsuba()
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "libLLVM.so")
+    studio._mitsuba()
+    assert taken == ["scalar_rgb", "llvm_ad_rgb"]
+
+
 def test_traced_light_has_no_noise():
     pytest.importorskip("mitsuba_oidn", reason="an extra: pip install 'clothsim[look]'")
     settings = {"size": (96, 96), "up": "z", "view": (0.0, -1.0, 0.4), "title": "", "renderer": "auto"}
     setup = picture_setup([[square()]], colour="red", style="studio", samples=1, **settings)
     wall = rendered_without_legend(setup, [square()])[:16].mean(axis=2)
     assert np.abs(np.diff(wall, axis=1)).mean() < 0.004  # four paths of a pixel differ by ten times as much
+
+
+def test_the_plane_of_a_weave_does_not_change_from_fold_to_fold():
+    flat = square()
+    x = flat.positions.copy()
+    x[:, 2] = 0.012 * np.sin(150 * x[:, 0])  # slopes up to 60 degrees
+    folded = replace(flat, material=x)
+    assert np.array_equal(shells.material_coordinates(folded), x[flat.triangles][..., :2])
+    globe = trimesh.creation.icosphere(4, 0.3)
+    closed = Surface("globe", np.array(globe.vertices), np.array(globe.faces), "cloth", np.zeros((0, 2)))
+    corners = closed.positions[closed.triangles]
+    seen = shells.material_coordinates(closed)
+    for axis, others in ((0, [1, 2]), (1, [0, 2]), (2, [0, 1])):
+        end = corners.mean(axis=1)[:, axis].argmax()
+        assert np.array_equal(seen[end], corners[end][:, others])
 
 
 def test_fairing_rounds_folds_and_stays_near():

@@ -1,5 +1,7 @@
 """Pictures of fields."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -7,6 +9,9 @@ from small_scenes import RUN, small_scene
 
 from clothsim import InputError, simulate
 from clothsim.cli import main
+from clothsim.mesh.generators.mannequin.dummy_hands import with_dummy_hands
+from clothsim.mesh.generators.mannequin.generator import mannequin
+from clothsim.run import pictures
 from clothsim.run.fields import FIELDS
 from clothsim.run.pictures import field_settings
 
@@ -41,6 +46,26 @@ def test_the_values_of_triangles_are_those_of_the_field_at_the_corners(run):
 def test_the_values_of_vertices_are_the_field(run):
     cloth, _ = field_settings(run, "contact_pressure")["surfaces_of"](run.trajectory, 2)
     assert np.array_equal(cloth.values, run.field("contact_pressure", 2))
+
+
+def test_studio_draws_the_mannequin_with_the_hands_of_a_dummy(monkeypatch):
+    x, triangles = mannequin()
+    cloth = SimpleNamespace(name="c", role="cloth", triangles=[[0, 1, 2]], own_triangles=[[0, 1, 2]], rows=[0, 1, 2])
+    cloth.edges = ()
+    trajectory = SimpleNamespace(
+        surfaces=[cloth],
+        times=[0.0],
+        positions=lambda frame: np.zeros((3, 3)),
+        stretches=lambda frame: np.ones((1, 2)),
+        bodies=lambda frame: [("body", x, triangles)],
+    )
+    drawn = []
+    monkeypatch.setattr(pictures.render, "draw", lambda target, surfaces, **settings: drawn.append(surfaces))
+    for style in ("fields", "studio"):
+        pictures.draw_frame(trajectory, "a.png", style=style)
+    assert np.array_equal(drawn[0][1].positions, x)
+    assert np.array_equal(drawn[1][1].positions, with_dummy_hands(x, triangles, np.zeros((3, 3))))
+    assert not np.array_equal(drawn[1][1].positions, x)
 
 
 def test_directions_are_strokes_on_the_same_triangles_in_all_frames(run):

@@ -124,11 +124,6 @@ class Animation:
     alone: bool = False
 
 
-def linear_rgb(colours: Floats) -> Floats:
-    """Linear intensities of sRGB values in [0, 1] (IEC 61966-2-1)."""
-    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
-
-
 def flat_texture(part: AnimatedPart) -> tuple[Floats, Ints]:
     """Different texture coordinates (t, 2), and the row of each corner (m, 3)."""
     rows, corners = np.unique(part.texture.reshape(-1, 2), axis=0, return_inverse=True)

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
-from clothsim.files.exchange.animation import AnimatedPart, Animation, PartFrame, linear_rgb, split_vertices
+from clothsim.base.srgb import linear_rgb
+from clothsim.files.exchange.animation import AnimatedPart, Animation, PartFrame, split_vertices
 
 FLOAT, UNSIGNED_INT, UNSIGNED_BYTE = 5126, 5125, 5121
 VERTICES, INDICES = 34962, 34963

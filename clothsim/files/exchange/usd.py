@@ -12,6 +12,7 @@ import numpy as np
 
 from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.base.file_writing import replacing
+from clothsim.base.srgb import linear_rgb
 from clothsim.files.exchange.animation import (
     AnimatedPart,
     Animation,
@@ -19,7 +20,6 @@ from clothsim.files.exchange.animation import (
     different,
     flat_texture,
     identifier,
-    linear_rgb,
 )
 
 try:
