@@ -99,7 +99,8 @@ def _reason_of_end(session: "Session", state: "State") -> str:
         return f"{state.time:g} s were simulated."
     if state.at_rest:
         return f"The cloth is at rest after {state.time:g} s."
-    return f"{state.time:g} s were simulated, the limit, and the cloth is not at rest: {state.rest.value}."
+    reached = f"The limit of {state.time:g} s of simulated time was reached"
+    return f"{reached}, and the cloth is not at rest: {state.rest.value}."
 
 
 def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:

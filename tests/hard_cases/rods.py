@@ -78,6 +78,6 @@ def still_linked(run: Run) -> str:
 
 
 CASES = (
-    Case("B30a", "a cord's knot pulled together at 2 m/s an end", pulled, still_knotted, jitters=False),
-    Case("B30b", "two linked rings of cord thrown apart at 8 m/s each", thrown, still_linked, jitters=False),
+    Case("B30a", "knot in a cord, each end pulled at 2 m/s", pulled, still_knotted, jitters=False),
+    Case("B30b", "two linked rings of cord, each thrown outwards at 8 m/s", thrown, still_linked, jitters=False),
 )
