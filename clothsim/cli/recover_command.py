@@ -207,7 +207,7 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
     inputs = (arguments.pattern, arguments.on, arguments.views)
     engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
     pattern = engine.example_file(arguments.pattern, "_specification.json", "a pattern, as tunic")
-    body = engine.example_file(arguments.on, what="a body: a mesh file, or a scene with one, as shirt")
+    body = engine.example_file(arguments.on, what="a body: a mesh file, or a scene with one, such as shirt")
     tell = messages(arguments, f"{arguments.pattern} on {arguments.on}")
     folder, size = (
         arguments.output.with_name(f"{arguments.output.name}_{DRESSED}"),

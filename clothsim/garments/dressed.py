@@ -18,7 +18,7 @@ from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import read_pattern
-from clothsim.garments.dress.closing import stretch_range, worst_gap
+from clothsim.garments.dress.closing import stretch_range
 from clothsim.garments.dress.corrections import lifted
 from clothsim.garments.dress.fans import folded_fans
 from clothsim.garments.dress.grading import Grading, graded
@@ -27,7 +27,7 @@ from clothsim.garments.dress.measurements import measurement_entries
 from clothsim.garments.dress.pipeline import STAGES, DressState, DressTask
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
 from clothsim.garments.dress.rings import arms_between, lowered_to_crotch
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed, worst_gap
 from clothsim.garments.fit.moving_body import BODY, REST, START
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface, read_body_mesh, stands
 from clothsim.garments.penetration import Counts

@@ -4,7 +4,7 @@ A panel is triangulated by a hexagonal lattice inside its border, constrained De
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -253,6 +253,8 @@ class PatternMesh:
         Seams in the order of the stitches.
     fractions : mapping of Side to (k,) array
         Fractions of the arc length of each edge at which its vertices lie.
+    up : (3,) array
+        Unit vector upward: y of the file, or of the body that the panels are placed on.
     """
 
     pattern: Pattern
@@ -265,6 +267,7 @@ class PatternMesh:
     edges: Mapping[Side, Ints]
     seams: tuple[MeshedSeam, ...]
     fractions: Mapping[Side, Floats]
+    up: Floats = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
 
     def labelled(self) -> dict[str, tuple[Side, ...]]:
         """Edges of each label."""

@@ -168,7 +168,7 @@ class Timers:
         """Add the seconds of calls to their effects, and count each under its counter where that has a name."""
         with self._lock:
             for name, counter, seconds in calls:
-                counters = self.account(name)
+                counters = self.effects.get(name) or self.account(name)
                 counters.seconds += seconds
                 if counter:
                     setattr(counters, counter, getattr(counters, counter) + 1)

@@ -18,7 +18,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import build
 from clothsim.garments.dress.limbs import Wearer, limbs_between
 from clothsim.garments.dress.placement import is_of_arm
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth, worst_gap
 from clothsim.garments.dress.welding import mean_edge, welded_where_closed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
@@ -175,18 +175,27 @@ def _ends_to_sew_later(
 
     They come round with that piece. Such are the seams of which most springs run through the body, as do those of all
     seams round the body of both their panels: nothing else draws these round it. And those with a spring through the
-    body of two panels that are sewn round it to one another alone, as a wide flounce of one leg that reaches past the
-    other leg: closed first, it goes round both.
+    body of two panels that hang from a piece above and are sewn round the body to one another alone, as a wide flounce
+    of one leg that reaches past the other leg: closed first, it goes round both. A bodice is closed before what hangs
+    from it pulls its open sides apart.
     """
     joining = [seam for seam in within if order_of(seam, state) == WITHIN]
     crossing = [crosses_body(state.positions[state.pairs(seam)], surface) for seam in joining]
     panels = [_panels_of(seam) for seam in joining]
     passing = set().union(*(pair for pair, hits in zip(panels, crossing, strict=True) if hits.mean() <= MOST))
-    hung = {side.panel for seam in below for side in seam.stitch.sides}
+    joined = {side.panel for seam in below for side in seam.stitch.sides}
+    heights = {
+        name: float((state.mesh.positions[rows] @ state.mesh.up).mean()) for name, rows in state.mesh.vertices.items()
+    }
+    hung = {min(_panels_of(seam), key=heights.__getitem__) for seam in below}
     return tuple(
         seam
         for seam, pair, hits in zip(joining, panels, crossing, strict=True)
-        if pair <= hung and hits.any() and (not pair & passing or all(pair == each for each in panels if pair & each))
+        if hits.any()
+        and (
+            (pair <= joined and not pair & passing)
+            or (pair <= hung and all(pair == each for each in panels if pair & each))
+        )
     )
 
 
@@ -237,13 +246,37 @@ def order_of(seam: MeshedSeam, state: SewingState) -> int:
         return ONTO
     if is_of_arm(first) != is_of_arm(second):
         return ONTO
+    if is_of_arm(first):
+        return WITHIN
     across, up, ahead = np.abs(_panel_middle(second) - _panel_middle(first))
-    return BELOW if up > max(across, ahead) and not is_of_arm(first) else WITHIN
+    return BELOW if up > max(across, ahead) or _joins_below(seam, state.mesh) else WITHIN
 
 
 def _panel_middle(panel: Panel) -> Floats:
     """Middle of the corners of a panel where the pattern places it, y upward, (3,) [m]."""
     return np.asarray(panel.placed(panel.vertices).mean(axis=0), np.float64)
+
+
+EDGE = 0.2
+"""Least height of the middle of an edge above or below that of its panel, as a fraction of the panel's height, of an
+upper or a lower edge: 0.5 where both are straight, 0 of a side."""
+
+
+def _joins_below(seam: MeshedSeam, mesh: PatternMesh) -> bool:
+    """True where the lower edge of one panel is sewn to the upper edge of another, as placed.
+
+    The middle of one need not lie below that of the other: the quarter of a bodice is farther from the middle of its
+    waistband across the body than upward, and the corners of half a circle skirt are level with its waist.
+    """
+    first, second = (_share_of_height(mesh.edges[side], side.panel, mesh) for side in seam.stitch.sides)
+    return first * second < 0 and min(abs(first), abs(second)) > EDGE
+
+
+def _share_of_height(rows: Ints, panel: str, mesh: PatternMesh) -> float:
+    """Height of the middle of vertices above that of their panel, as a fraction of the panel's height."""
+    heights = mesh.positions[mesh.vertices[panel]] @ mesh.up
+    above = float((mesh.positions[rows] @ mesh.up).mean() - heights.mean())
+    return above / max(float(np.ptp(heights)), np.finfo(float).tiny)
 
 
 def is_on_top(panel: Panel) -> bool:
@@ -359,12 +392,6 @@ def _between_sides(state: SewingState, wearer: Wearer, limit: float) -> tuple[st
 def _open_seams(state: SewingState) -> list[MeshedSeam]:
     """Seams with a pair that is not welded."""
     return [state.mesh.seams[k] for k in state.open_seams]
-
-
-def worst_gap(state: SewingState) -> tuple[float, str]:
-    """Largest gap of all open seams [m], and the name of its seam."""
-    gaps = [(float(state.gaps(seam).max(initial=0.0)), seam.name) for seam in state.mesh.seams]
-    return max(gaps, default=(0.0, "none"))
 
 
 def contact_gap(scene: Scene) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from clothsim import Body, Run
 from clothsim.base.errors import InputError
 from clothsim.base.text import length_text
-from clothsim.garments.dress.closing import close, worst_gap
+from clothsim.garments.dress.closing import close
 from clothsim.garments.dress.corrections import (
     approached,
     lifted,
@@ -29,7 +29,7 @@ from clothsim.garments.dress.corrections import (
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.rings import centred
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth, worst_gap
 from clothsim.garments.dress.welding import mean_edge, welded_and_untangled, welded_where_closed
 from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh

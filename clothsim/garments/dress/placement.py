@@ -88,7 +88,7 @@ def placed_on(mesh: PatternMesh, body: BodyMesh, origin: str = "auto") -> tuple[
         facing = ", ".join(f"{value:.2f}" for value in front)
         notes.append(f"the body faces ({facing}) by its feet: the pattern is turned to it")
     positions = positions + shift
-    return replace(mesh, positions=positions), tuple(notes)
+    return replace(mesh, positions=positions, up=body.up), tuple(notes)
 
 
 def chosen_origin(heights: Floats, origin: str) -> str:

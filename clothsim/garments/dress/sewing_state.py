@@ -96,6 +96,12 @@ def as_placed(mesh: PatternMesh) -> SewingState:
     return SewingState(mesh, np.arange(len(mesh.positions)), mesh.positions)
 
 
+def worst_gap(state: SewingState) -> tuple[float, str]:
+    """Largest gap of all open seams [m], and the name of its seam."""
+    gaps = [(float(state.gaps(seam).max(initial=0.0)), seam.name) for seam in state.mesh.seams]
+    return max(gaps, default=(0.0, "none"))
+
+
 def count_crossing_body(ends: Floats, surface: BodySurface) -> int:
     """Number of the segments (k, 2, 3) that meet the body."""
     return int(crosses_body(ends, surface).sum())

@@ -4,7 +4,7 @@ import numpy as np
 
 from clothsim.base.arrays import Ints
 from clothsim.engine import intersecting_pairs, untangle
-from clothsim.garments.dress.sewing_state import SewingState
+from clothsim.garments.dress.sewing_state import SewingState, worst_gap
 from clothsim.garments.penetration import count_penetrations
 from transfer.signed_distance import BodySurface
 
@@ -69,6 +69,7 @@ def welded_and_untangled(state: SewingState, surface: BodySurface) -> SewingStat
 
     Between the sides of such a seam other cloth lies, folded between two godets or at a corner of several panels: it is
     moved out by the motion that shrinks the contours of intersection (`untangle`). First all of them, then each alone.
+    What opens another seam beyond what may be welded is not taken.
     """
     farthest = FARTHEST * mean_edge(state)
     near = [k for k in state.open_seams if state.gaps(state.mesh.seams[k]).max(initial=0.0) <= farthest]
@@ -84,5 +85,6 @@ def welded_and_untangled(state: SewingState, surface: BodySurface) -> SewingStat
                 rounds=ROUNDS,
             )
             tried = joined.moved_to(freed.positions)
-            state = tried if _is_clean(tried, surface) else state
+            stay_closed = worst_gap(tried)[0] <= max(farthest, worst_gap(state)[0])
+            state = tried if stay_closed and _is_clean(tried, surface) else state
     return state

@@ -69,23 +69,12 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
 
     and cd = 0. Each block is three rows.
     """
-    e, r, s = minus(b, a), minus(c, a), minus(d, a)
-    valid = _area(e, r, cross(e, r)) & _area(e, s, cross(s, e))
+    valid, ee, t, (n1, a1, b1, c1), (n2, a2, b2, d2) = _frames(a, b, c, d)
     first, second = first if valid else 0.0, second if valid else 0.0
-    # any regular hinge stands in for an invalid one: its blocks are multiplied by 0
-    e, r, s = _select(valid, e, 1.0, 0.0), _select(valid, r, 0.0, 1.0), _select(valid, s, 0.0, -1.0)
-    n1, n2 = cross(e, r), cross(s, e)
-    ee = dot(e, e)
-    length, size1, size2 = np.sqrt(ee), np.sqrt(dot(n1, n1)), np.sqrt(dot(n2, n2))
-    t, n1, n2 = times(1 / length, e), times(1 / size1, n1), times(1 / size2, n2)
-    m1, m2, along = cross(n1, t), cross(t, n2), times(1 / length, t)
-    c1, d2 = length / size1, length / size2
-    b1, b2 = -dot(r, e) / ee * c1, -dot(s, e) / ee * d2
-    a1, a2 = -b1 - c1, -b2 - d2
+    m1, m2, along = cross(n1, t), cross(t, n2), times(1 / np.sqrt(ee), t)
     y_a1, y_b1, y_c1 = minus(times(a1, m1), along), plus(times(b1, m1), along), times(c1, m1)
     y_a2, y_b2, y_d2 = minus(times(a2, m2), along), plus(times(b2, m2), along), times(d2, m2)
-    g_a, g_b = minus(times(-a1, n1), times(a2, n2)), minus(times(-b1, n1), times(b2, n2))
-    g_c, g_d = times(-c1, n1), times(-d2, n2)
+    g_a, g_b, g_c, g_d = _gradients(n1, a1, b1, c1, n2, a2, b2, d2)
     turn = _add_outer(0.5 * first / ee, m1, n1, _outer(0.5 * first / ee, n1, m1))
     turn = _add_outer(0.5 * first / ee, m2, n2, _add_outer(0.5 * first / ee, n2, m2, turn))
     n1, n2 = times(first, n1), times(first, n2)
@@ -104,6 +93,51 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
         _outer(second, g_c, g_d),
         _bent(d2, y_d2, d2, y_d2, n2, _outer(second, g_d, g_d)),
     )
+
+
+@inlined
+def hinge_squares(a: Point, b: Point, c: Point, d: Point, factor: float) -> tuple[Rows, ...]:
+    """factor g g': `hinge_blocks` without the second derivative, a sixth of its operations."""
+    valid, _, _, (n1, a1, b1, c1), (n2, a2, b2, d2) = _frames(a, b, c, d)
+    factor = factor if valid else 0.0
+    g_a, g_b, g_c, g_d = _gradients(n1, a1, b1, c1, n2, a2, b2, d2)
+    return (
+        _outer(factor, g_a, g_a),
+        _outer(factor, g_a, g_b),
+        _outer(factor, g_a, g_c),
+        _outer(factor, g_a, g_d),
+        _outer(factor, g_b, g_b),
+        _outer(factor, g_b, g_c),
+        _outer(factor, g_b, g_d),
+        _outer(factor, g_c, g_c),
+        _outer(factor, g_c, g_d),
+        _outer(factor, g_d, g_d),
+    )
+
+
+@inlined
+def _frames(a, b, c, d):
+    """Whether the hinge has an angle, |e|^2, t; and n, f_a, f_b, f_c or f_d of each triangle.
+
+    Any regular hinge stands in for an invalid one: its blocks are multiplied by 0.
+    """
+    e, r, s = minus(b, a), minus(c, a), minus(d, a)
+    valid = _area(e, r, cross(e, r)) & _area(e, s, cross(s, e))
+    e, r, s = _select(valid, e, 1.0, 0.0), _select(valid, r, 0.0, 1.0), _select(valid, s, 0.0, -1.0)
+    n1, n2 = cross(e, r), cross(s, e)
+    ee = dot(e, e)
+    length, size1, size2 = np.sqrt(ee), np.sqrt(dot(n1, n1)), np.sqrt(dot(n2, n2))
+    t, n1, n2 = times(1 / length, e), times(1 / size1, n1), times(1 / size2, n2)
+    c1, d2 = length / size1, length / size2
+    b1, b2 = -dot(r, e) / ee * c1, -dot(s, e) / ee * d2
+    return valid, ee, t, (n1, -b1 - c1, b1, c1), (n2, -b2 - d2, b2, d2)
+
+
+@part
+def _gradients(n1: Point, a1: float, b1: float, c1: float, n2: Point, a2: float, b2: float, d2: float) -> Points:
+    """g_a, g_b, g_c, g_d from the frames."""
+    g_a, g_b = minus(times(-a1, n1), times(a2, n2)), minus(times(-b1, n1), times(b2, n2))
+    return g_a, g_b, times(-c1, n1), times(-d2, n2)
 
 
 @part

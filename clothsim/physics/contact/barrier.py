@@ -135,7 +135,9 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         if not len(active.records):
             return np.zeros_like(x)
         pairs = active.pairs
-        return self.stiffness * kernels.gradient(active.records, x, pairs.elements, pairs.thresholds)
+        gradient: Floats = kernels.gradient(active.records, x, pairs.elements, pairs.thresholds)
+        gradient *= self.stiffness
+        return gradient
 
     def hessian(self, x: Floats, project: bool = True) -> ByElement:
         """Hessian over the active pairs (p, 4) [N/m]; projected pair by pair, or exact."""

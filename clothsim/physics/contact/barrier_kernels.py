@@ -289,9 +289,11 @@ def _relative_block(blocks, at, factors, records, points, e, is_edges, threshold
     (has_first, t, c), (has_second, u, d) = tangent_directions(points, is_edges, g)
     tangent_scale = -2.0 * m * slope
     _fill_distance_vectors(factors, relative(g), r, t, relative(c), u, relative(d))
-    _fill_mollifier_vectors(factors, cross_squared_gradient(*edges(points)), dm, 2.0 * slope * dm, b * d2m)
     first, second = tangent_scale * has_first, tangent_scale * has_second
-    _sum_outer_products(blocks, at, factors, 4.0 * m * curvature, first, second, 2.0 * slope * dm)
+    _sum_outer_products(blocks, at, factors, 4.0 * m * curvature, first, second)
+    if dm > 0.0:
+        _fill_mollifier_vectors(factors, cross_squared_gradient(*edges(points)), 2.0 * slope * dm, b * d2m)
+        _add_mollifier_products(blocks, at, factors, 2.0 * slope * dm)
     _add_isotropic(blocks, at, relative(g), -tangent_scale)
     if dm > 0.0:
         _add_cross_squared_hessian(blocks, at, *edges(points), 4.0 * b * dm)
@@ -308,10 +310,10 @@ def _fill_distance_vectors(factors, g, r, t, c, u, d):
 
 
 @part
-def _fill_mollifier_vectors(factors, gradient, dm, distance_scale, cross_scale):
-    """dc, 0 without a mollifier. The edges are sqrt 2 times the first two coordinates."""
+def _fill_mollifier_vectors(factors, gradient, distance_scale, cross_scale):
+    """dc, and what it is multiplied by. The edges are sqrt 2 times the first two coordinates."""
     du, dv = gradient
-    root = np.sqrt(2.0) if dm > 0.0 else 0.0
+    root = np.sqrt(2.0)
     for p in range(3):
         factors[3, p], factors[3, 3 + p], factors[3, 6 + p] = root * du[p], root * dv[p], 0.0
     for i in range(9):
@@ -319,15 +321,22 @@ def _fill_mollifier_vectors(factors, gradient, dm, distance_scale, cross_scale):
 
 
 @part
-def _sum_outer_products(blocks, at, factors, normal_scale, first_scale, second_scale, distance_scale):
-    """Sum of the outer products of the vectors, without the isotropic part."""
+def _sum_outer_products(blocks, at, factors, normal_scale, first_scale, second_scale):
+    """Sum of the outer products of the vectors of the distance, without the isotropic part."""
     for i in range(9):
         normal = normal_scale * factors[0, i]
         tangent1, tangent2 = first_scale * factors[1, i], second_scale * factors[2, i]
+        for j in range(9):
+            blocks[at, i, j] = normal * factors[0, j] + tangent1 * factors[1, j] + tangent2 * factors[2, j]
+
+
+@part
+def _add_mollifier_products(blocks, at, factors, distance_scale):
+    """Add the outer products with dc."""
+    for i in range(9):
         cross, distance = factors[3, i], distance_scale * factors[0, i]
         for j in range(9):
-            of_distance = normal * factors[0, j] + tangent1 * factors[1, j] + tangent2 * factors[2, j]
-            blocks[at, i, j] = of_distance + cross * factors[4, j] + distance * factors[3, j]
+            blocks[at, i, j] = blocks[at, i, j] + cross * factors[4, j] + distance * factors[3, j]
 
 
 @part

@@ -56,7 +56,7 @@ class CandidateSubset:
         """Collision-free fraction of dx, which displaces the moving vertices alone, at most `most`."""
         if not (self._covers(x) and self._covers(x + dx)):
             return self.whole.step_limit(x, dx, most)
-        return self.whole.collision_free_fraction(self.pairs, x, dx, most)
+        return self.whole.collision_free_fraction(self.pairs.elements, self.pairs.n_points, x, dx, most)
 
     def _covers(self, x: Floats) -> bool:
         """True where all moving rows are within `radius` of the start."""

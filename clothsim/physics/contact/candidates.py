@@ -1,12 +1,13 @@
 """Contact candidates: a Verlet list of pairs with a skin, extended to linear paths.
 
-The list belongs to reference positions of all vertices and, since the last search, to a linear path of some of them: it
-holds every pair that is closer than activation_distance + 4 skin on it. For positions no further than m from the
-reference, or from the point of the path at one common fraction, it therefore holds every pair closer than
-activation_distance + 4 skin - 2 m. Beyond that the list is updated: where most vertices have left the skin, all pairs
-are searched; where few have (a growing buckle), only the pairs incident to them. Those are removed from the list, the
-new path of the vertices is searched against the reference positions of all others, and the pairs found are merged. So
-the reference is not a configuration that ever occurred, only one for which the list is complete.
+The list belongs to reference positions of all vertices and, since the last search, to a linear path of some of them
+that ends there, where the next positions are expected: it holds every pair that is closer than activation_distance +
+4 skin on it. For positions no further than m from the reference, or from the point of the path at one common fraction,
+it therefore holds every pair closer than activation_distance + 4 skin - 2 m. Beyond that the list is updated: where
+most vertices have left the skin, all pairs are searched; where few have (a growing buckle), only the pairs incident to
+them. Those are removed from the list, the new path of the vertices is searched against the reference positions of all
+others, and the pairs found are merged. So the reference is not a configuration that ever occurred, only one for which
+the list is complete.
 """
 
 from dataclasses import dataclass
@@ -184,12 +185,14 @@ class Candidates:
         """Collision-free fraction over the listed pairs."""
         if not len(self._pairs):
             return most
-        return self.collision_free_fraction(self._pairs.subset(self._may_reach_floor(displacement)), x, dx, most)
+        indices = self._may_reach_floor(displacement)
+        n_points = int(np.searchsorted(indices, self._pairs.n_points))
+        return self.collision_free_fraction(self._pairs.elements.take(indices, axis=0), n_points, x, dx, most)
 
-    def collision_free_fraction(self, pairs: Pairs, x: Floats, dx: Floats, most: float = 1.0) -> float:
-        """Fraction of dx, at most `most`, on which none of these pairs collides."""
+    def collision_free_fraction(self, elements: Ints, n_points: int, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """Fraction of dx, at most `most`, on which no pair collides; the first n_points are point-triangle pairs."""
         start = thread_time()
-        points, edges = pairs.elements[: pairs.n_points], pairs.elements[pairs.n_points :]
+        points, edges = elements[:n_points], elements[n_points:]
         ccd_settings = self.offset, SLACK, self.d_hat
         fraction = point_triangle_limit(x, dx, points, *ccd_settings, most)
         fraction = edge_edge_limit(x, dx, edges, *ccd_settings, fraction)
@@ -245,7 +248,7 @@ class Candidates:
         moved = self._move_reference(before)
         outside = self._outside_skin(before, after)
         if outside is None:
-            self._path = before.copy(), after.copy()
+            self._path = after.copy(), before.copy()
             self._pairs, self._distances = self.search.pairs(*self._path, distance)
             self.searched_vertices += len(self.surface.rows)
             return
@@ -254,8 +257,8 @@ class Candidates:
         indices, distances = retained_pairs(
             self._path[0], self._pairs.elements, self._pairs.n_points, self._distances, moved, outside, distance
         )
-        start = np.where(outside[:, None], before, self._path[0])
-        self._path = start, np.where(outside[:, None], after, start)
+        start = np.where(outside[:, None], after, self._path[0])
+        self._path = start, np.where(outside[:, None], before, start)
         found, found_distances = self.search.pairs(*self._path, distance, outside)
         self._pairs, self._distances = merged(self._pairs, indices, distances, found, found_distances)
 

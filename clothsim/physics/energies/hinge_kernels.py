@@ -8,7 +8,12 @@ import numpy as np
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import LANES, inlined, kernel, natural
 from clothsim.base.vectors import four_points
-from clothsim.geometry.kinematics.hinge_angle import hinge_angle_gradient, hinge_blocks, hinge_direction
+from clothsim.geometry.kinematics.hinge_angle import (
+    hinge_angle_gradient,
+    hinge_blocks,
+    hinge_direction,
+    hinge_squares,
+)
 from clothsim.physics.energies.block_sums import add_lanes
 from clothsim.physics.energies.hessians import LanesHessian, point, write
 
@@ -75,21 +80,34 @@ def add_hinges(data: Floats, at: Ints, vertices: Ints, moments: Floats, stiffnes
 def _fill_group(out, begin, points, factors, vertices, moments, stiffnesses, x):
     """Fill a group of lanes; points (12 LANES,) and factors (2 LANES,) are overwritten."""
     _gather(points, vertices, x, begin)
+    without_moments = True
     for lane in range(min(LANES, len(vertices) - begin)):
         factors[lane], factors[LANES + lane] = moments[begin + lane], stiffnesses[begin + lane]
-    for lane in range(LANES):
-        a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
-        aa, ab, ac, ad, bb, bc, bd, cc, cd, dd = hinge_blocks(a, b, c, d, factors[lane], factors[LANES + lane])
-        write(out, 0, lane, aa)
-        write(out, 1, lane, ab)
-        write(out, 2, lane, ac)
-        write(out, 3, lane, ad)
-        write(out, 4, lane, bb)
-        write(out, 5, lane, bc)
-        write(out, 6, lane, bd)
-        write(out, 7, lane, cc)
-        write(out, 8, lane, cd)
-        write(out, 9, lane, dd)
+        without_moments &= factors[lane] == 0.0
+    if without_moments:
+        for lane in range(LANES):
+            a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
+            _write_blocks(out, lane, hinge_squares(a, b, c, d, factors[LANES + lane]))
+    else:
+        for lane in range(LANES):
+            a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
+            _write_blocks(out, lane, hinge_blocks(a, b, c, d, factors[lane], factors[LANES + lane]))
+
+
+@inlined
+def _write_blocks(out, lane, blocks):
+    """Write the ten blocks of a hinge."""
+    aa, ab, ac, ad, bb, bc, bd, cc, cd, dd = blocks
+    write(out, 0, lane, aa)
+    write(out, 1, lane, ab)
+    write(out, 2, lane, ac)
+    write(out, 3, lane, ad)
+    write(out, 4, lane, bb)
+    write(out, 5, lane, bc)
+    write(out, 6, lane, bd)
+    write(out, 7, lane, cc)
+    write(out, 8, lane, cd)
+    write(out, 9, lane, dd)
 
 
 @inlined

@@ -69,7 +69,7 @@ def profile(row: Measured) -> str:
     )
     step = f"{row['simulated'] / row['steps']:g} s"
     foot = f"A step of {step} takes {row['iterations']:.0f} Newton iterations of the whole cloth.{regional}{solve_note}"
-    header = ("part", "is", "CPU s", "ms / iteration, with patches", "fraction")
+    header = ("part", "kind", "CPU s", "ms / iteration, with patches", "fraction")
     return f"{markdown_table(header, lines)}\n\n{foot}"
 
 

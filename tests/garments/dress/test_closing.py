@@ -8,9 +8,9 @@ from sewing_patterns import panel, specification, stitch
 from clothsim import Scene
 from clothsim.engine import build
 from clothsim.garments.dress import closing as closing_rounds
-from clothsim.garments.dress.closing import FURTHER, NEAR, WIDE, SewingPhase, close, contact_gap, insets, worst_gap
+from clothsim.garments.dress.closing import FURTHER, NEAR, WIDE, SewingPhase, close, contact_gap, insets
 from clothsim.garments.dress.limbs import Wearer
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed, worst_gap
 from clothsim.garments.dress.welding import mean_edge
 from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.shapes import slab

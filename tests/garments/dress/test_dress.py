@@ -11,11 +11,11 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments import pictures
-from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases, worst_gap
+from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases
 from clothsim.garments.dress.corrections import _best_lift, approached, crossing_panels, lifted, separated
 from clothsim.garments.dress.pipeline import end_of_drape
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
-from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
+from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body, worst_gap
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import count_penetrations
 from clothsim.garments.pictures import frames_of, seam_strokes
@@ -279,6 +279,21 @@ def test_order_of_seams(body):
     assert order_of(state.mesh.seams[0], state) == DART
 
 
+@pytest.mark.parametrize("upward", [1, 2], ids=["y up", "z up"])
+def test_what_a_lower_edge_is_sewn_to_hangs_below_wherever_the_middles_lie(body, upward):
+    """The quarter of a bodice, its middle 20 cm aside of that of its waistband and 17 cm above; a side of both."""
+    panels = {
+        "quarter": panel([[0, 0], [40, 0], [40, 20], [0, 20]], translation=[0, 94, 20]),
+        "band": panel([[-40, 0], [40, 0], [40, 5], [-40, 5]], translation=[0, 84, 20]),
+    }
+    onto = [stitch(("quarter", 0), ("band", 2)), stitch(("quarter", 1), ("band", 1))]
+    mesh = mesh_pattern(pattern_of(specification(panels, onto)), SPACING)
+    if upward == 2:
+        body = BodyMesh("z up", body.positions[:, [0, 2, 1]] * [1, -1, 1], body.triangles, 1.0, ())
+    state = as_placed(placed_on(mesh, body)[0])
+    assert [order_of(seam, state) for seam in state.mesh.seams] == [BELOW, WITHIN]
+
+
 def test_panels_approach_the_body(body):
     surface = body_surface(body.positions, body.triangles)
     state = as_placed(placed_on(mesh_pattern(pattern_of(skirt(60)), SPACING), body)[0])
@@ -347,12 +362,15 @@ def test_a_flounce_whose_ends_lie_before_the_legs_is_sewn_to_its_skirt_first(bod
         assert all(side.panel.startswith("flounce") for seam in phases[-1].closing for side in seam.stitch.sides)
 
 
-@pytest.mark.parametrize(("inner", "later"), [(-20, 1), (0, 0)])
-def test_a_flounce_of_one_leg_that_reaches_past_the_other_is_sewn_to_its_leg_first(body, inner, later):
-    """A trouser leg and its flounce, whose inner edge is at x = `inner`: the other leg is at -20 cm."""
+@pytest.mark.parametrize(("above", "inner", "later"), [(2, -20, 1), (2, 0, 0), (-20, 0, 0)])
+def test_a_flounce_of_one_leg_that_reaches_past_the_other_is_sewn_to_its_leg_first(body, above, inner, later):
+    """A trouser leg and its flounce, whose inner edges are at x = `above` and `inner`: the other leg is at -20 cm.
+
+    What the flounce hangs from is closed first, also where its own springs run through the other leg.
+    """
     panels, sides = {}, []
     for name, outline, level in (
-        ("leg", [[2, 0], [40, 0], [40, 15], [2, 15]], 35),
+        ("leg", [[above, 0], [40, 0], [40, 15], [above, 15]], 35),
         ("flounce", [[inner, 0], [50, 0], [45, 15], [inner + 5, 15]], 15),
     ):
         for part, depth in (("front", 15), ("back", -15)):

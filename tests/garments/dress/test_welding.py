@@ -1,5 +1,7 @@
 """Welding of closed pairs: those within a limit become one vertex, those whose weld would intersect do not."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 from capsule_bodies import person
@@ -128,6 +130,23 @@ def test_cloth_between_the_sides_is_moved_out(surface):
     flap = welded.number[state.mesh.vertices["flap"]]
     assert welded.positions[flap, 2].min() > 0.0
     assert np.percentile(welded.stretches(), 1) > 0.5
+
+
+@pytest.mark.parametrize(("moved", "welded"), [(0.01, (0,)), (0.2, ())])
+def test_what_opens_another_seam_is_not_taken(surface, monkeypatch, moved, welded):
+    """Three squares in a row: the weld of the second seam intersects, and that of the first moves the last square."""
+    square = [[0, 0], [50, 0], [50, 50], [0, 50]]
+    panels = {name: panel([[x + 51 * k, y] for x, y in square]) for k, name in enumerate(("left", "middle", "right"))}
+    stitches = [stitch(("left", 1), ("middle", 3)), stitch(("middle", 1), ("right", 3))]
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, stitches)), SPACING))
+
+    def untangled(positions, triangles, **_):
+        last = np.unique(triangles[state.mesh.faces["right"]])
+        return Mock(positions=positions + moved * np.isin(np.arange(len(positions)), last)[:, None])
+
+    monkeypatch.setattr(welding, "untangle", untangled)
+    monkeypatch.setattr(welding, "_is_clean", lambda tried, _: 1 not in tried.welded)
+    assert welded_and_untangled(state, surface).welded == welded
 
 
 def test_a_state_without_open_seams_stays(surface):

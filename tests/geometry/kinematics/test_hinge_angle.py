@@ -12,6 +12,7 @@ from clothsim.physics.energies.hessians import ElementHessian
 from clothsim.physics.energies.hinge_kernels import angles
 
 hinge_angle_gradient, hinge_blocks = kernel(hinge_angle.hinge_angle_gradient), hinge_angle.hinge_blocks
+hinge_squares = hinge_angle.hinge_squares
 
 HINGE = np.array([[0, 1, 2, 3]])
 
@@ -54,6 +55,16 @@ def test_derivatives(angle, seed):
     x = fold(angle, seed)
     assert gradient_error(Angle(), x) < 1e-8
     assert hessian_error(Angle(), x) < 1e-8
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, -1.7, 3.1])
+def test_squares_are_the_blocks_without_a_moment(angle):
+    x = fold(angle)
+    squares = np.array(hinge_squares(*map(tuple, x), 0.7))
+    assert squares.any()
+    assert np.array_equal(squares, np.array(hinge_blocks(*map(tuple, x), 0.0, 0.7)))
+    x[2] = 0.5 * (x[0] + x[1])  # a triangle without area
+    assert not np.array(hinge_squares(*map(tuple, x), 0.7)).any()
 
 
 @pytest.mark.parametrize("angle", [0.2, 2.0, -2.8])

@@ -50,6 +50,20 @@ def test_active_pairs_do_not_depend_on_the_cache(kind, skin):
     assert n_found > 20
 
 
+@pytest.mark.parametrize("kind", ["body", "self"])
+def test_distances_are_known_at_the_end_of_the_searched_path(kind):
+    """Where the next positions are expected; also where the pairs of few vertices are searched."""
+    surface, x = surface_and_start(kind)
+    candidates, dx = Candidates(surface, D_HAT, 0.01), np.zeros_like(x)
+    for moved in (slice(0, len(surface.first.points)), slice(0, 3)):
+        dx[:] = 0.0
+        dx[moved] = [0.05, 0.0, 0.0]
+        end = x + candidates.step_limit(x, dx) * dx
+        assert candidates._displacements(end, end).by_row[moved].max() < 1e-12
+        assert candidates._displacements(x, x).approach > 0.01
+        x = end
+
+
 def every_pair(surface):
     """Rows (p, 4) of all pairs without a common vertex, point-triangle pairs first, and the number of those."""
     first, second = surface.first, surface.second

@@ -173,7 +173,7 @@ def test_flat_features_stop_a_motion():
     down[: world.n_cloth, 2] = -0.05
     pairs = contact.candidates.within(world.start() + 0.39 * down, 1e-3)
     assert len(pairs) > pairs.n_points
-    assert 0.3 < contact.candidates.collision_free_fraction(pairs, world.start(), down) < 0.4
+    assert 0.3 < contact.candidates.collision_free_fraction(pairs.elements, pairs.n_points, world.start(), down) < 0.4
 
 
 def test_flat_features_that_are_known_are_those_of_the_mesh():

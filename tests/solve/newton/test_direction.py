@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.solve.newton.direction import without_net_force
+from clothsim.solve.newton.direction import _is_positive, without_net_force
 
 
 def chain(masses, stiffness):
@@ -54,3 +54,13 @@ def test_a_translation_that_leads_uphill_is_not_taken():
     far = np.array([1.0, 0, 0, 30.0, 0, 0])
     assert b @ far > 0.0
     assert without_net_force(translated(matrix), b, far) is far
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_matrix_is_positive_where_its_eigenvalues_are(seed):
+    rng = np.random.default_rng(seed)
+    rotation = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    values = rng.standard_normal(3) + 0.7
+    assert _is_positive((rotation * values) @ rotation.T) == (values.min() > 0.0)
+    assert not _is_positive(np.diag([0.0, 1.0, 1.0]))
+    assert not _is_positive(np.full((3, 3), np.nan))
