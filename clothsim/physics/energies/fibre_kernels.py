@@ -7,8 +7,16 @@ B = Dm^-1 [a b].
 
 import numpy as np
 
-from clothsim.base.jit import kernel, natural
-from clothsim.physics.energies.triangle_kernels import deformation_gradient, products, project_2x2
+from clothsim.base.jit import LANES, inlined, kernel, natural
+from clothsim.physics.energies.block_sums import add_dense
+from clothsim.physics.energies.membrane_kernels import room_of_triangle, store_group
+from clothsim.physics.energies.triangle_kernels import (
+    VALUES_PER_LANE,
+    deformation_gradient,
+    fill_lanes,
+    products,
+    project_2x2,
+)
 
 
 @kernel
@@ -56,34 +64,72 @@ def hessian(x, triangles, inverses, measured, slopes, curvatures, project):
     The first two act on complementary spaces, so that with `project` the positive part of each is that of their sum;
     the positive part of the last is |E8|/2 [I +-I; +-I I]. Without shear this is the nearest semi-definite Hessian.
     """
-    blocks = np.empty((len(triangles), 9, 9))
-    F, uu, uv, vv = np.empty((3, 2)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    alpha, beta = np.empty(3), np.empty(3)
+    blocks, room = np.empty((len(triangles), 9, 9)), _room_of_threads()
     for t in range(len(triangles)):
-        B = inverses[t]
-        deformation_gradient(x, triangles[t], B, F)
-        la, lb = measured[t, 0], measured[t, 1]
-        across_u, across_v, shear = slopes[t, 0] / la, slopes[t, 1] / lb, slopes[t, 2]
-        e_aa, e_ab, e_bb, e_88 = curvatures[t, 0], curvatures[t, 1], curvatures[t, 2], curvatures[t, 3]
-        same = 0.0
-        if project:
-            e_aa, e_ab, e_bb = project_2x2(e_aa, e_ab, e_bb)
-            across_u, across_v, e_88 = max(across_u, 0.0), max(across_v, 0.0), max(e_88, 0.0)
-            same, shear = 0.5 * abs(shear), 0.5 * shear
-        for i in range(3):
-            for j in range(3):
-                one = 1.0 if i == j else 0.0
-                u2, v2 = F[i, 0] * F[j, 0], F[i, 1] * F[j, 1]
-                uu[i, j] = (e_aa - across_u) * u2 / (la * la) + (across_u + same) * one + e_88 * v2
-                vv[i, j] = (e_bb - across_v) * v2 / (lb * lb) + (across_v + same) * one + e_88 * u2
-                uv[i, j] = e_ab * F[i, 0] * F[j, 1] / (la * lb) + e_88 * F[i, 1] * F[j, 0] + shear * one
-        for k in range(2):
-            alpha[k + 1], beta[k + 1] = B[k, 0], B[k, 1]
-        alpha[0], beta[0] = -alpha[1] - alpha[2], -beta[1] - beta[2]
-        for p in range(3):
-            for q in range(3):
-                aa, ab, ba, bb = alpha[p] * alpha[q], alpha[p] * beta[q], beta[p] * alpha[q], beta[p] * beta[q]
-                for i in range(3):
-                    for j in range(3):
-                        blocks[t, 3 * p + i, 3 * q + j] = aa * uu[i, j] + ab * uv[i, j] + ba * uv[j, i] + bb * vv[i, j]
+        _fill_block(blocks, t, room, x, triangles, inverses, t, measured, slopes, curvatures, project)
     return blocks
+
+
+@kernel
+def add_threaded(data, at, x, triangles, shapes, areas, mu, lam, inverses, measured, slopes, curvatures, project):
+    """`LanesHessian.add` of the threads and the Neo-Hookean sheet of the same triangles.
+
+    shapes, areas, mu, lam: of the sheet, as of `membrane_kernels`.
+    """
+    room, lane_values, lanes = room_of_triangle(), np.zeros(VALUES_PER_LANE * LANES), np.empty(54 * LANES)
+    threads, block, outside = _room_of_threads(), np.empty((1, 9, 9)), 0
+    for first in range(0, len(triangles), LANES):
+        store_group(lane_values, first, room, x, triangles, shapes, areas, mu, lam, project)
+        fill_lanes(lanes, lane_values)
+        for lane in range(min(LANES, len(triangles) - first)):
+            t = first + lane
+            _fill_block(block, 0, threads, x, triangles, inverses, t, measured, slopes, curvatures, project)
+            number = 0
+            for p in range(3):
+                for q in range(p, 3):
+                    for i in range(3):
+                        for j in range(3):
+                            row, column = (max(i, j), min(i, j)) if p == q else (i, j)  # as `hessians.unpack` leaves it
+                            block[0, 3 * p + i, 3 * q + j] += lanes[(9 * number + 3 * row + column) * LANES + lane]
+                    number += 1
+            outside += add_dense(data, at, t, block.reshape(-1), 3)
+    return outside
+
+
+@inlined
+def _room_of_threads():
+    """Room for F, the matrices over (u, v) and the shape-function gradients along the threads of a triangle."""
+    F, alpha, beta = np.empty((3, 2)), np.empty(3), np.empty(3)
+    return F, np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), alpha, beta
+
+
+@inlined
+def _fill_block(blocks, to, room, x, triangles, inverses, t, measured, slopes, curvatures, project):
+    """blocks[to] of triangle t."""
+    F, uu, uv, vv, alpha, beta = room
+    B = inverses[t]
+    deformation_gradient(x, triangles[t], B, F)
+    la, lb = measured[t, 0], measured[t, 1]
+    across_u, across_v, shear = slopes[t, 0] / la, slopes[t, 1] / lb, slopes[t, 2]
+    e_aa, e_ab, e_bb, e_88 = curvatures[t, 0], curvatures[t, 1], curvatures[t, 2], curvatures[t, 3]
+    same = 0.0
+    if project:
+        e_aa, e_ab, e_bb = project_2x2(e_aa, e_ab, e_bb)
+        across_u, across_v, e_88 = max(across_u, 0.0), max(across_v, 0.0), max(e_88, 0.0)
+        same, shear = 0.5 * abs(shear), 0.5 * shear
+    for i in range(3):
+        for j in range(3):
+            one = 1.0 if i == j else 0.0
+            u2, v2 = F[i, 0] * F[j, 0], F[i, 1] * F[j, 1]
+            uu[i, j] = (e_aa - across_u) * u2 / (la * la) + (across_u + same) * one + e_88 * v2
+            vv[i, j] = (e_bb - across_v) * v2 / (lb * lb) + (across_v + same) * one + e_88 * u2
+            uv[i, j] = e_ab * F[i, 0] * F[j, 1] / (la * lb) + e_88 * F[i, 1] * F[j, 0] + shear * one
+    for k in range(2):
+        alpha[k + 1], beta[k + 1] = B[k, 0], B[k, 1]
+    alpha[0], beta[0] = -alpha[1] - alpha[2], -beta[1] - beta[2]
+    for p in range(3):
+        for q in range(3):
+            aa, ab, ba, bb = alpha[p] * alpha[q], alpha[p] * beta[q], beta[p] * alpha[q], beta[p] * beta[q]
+            for i in range(3):
+                for j in range(3):
+                    blocks[to, 3 * p + i, 3 * q + j] = aa * uu[i, j] + ab * uv[i, j] + ba * uv[j, i] + bb * vv[i, j]

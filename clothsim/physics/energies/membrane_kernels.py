@@ -70,32 +70,32 @@ def fill(lanes, first, x, triangles, inverses, areas, mu, lam, project):
     V) the modes are block diagonal: stretch [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over (w2 v1, w1 v2), n
     v1, n v2.
     """
-    room, lane_values = _room(), np.zeros(VALUES_PER_LANE * LANES)
+    room, lane_values = room_of_triangle(), np.zeros(VALUES_PER_LANE * LANES)
     for group in range(len(lanes)):
-        _store_group(lane_values, first + group * LANES, room, x, triangles, inverses, areas, mu, lam, project)
+        store_group(lane_values, first + group * LANES, room, x, triangles, inverses, areas, mu, lam, project)
         fill_lanes(lanes[group], lane_values)
 
 
 @kernel
 def add_triangles(data, at, x, triangles, inverses, areas, mu, lam, project):
     """`LanesHessian.add` of the same."""
-    room, lane_values, lanes = _room(), np.zeros(VALUES_PER_LANE * LANES), np.empty(54 * LANES)
+    room, lane_values, lanes = room_of_triangle(), np.zeros(VALUES_PER_LANE * LANES), np.empty(54 * LANES)
     outside = 0
     for first in range(0, len(triangles), LANES):
-        _store_group(lane_values, first, room, x, triangles, inverses, areas, mu, lam, project)
+        store_group(lane_values, first, room, x, triangles, inverses, areas, mu, lam, project)
         fill_lanes(lanes, lane_values)
         outside += add_lanes(data, at, first, lanes)
     return outside
 
 
 @inlined
-def _room():
+def room_of_triangle():
     """Room for F, n, V, W, alpha and beta of a triangle."""
     return np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3)), np.empty(3), np.empty(3)
 
 
 @inlined
-def _store_group(lane_values, begin, room, x, triangles, inverses, areas, mu, lam, project):
+def store_group(lane_values, begin, room, x, triangles, inverses, areas, mu, lam, project):
     """Store what the blocks of a group of triangles are computed from."""
     F, n, V, W, alpha, beta = room
     for lane in range(min(LANES, len(triangles) - begin)):

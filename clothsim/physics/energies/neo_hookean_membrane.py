@@ -48,15 +48,15 @@ class NeoHookeanMembrane(Elementwise, Energy):
 
     def value(self, x: Floats) -> float:
         """Elastic energy [J]; +inf where a triangle has lost its area."""
-        return kernels.value(x, *self._elements)
+        return kernels.value(x, *self.elements)
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
-        return kernels.gradient(x, *self._elements)
+        return kernels.gradient(x, *self.elements)
 
     def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
         """Blocks (m, 9, 9) [N/m]; projected in F-space in closed form, or exact."""
-        given = x, *self._elements, project
+        given = x, *self.elements, project
         return LanesHessian(
             self.triangles,
             lambda lanes, first: kernels.fill(lanes, first, *given),
@@ -68,5 +68,6 @@ class NeoHookeanMembrane(Elementwise, Energy):
         return replace(self, triangles=triangles)
 
     @property
-    def _elements(self) -> tuple[Ints, Floats, Floats, Floats, Floats]:
+    def elements(self) -> tuple[Ints, Floats, Floats, Floats, Floats]:
+        """What the kernels take of each triangle."""
         return self.triangles, self.rest_shape_inverses, self.rest_areas, self.mu, self.lam

@@ -10,7 +10,7 @@ from clothsim.geometry.kinematics.deformation_gradient import thread_axes
 from clothsim.mesh.world import World
 from clothsim.physics.energies import fibre_kernels as kernels
 from clothsim.physics.energies.base import Energy
-from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.physics.energies.hessians import DeferredHessian, ElementHessian, room_for
 from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.physics.energies.protocols import EnergyReport, Restrictable
 
@@ -118,10 +118,12 @@ class FibresEnergy(Energy, Restrictable):
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (m, 9, 9) [N/m]; projected over (F a, F b) in closed form, or exact."""
+        return ElementHessian(self.triangles, kernels.hessian(x, self.triangles, *self.derivatives(x), project))
+
+    def derivatives(self, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """`inverses`, measures, and the first and second derivatives by them, (m, 3) and (m, 4) [N m]."""
         measured, areas = self.measured(x), self.areas[:, None]
-        slopes, curvatures = areas * self.law.slopes(measured), areas * self.law.curvatures(measured)
-        blocks = kernels.hessian(x, self.triangles, self.inverses, measured, slopes, curvatures, project)
-        return ElementHessian(self.triangles, blocks)
+        return self.inverses, measured, areas * self.law.slopes(measured), areas * self.law.curvatures(measured)
 
 
 # Orthotropic membrane of woven and knitted sheets: stiffness along warp and weft, and in shear.
@@ -191,11 +193,23 @@ class ThreadedMembrane(Energy, Restrictable, EnergyReport):
         """dE/dx, (N, 3) [N]."""
         return self.sheet.gradient(x) + self.threads.gradient(x)
 
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian | DeferredHessian:
         """Blocks (m, 9, 9) [N/m]; each part projected in closed form, or exact."""
-        blocks = self.sheet.hessian(x, project).blocks
-        blocks += self.threads.hessian(x, project).blocks
-        return ElementHessian(self.triangles, blocks)
+        threads = self.threads.derivatives(x)
+
+        def fill(blocks: Floats) -> None:
+            blocks[:] = self.sheet.hessian(x, project).blocks
+            blocks += kernels.hessian(x, self.threads.triangles, *threads, project)
+
+        if type(self.sheet) is not NeoHookeanMembrane:  # one that is relaxed in compression
+            blocks = room_for(self.triangles)
+            fill(blocks)
+            return ElementHessian(self.triangles, blocks)
+        return DeferredHessian(
+            self.triangles,
+            fill,
+            lambda data, at: kernels.add_threaded(data, at, x, *self.sheet.elements, *threads, project),
+        )
 
 
 def orthotropic(world: World, angles: Floats, by_fabric: bool = False) -> ThreadedMembrane:

@@ -14,6 +14,8 @@ from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.shapes import tube
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
+from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.solve.linear.sparsity import make_pattern
 
 WARP, WEFT, SHEAR, NU = 3.0, 1.2, 0.4, 0.3
 WOVEN = replace(UNIT, warp_stiffness=WARP, weft_stiffness=WEFT, shear_stiffness=SHEAR, poisson_ratio=NU)
@@ -97,6 +99,20 @@ class TestOrthotropicSheet:
         assert hessian_error(energy, x) < 1e-8
         assert np.linalg.eigvalsh(dense_hessian(energy, x))[0] < -1
         assert np.linalg.eigvalsh(dense_hessian(energy, x, project=True))[0] > -1e-13
+
+    @pytest.mark.parametrize("compression", [1.0, 0.3])
+    @pytest.mark.parametrize("project", [True, False])
+    def test_a_matrix_gets_the_bits_of_the_blocks(self, compression, project):
+        """Also of the sheet that is relaxed in compression."""
+        world = small_world(0, WOVEN)
+        energy = membrane(world, material="orthotropic", angle_degrees=30, compression=compression)
+        hessian = energy.hessian(deformed(world, 2, 0.1), project)
+        blocks = ElementHessian(hessian.elements, hessian.blocks)
+        pattern = make_pattern(world.n_unknowns, world.triangles, [])
+        (data, outside), (expected, _) = (pattern.assemble([each]) for each in (hessian, blocks))
+        assert outside == 0
+        assert data.any()
+        assert np.array_equal(data, expected)
 
     def test_a_triangle_without_area_is_refused(self):
         world = small_world(0, WOVEN)
