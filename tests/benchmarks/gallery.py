@@ -36,7 +36,7 @@ LOOKS = {
     "funnel": "--size 480x360 --colour #3f5f8f/#eef0f4",
     "hanging": "--colour #3f5f8f/#eef0f4",
     "hoody": "--colour #5b6f4a",
-    "impact": "--size 480x360 --colour #9c4a36",
+    "impact": "--size 480x360 --view=1,0.4,0.4 --colour #9c4a36",
     "jacket": "--colour #6a3d2f",
     "knot": "--size 480x300 --view=-0.2,-0.75,1 --colour #b8503f",
     "needles": "--size 480x360 --view=-0.5,-1,0.25 --colour #3f5f8f",
