@@ -91,7 +91,7 @@ def page(lays: Sequence[Lays], fits: Sequence[Fit], scores: Sequence[Scored], st
         f"best rival {means[2]:.2f}, ceiling {means[3]:.2f}: skill {skills[0]:.2f} and {skills[1]:.2f};",
         f"better than the best rival on {better[0]} and {better[1]} of {len(scores)} fabrics.",
         f"Medians: the simulated sd r differs by {depth:+.0f} %, n_eff by {folds:.1f}. The fold slope is",
-        f"{_slopes(lays):+.2f} points a fold in the cloth and {_slopes_of(stored):+.2f} in the simulation.",
+        f"{_slopes(lays):+.2f} points per fold in the cloth and {_slopes_of(stored):+.2f} in the simulation.",
     ]
     return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
 
