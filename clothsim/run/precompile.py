@@ -19,12 +19,14 @@ from threading import Thread
 from clothsim.base.interruption import held_back
 from clothsim.base.kernel_cache import can_store, is_cached
 from clothsim.base.parallel import available_cores
-from clothsim.physics.energies.membrane_kernels import fill
+from clothsim.physics.energies.membrane_kernels import add_triangles
 
 _GO_ON = b"."
 
 CORES = 2
 """Fewer cores gain nothing."""
+LONGEST = add_triangles
+"""Of the kernels that every run needs, the one that takes longest. Were it used by none, each would start the process."""
 
 
 def start_precompiling() -> Callable[[], None]:
@@ -47,7 +49,7 @@ def kernels_are_compiled() -> bool:
 
     The first look starts LLVM, whose callbacks lose a Ctrl-C.
     """
-    return is_cached(fill) or not can_store()
+    return is_cached(LONGEST) or not can_store()
 
 
 def let_finish(process: "subprocess.Popen[bytes]") -> None:
