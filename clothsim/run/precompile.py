@@ -26,7 +26,7 @@ _GO_ON = b"."
 CORES = 2
 """Fewer cores gain nothing."""
 LONGEST = add_triangles
-"""Of the kernels that every run needs, the one that takes longest. Were it used by none, each would start the process."""
+"""Of the kernels that runs need, the one that takes longest. Were it needed by none, each would start the process."""
 
 
 def start_precompiling() -> Callable[[], None]:
