@@ -112,7 +112,13 @@ def _mitsuba() -> Any:
             'The style "studio" needs Mitsuba and its denoiser.',
             "pip install 'clothsim[look]', or use the style \"fabric\".",
         ) from error
-    mitsuba.set_variant("llvm_ad_rgb" if os.environ.get("DRJIT_LIBLLVM_PATH") else "scalar_rgb")
+    library = os.environ.get("DRJIT_LIBLLVM_PATH")
+    try:
+        mitsuba.set_variant("llvm_ad_rgb" if library else "scalar_rgb")
+    except ImportError as error:
+        raise InputError(
+            f"Mitsuba cannot load DRJIT_LIBLLVM_PATH, {library!r}.", "Give the path of libLLVM.so, or unset it."
+        ) from error
     return mitsuba
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -22,7 +23,6 @@ from clothsim.base.record import (
 )
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
-from clothsim.mesh.generators.mannequin.dummy_hands import with_dummy_hands
 from clothsim.mesh.world import SurfaceRows, World, world_surfaces
 from clothsim.render.colour_scale import Quantity, per_vertex
 from clothsim.render.surface_look import Surface, crosses, evenly_spaced, spacing_of
@@ -55,10 +55,11 @@ def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
 
 def studio_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     """The surfaces of a frame, the mannequin among them with the hands of a shop's dummy."""
+    hands = import_module("clothsim.mesh.generators.mannequin.dummy_hands")  # a run without pictures loads no template
     made = frame_surfaces(trajectory, frame)
     cloths = np.concatenate([np.zeros((0, 3)), *(each.positions for each in made if each.role == "cloth")])
     return [
-        replace(each, positions=with_dummy_hands(each.positions, each.triangles, cloths))
+        replace(each, positions=hands.with_dummy_hands(each.positions, each.triangles, cloths))
         if each.role == "body"
         else each
         for each in made

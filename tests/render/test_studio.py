@@ -169,6 +169,13 @@ def test_the_faster_variant_is_taken_where_its_library_is_named(monkeypatch):
     studio._mitsuba()
     assert taken == ["scalar_rgb", "llvm_ad_rgb"]
 
+    def unusable(variant):
+        raise ImportError(variant)
+
+    monkeypatch.setitem(sys.modules, "mitsuba", SimpleNamespace(set_variant=unusable))
+    with pytest.raises(InputError, match=r"libLLVM\.so"):
+        studio._mitsuba()
+
 
 def test_traced_light_has_no_noise():
     pytest.importorskip("mitsuba_oidn", reason="an extra: pip install 'clothsim[look]'")

@@ -187,7 +187,7 @@ def _ends_to_sew_later(
     heights = {
         name: float((state.mesh.positions[rows] @ state.mesh.up).mean()) for name, rows in state.mesh.vertices.items()
     }
-    hung = {min(_panels_of(seam), key=heights.__getitem__) for seam in below}
+    hung = {min(_panels_of(seam), key=lambda name: (heights[name], name)) for seam in below}
     return tuple(
         seam
         for seam, pair, hits in zip(joining, panels, crossing, strict=True)
@@ -260,6 +260,8 @@ def _panel_middle(panel: Panel) -> Floats:
 EDGE = 0.2
 """Least height of the middle of an edge above or below that of its panel, as a fraction of the panel's height, of an
 upper or a lower edge: 0.5 where both are straight, 0 of a side."""
+LYING = 0.02
+"""Height of a panel, as a fraction of its largest extent, below which it lies level: it has no upper or lower edge."""
 
 
 def _joins_below(seam: MeshedSeam, mesh: PatternMesh) -> bool:
@@ -273,10 +275,13 @@ def _joins_below(seam: MeshedSeam, mesh: PatternMesh) -> bool:
 
 
 def _share_of_height(rows: Ints, panel: str, mesh: PatternMesh) -> float:
-    """Height of the middle of vertices above that of their panel, as a fraction of the panel's height."""
-    heights = mesh.positions[mesh.vertices[panel]] @ mesh.up
-    above = float((mesh.positions[rows] @ mesh.up).mean() - heights.mean())
-    return above / max(float(np.ptp(heights)), np.finfo(float).tiny)
+    """Height of the middle of vertices above that of their panel, as a fraction of the panel's height; 0 if it lies."""
+    corners = mesh.positions[mesh.vertices[panel]]
+    heights = corners @ mesh.up
+    extent = float(np.ptp(heights))
+    if extent < LYING * np.ptp(corners, axis=0).max():
+        return 0.0
+    return float((mesh.positions[rows] @ mesh.up).mean() - heights.mean()) / extent
 
 
 def is_on_top(panel: Panel) -> bool:

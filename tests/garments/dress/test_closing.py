@@ -106,3 +106,15 @@ def test_a_stiffer_round_that_opens_a_seam_is_not_taken(tmp_path, monkeypatch, s
     assert closing.runs == (rounds[0],)
     assert len(rounds) == 2
     assert 0 < worst_gap(closing.state)[0] <= NEAR * mean_edge(state)
+
+
+@pytest.mark.parametrize("level", [0, 7, 70, 133])
+def test_panels_that_lie_level_have_no_upper_and_no_lower_edges(level):
+    """Their heights are round-off, which says nothing of what hangs from what."""
+    square = [[0, 0], [30, 0], [30, 30], [0, 30]]
+    lying = {
+        name: panel(square, translation=[0, level, along], rotation=[90, 0, 0]) for name, along in (("a", 0), ("b", 35))
+    }
+    seams = [stitch(("a", 0), ("b", 2)), stitch(("a", 2), ("b", 0))]
+    state = as_placed(mesh_pattern(pattern_of(specification(lying, seams)), 0.05))
+    assert [closing_rounds.order_of(seam, state) for seam in state.mesh.seams] == [closing_rounds.WITHIN] * 2
