@@ -112,3 +112,8 @@ def lengths(vectors: Floats) -> Floats:
     for i in range(len(vectors)):
         found[i] = length(row(vectors, i))
     return found
+
+
+def dots(a: Floats, b: Floats) -> Floats:
+    """Scalar products (p,) of rows (p, 3)."""
+    return np.asarray(np.einsum("pc,pc->p", a, b), np.float64)

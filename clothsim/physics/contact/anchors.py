@@ -23,7 +23,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import kernel, part
-from clothsim.base.vectors import cross, dot, length, lengths, minus, row, unit
+from clothsim.base.vectors import cross, dot, dots, length, lengths, minus, row, unit
 
 SAME_SIDE = 0.5
 """Smallest cosine of the normals before and after of a contact that keeps its anchor."""
@@ -193,17 +193,10 @@ def turners_of(elements: Ints, triangles_at: Ints) -> Ints:
 
     triangles_at (N, 3): rows of a triangle at each vertex of a body, -1 for all others; empty where there is no body.
     """
-    return _turners(elements, triangles_at) if len(triangles_at) else np.full((len(elements), 3), -1)
-
-
-@kernel
-def _turners(elements: Ints, triangles_at: Ints) -> Ints:
-    found = np.empty((len(elements), 3), np.int64)
-    for p in range(len(elements)):
-        at = elements[p, 0] if triangles_at[elements[p, 3], 0] < 0 else elements[p, 3]
-        for k in range(3):
-            found[p, k] = triangles_at[at, k]
-    return found
+    if not len(triangles_at):
+        return np.full((len(elements), 3), -1)
+    last = triangles_at[elements[:, 3]]
+    return np.where(last[:, :1] < 0, triangles_at[elements[:, 0]], last)
 
 
 @kernel
@@ -500,11 +493,6 @@ def _add_facings(out: Floats, x: Floats, elements: Ints, weights: Floats, turner
     for ends, added in ((rows[:2], np.cross(second, by)), (rows[2:], np.cross(by, first))):
         np.add.at(out, ends[1], added)
         np.subtract.at(out, ends[0], added)
-
-
-def dots(a: Floats, b: Floats) -> Floats:
-    """Scalar products (p,) of rows (p, 3)."""
-    return np.asarray(np.einsum("pc,pc->p", a, b), np.float64)
 
 
 NO_ANCHORS = anchors_from(())

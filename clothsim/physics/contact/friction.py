@@ -8,14 +8,13 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.jit import inlined, kernel, natural
-from clothsim.base.vectors import lengths
+from clothsim.base.vectors import dots, lengths
 from clothsim.physics.contact.anchors import (
     COLUMNS,
     NO_ANCHORS,
     Anchors,
     anchors_at,
     anchors_from,
-    dots,
     relative_positions,
     rigid_adjoint,
     rigid_displacements,
