@@ -11,7 +11,7 @@ from tests.hard_cases.case import Case, Result
 FORMS = ("small", "full")
 """The form that the tests run, and the one of real size."""
 
-COLUMNS = ("passed", "smallest gap", "Newton", "CPU s")
+COLUMNS = ("passed", "smallest gap", "Newton iterations", "CPU s")
 
 
 def summary(results: Sequence[Result]) -> dict[str, Any]:
