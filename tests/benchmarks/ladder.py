@@ -153,7 +153,7 @@ def _booked(session: Session) -> dict[str, float]:
 HEADER = (
     "effects",
     "ms per step",
-    "of which the last effect",
+    "of which the added effect",
     "Newton iterations per step",
     "ms per iteration",
     "non-zeros of the matrix",

@@ -86,12 +86,12 @@ def page(lays: Sequence[Lays], fits: Sequence[Fit], scores: Sequence[Scored], st
     folds = np.median([abs(each[1]) for each in away])
     count = len(stored["lays"][0])
     summary = [
-        f"{count} simulated lays for each bending length, {stored['date']}. The mean scores are {means[0]:.2f}",
+        f"For each bending length, {count} lays were simulated ({stored['date']}). The mean scores are {means[0]:.2f}",
         f"(simulated), {means[1]:.2f} (with spread), {means[2]:.2f} (best rival) and {means[3]:.2f} (ceiling).",
-        f"The skill of the simulation is {skills[0]:.2f}, and {skills[1]:.2f} with spread. It is better than its best",
-        f"rival on {better[0]} of {len(scores)} fabrics, and on {better[1]} with spread. The median difference from",
-        f"the cloth is {depth:+.0f} % in sd r and {folds:.1f} in n_eff. The fold slope is {_slopes(lays):+.2f} points",
-        f"per fold in the cloth and {_slopes_of(stored):+.2f} in the simulation.",
+        f"The skill of the simulation is {skills[0]:.2f}, and {skills[1]:.2f} with spread. The simulation is better",
+        f"than the best rival on {better[0]} of {len(scores)} fabrics, and on {better[1]} with spread. Its median",
+        f"difference from the cloth is {depth:+.0f} % in sd r and {folds:.1f} in n_eff. The fold slope is",
+        f"{_slopes(lays):+.2f} points per fold in the cloth and {_slopes_of(stored):+.2f} in the simulation.",
     ]
     return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
 
@@ -114,11 +114,11 @@ def knits_text(compared: Sequence[knits.Compared]) -> str:
     away = np.median([abs(simulated - measured) for measured, simulated in lost])
     mean = np.mean(lost, axis=0)
     return (
-        f"{markdown_table(header, rows)}\n\nEach force is the simulated one / the mean of the pulls that were not "
-        "fitted +- the standard deviation of all pulls. Each width is simulated / measured, relative to the width at "
-        f"the start. {within} of {all_of} simulated forces lie within the range of the pulls. Their median difference "
-        f"from the pulls that were not fitted is {100 * off:.0f} %. On average, the width shrinks by {mean[0]:.0f} % in "
-        f"these pulls and by {mean[1]:.0f} % in the simulation; the median difference is {away:.1f} points."
+        f"{markdown_table(header, rows)}\n\nForces are simulated / measured: the mean of the pulls that were not "
+        "fitted +- the standard deviation of all pulls. Widths are simulated / measured, relative to the width at the "
+        f"start. {within} of {all_of} simulated forces lie within the range of the pulls. Their median difference "
+        f"from the pulls that were not fitted is {100 * off:.0f} %. On average, the width shrinks by {mean[0]:.0f} % "
+        f"in these pulls and by {mean[1]:.0f} % in the simulation; the median difference is {away:.1f} points."
     )
 
 

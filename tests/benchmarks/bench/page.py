@@ -58,7 +58,7 @@ def profile(row: Measured) -> str:
     solve_note = (
         ""
         if own is None
-        else f" One factorisation and solve of the same matrix takes {1e3 * own:.0f} ms; the ratio is {times:.2f}."
+        else f" This is {times:.2f} times one factorisation and solve of the same matrix ({1e3 * own:.0f} ms)."
     )
     regional = (
         f" In addition, {row['regional']:.0f} iterations on patches take {row['regional_cpu']:.2f} s; "
@@ -149,7 +149,7 @@ def windowed(cases: Mapping[str, Measured], then: Mapping[str, Measured], revisi
         lines.append(tuple(cells))
     header = (
         "settings",
-        "window",
+        "phase of the fall",
         "CPU s per step",
         "iterations + on patches",
         f"{revision}: CPU s per step",

@@ -218,7 +218,7 @@ def test_the_page_has_both_tables(tmp_path):
     assert "| linear solve | phase | 1.00 | 250.0 | 50.0 % |" in text
     assert "| unattributed |  | 0.25 | 62.5 | 12.5 % |" in text
     assert "200 ms" in text
-    assert " 2.50." in text
+    assert " 2.50 times one " in text
     assert "| standard 40x40 | 0.04 | 0.02 | 50 | 1.00 | 2.0 | below 25 |" in text
     assert "Not here." in aimed({name: {"skipped": "Not here."} for name in AIMS})
 
