@@ -99,13 +99,13 @@ EXAMPLES = (
     ),
     Example(
         "tunic",
-        "Six panels, sewn and worn",
+        "A tunic sewn from six panels",
         "dress tunic --on shirt --size 15mm",
         "--colour #9c4a36 --view=0.45,-1,0.15",
     ),
     Example(
         "spin",
-        "A cloth that a turning ball drags round",
+        "A turning ball drags a cloth round",
         "run spin --set cloth.cells=[80,80] --set run.duration=0.8",
         "--colour teal/linen",
     ),
