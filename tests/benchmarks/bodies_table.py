@@ -128,7 +128,9 @@ def table(rows: list[dict[str, Any]]) -> str:
     order = sorted(rows, key=lambda row: ([*GARMENTS].index(row["garment"]), BODIES.index(row["body"])))
     worn = sum(row["status"] == "completed" for row in rows)
     seconds = np.array([row["cpu_seconds"] for row in rows])
-    sums = f"{worn} of {len(rows)} completed. CPU time: median {np.median(seconds):.0f} s, largest {seconds.max():.0f} s"
+    sums = (
+        f"{worn} of {len(rows)} completed. CPU time: median {np.median(seconds):.0f} s, largest {seconds.max():.0f} s"
+    )
     return f"{markdown_table(HEADER, map(line, order))}\n\n{sums} (measured {when(row['date'] for row in rows)})."
 
 

@@ -52,4 +52,4 @@ def markdown(cases: Iterable[Case], record: Record) -> str:
         seen = record.get(case.name, {})
         rows.append((case.name, case.title, *(cell for form in FORMS for cell in cells(seen.get(form)))))
     dates = [seen["date"] for forms in record.values() for seen in forms.values()]
-    return f"{when(dates)}; made by `python -m tests.hard_cases`.\n\n{markdown_table(header, rows)}"
+    return f"Measured {when(dates)} with `python -m tests.hard_cases`.\n\n{markdown_table(header, rows)}"
