@@ -9,7 +9,7 @@ LONGEST = 400
 
 
 class ClothsimError(Exception):
-    """Error with a remedy. The command line prints it as two short lines and exits with code 2.
+    """An error with a remedy. The command line prints it as two short lines and exits with code 2.
 
     Parameters
     ----------
@@ -36,15 +36,15 @@ class ClothsimError(Exception):
 
 
 class InputError(ClothsimError):
-    """Scene, mesh or array that cannot be simulated as given."""
+    """A scene, mesh or array that cannot be simulated as given."""
 
 
 class MachineError(InputError):
-    """Fault of the machine, as a full disk: it says nothing of what was to be simulated."""
+    """Fault of the machine, such as a full disk; the input may be correct."""
 
 
 class MissingPackageError(ClothsimError):
-    """Optional package that is needed but not installed."""
+    """An optional package that is needed but not installed."""
 
 
 class IntersectionWarning(UserWarning):

@@ -64,7 +64,7 @@ class Dress:
     stages : tuple of Stage
         Stages in order, each with positions and penetration counts.
     run : Run or None
-        Drape; None where none was started.
+        Drape; None if none was started.
     notes : tuple of str
         Defaults used in reading and dressing.
     closing : tuple of Run
@@ -101,7 +101,7 @@ class Dress:
 
     @property
     def positions(self) -> Floats:
-        """Positions of the garment at its end, (n, 3) [m]."""
+        """Final positions of the garment, (n, 3) [m]."""
         return self.state.positions
 
     @property
@@ -111,7 +111,7 @@ class Dress:
 
     @property
     def draped(self) -> bool:
-        """True where the drape completed, free of intersections: at rest, or "sewn" as it still moves."""
+        """True if the drape completed, free of intersections: at rest, or "sewn" as it still moves."""
         return self.status != "failed" and self.run is not None and self.run.status == "completed"
 
     @property
@@ -233,7 +233,7 @@ def dress(
     output : str or Path, optional
         Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
     size : float
-        Distance of neighbouring vertices [m].
+        Distance between neighbouring vertices [m].
     fabric : str, optional
         A named fabric; None: cotton.
     fabrics : mapping of str to str, optional
@@ -380,7 +380,7 @@ def _widest_gap(done: DressState) -> float:
 
 
 def _directory(output: str | Path | None, overwrite: bool, inputs: tuple[object, ...]) -> Path:
-    """Output directory. InputError where it holds an earlier run, or another file that would be replaced."""
+    """Output directory. InputError if it holds an earlier run, or another file that would be replaced."""
     if output is None:
         return Path(tempfile.mkdtemp(prefix="clothsim-dress-"))
     if not isinstance(output, str | Path):
@@ -393,7 +393,7 @@ def _directory(output: str | Path | None, overwrite: bool, inputs: tuple[object,
 def _graded(
     pattern: Pattern, body: BodyMesh, made_for: Any, factors: Mapping[str, float], origin: str
 ) -> Grading | None:
-    """The pattern graded for a body; None where it is sewn as cut."""
+    """The pattern graded for a body; None if it is sewn as cut."""
     if made_for is None:
         return graded(pattern, body, body, origin, factors) if factors else None
     source = read_body_mesh(made_for, option="made_for") if isinstance(made_for, str | Path) else as_body_mesh(made_for)

@@ -90,11 +90,11 @@ class Outfit:
     sewn : tuple of Dress
         Garments that were sewn, each on the wrap of what is below it.
     run : Run or None
-        Drape of all garments; None where none was started.
+        Drape of all garments; None if none was started.
     counts : Counts or None
         Penetration counts of all garments together by the exact check; None without a drape.
     notes : tuple of str
-        Defaults used and what was noticed.
+        Defaults used, and remarks.
     """
 
     directory: Path
@@ -127,19 +127,19 @@ def outfit(
     Parameters
     ----------
     patterns : sequence of str, Path or Pattern
-        Sewing patterns as of `dress`, the innermost garment first.
+        Sewing patterns as in `dress`, the innermost garment first.
     on : str, Path, Body or mesh object, optional
-        The body, as of `dress`; None: that of `over`.
+        The body, as in `dress`; None: that of `over`.
     output : str or Path, optional
         Directory for the run of all garments, with a folder for each; None: a new temporary one.
     over : str or Path, optional
         Directory of a completed run of `dress` or `outfit`, whose garments are below those of the patterns.
     scale, body_group
-        Of the body's file, as of `dress`.
+        Of the body's file, as in `dress`.
     overwrite : bool
         True: replace an earlier run in the directory.
     on_stage, progress, announce : callable, optional
-        As of `dress`; `announce` of the drape of all.
+        As in `dress`; `announce` of the drape of all.
     **settings
         size, fabric, waistband and other arguments of `dress`, for each of the patterns; a budget is that of each, and
         of the drape of all.
@@ -348,7 +348,7 @@ def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[TriangleMes
     Raises
     ------
     InputError
-        Where the garments reach out of each wrap that was tried.
+        If the garments reach out of each wrap that was tried.
     """
     for number in range(ROUNDS):
         made = wrap(surface, garments, LAYER + number * GROWTH, CELL)
@@ -361,7 +361,7 @@ def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[TriangleMes
 
 
 def _holds(made: TriangleMesh, surface: BodySurface, garments: Sequence[TriangleMesh]) -> bool:
-    """True where body and garments lie inside a wrap: no vertex outside, no triangle through it."""
+    """True if body and garments lie inside a wrap: no vertex outside, no triangle through it."""
     positions, triangles = made
     try:
         outside = known_surface(positions, triangles)

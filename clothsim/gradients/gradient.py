@@ -87,7 +87,7 @@ def with_rest_positions(session: Session, rest: Floats) -> Session:
 
 
 def refuse_other_rest(world: World) -> None:
-    """InputError where the rest shape is not that of one cloth with rest positions."""
+    """InputError if the rest shape is not that of one cloth with rest positions."""
     if len(world.cloths) != 1 or world.cloths[0].flat:
         raise InputError("cloth.rest is for one cloth with rest positions.", "Use Gradient.rest_along for a field.")
 
@@ -138,7 +138,7 @@ class Gradient(Mapping[str, Floats]):
     value : float
         The loss.
     adjoints : Adjoints
-        Of all steps.
+        Adjoints of all steps.
 
     Examples
     --------
@@ -230,7 +230,7 @@ class Gradient(Mapping[str, Floats]):
         field : (n, 3) array, or (m, 3, 2) of a flat pattern
             Displacements of the rest positions, or of the corners of the triangles in the plane of the pattern [m].
         cloth : str
-            Its name; not needed where there is one.
+            Name of the cloth; not needed if there is only one.
         """
         names = [each.name for each in self.run.session.built.world.cloths]
         if cloth not in names and (cloth or len(names) != 1):

@@ -1,4 +1,4 @@
-"""Losses: a number that rates a run, with its derivative by the positions of the cloth in one frame."""
+"""Losses: a number that rates a run, with its derivative with respect to the positions of the cloth in one frame."""
 
 import abc
 from collections.abc import Callable
@@ -38,7 +38,7 @@ class Custom(Loss):
     frame: int = -1
 
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
-        """Return what the function returns. InputError where that is not a number with an array (n, 3)."""
+        """Return what the function returns. InputError if that is not a number with an array (n, 3)."""
         try:
             value, derivative = called("The loss", self.function, positions)
         except (TypeError, ValueError) as error:
@@ -56,9 +56,10 @@ class OfMotion(Loss):
     Parameters
     ----------
     function : callable
-        Positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives by both, (n, 3) each.
+        Positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives with respect to
+        both, (n, 3) each.
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     function: Callable[[Floats, Floats], tuple[float, Floats, Floats]]
@@ -70,7 +71,7 @@ class OfMotion(Loss):
         return value, by_x
 
     def of_motion(self, positions: Floats, velocities: Floats) -> tuple[float, Floats, Floats]:
-        """Return what the function returns. InputError where that is not a number with two arrays (n, 3)."""
+        """Return what the function returns. InputError if that is not a number with two arrays (n, 3)."""
         try:
             value, *given = called("The loss", self.function, positions, velocities)
             by_x, by_v = (as_points("The derivative of the loss", each) for each in given)
@@ -90,7 +91,7 @@ class Distance(Loss):
     target : (n, 3) array
         Positions [m].
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     target: Floats
@@ -114,7 +115,7 @@ class Scan(Loss):
     points : (k, 3) array
         Measured points [m].
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     normals : (k, 3) array
         Normals of the points, on the side of the cloth's own (its triangles counter-clockwise). A point whose closest
         triangle faces more than 60 degrees off is left out: it lies on another layer, or on none. Empty: all count.
@@ -140,7 +141,7 @@ class Scan(Loss):
 
 
 def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
-    """Points (k,) whose normals are those of their triangles (k, 3, 3) to 60 degrees. InputError where none is."""
+    """Points (k,) whose normals are those of their triangles (k, 3, 3) to 60 degrees. InputError if none is."""
     if normals.shape != points.shape:
         raise InputError(f"There are {len(points)} points and {len(normals)} normals.", "Give one for each point.")
     own = area_vectors(corners)
@@ -164,7 +165,7 @@ class Height(Loss):
     direction : (3,) array
         Unit vector.
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     vertices: Ints | tuple[int, ...] = ()
@@ -189,9 +190,9 @@ class Girth(Loss):
     Parameters
     ----------
     height : float
-        Of the plane [m].
+        Height of the plane [m].
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     height: float
@@ -242,7 +243,7 @@ class Silhouette(Loss):
     direction : (3,) array
         Unit vector along which it is seen.
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -287,9 +288,9 @@ class Hem(Loss):
     Parameters
     ----------
     sides : tuple of (k,) int arrays
-        Vertices of the sides, as of `border_sides`.
+        Vertices of the sides, as in `border_sides`.
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     sides: tuple[Ints, ...]

@@ -45,7 +45,7 @@ def pattern_field(
     Raises
     ------
     InputError
-        For a panel that there is not, an edge that is not a Bezier curve, or an array of another shape.
+        For a missing panel, an edge that is not a Bezier curve, or an array of a wrong shape.
     """
     field, given = np.zeros_like(mesh.material_coordinates), dict(controls or {})
     for side, moves in given.items():
@@ -79,7 +79,7 @@ def pattern_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, cloth: s
     panel : str
         Name of a panel.
     cloth : str
-        Name of the cloth; not needed where there is one.
+        Name of the cloth; not needed if there is only one.
     """
     out = np.zeros_like(_panel(mesh, panel).vertices)
     for index in np.ndindex(out.shape):
@@ -95,7 +95,7 @@ def control_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, edge: in
     Parameters
     ----------
     gradient, mesh, panel, cloth
-        As of `pattern_gradient`.
+        As in `pattern_gradient`.
     edge : int
         Number of an edge of the panel in `mesh.pattern`.
 
@@ -114,7 +114,7 @@ def control_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, edge: in
 
 
 def bezier_edge(mesh: PatternMesh, side: Side, shape: tuple[int, ...] | None = None) -> Bezier:
-    """Return the curve of an edge. InputError where it is not a Bezier curve, or has no `shape` of control points."""
+    """Return the curve of an edge. InputError if it is not a Bezier curve, or has no `shape` of control points."""
     edges = _panel(mesh, side.panel).edges
     curve = edges[side.edge].curve if 0 <= side.edge < len(edges) else None
     if not isinstance(curve, Bezier):
@@ -215,7 +215,7 @@ class PatternNumbers:
     mesh: PatternMesh
 
     def number(self, path: str) -> PatternNumber:
-        """Return what a path such as "pattern.front.width" names. InputError where it names nothing."""
+        """Return what a path such as "pattern.front.width" names. InputError if it names nothing."""
         found = _PATH.fullmatch(path)
         if found is None:
             raise InputError(

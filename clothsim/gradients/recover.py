@@ -51,7 +51,7 @@ class Identifiability:
     Parameters
     ----------
     errors : mapping
-        Relative standard error of each number by path; inf where it is not determined, nan where the loss is not a sum
+        Relative standard error of each number by path; inf if it is not determined, nan if the loss is not a sum
         of squares or a run beside the minimum cannot be taken.
     undetermined : tuple of mapping
         Combinations of logarithms that the target does not determine: weights by path.
@@ -60,7 +60,7 @@ class Identifiability:
     runs : int
         Runs that it took.
     precision : (k, k) array
-        Inverse covariance of the logarithms; nan where it is not known.
+        Inverse covariance of the logarithms; nan if it is not known.
     """
 
     errors: Mapping[str, float]
@@ -156,7 +156,7 @@ class Recovery:
     errors : mapping
         Relative standard error of each, as the misfit that is left tells (`Identifiability.errors`).
     ratios : tuple of Ratio
-        Ratios that are known of numbers that are not.
+        Known ratios of numbers that are not known themselves.
     undetermined : tuple of mapping
         Combinations of logarithms that the target does not determine: weights by path.
     at_limit : tuple of str
@@ -166,7 +166,7 @@ class Recovery:
     minima : tuple of float
         Least loss of each start.
     runs : int
-        All runs.
+        Number of all runs.
     prior : str
         What was assumed of the numbers before, and by how much it moved them; empty without a prior.
     """
@@ -203,7 +203,7 @@ def recover(
     loss : Loss
         `Distance` to positions with the numbering of the cloth, `Scan` of points, or another.
     free : sequence of str
-        Paths of positive numbers, as "effects.friction.coefficient"; keys of a fabric are meant of the cloth. Of a
+        Paths of positive numbers, such as "effects.friction.coefficient"; keys of a fabric are meant of the cloth. Of a
         cloth from a pattern also "pattern.front.width", "pattern.front+back.height", "pattern.front.flare"
         (`pattern_numbers`), the start held.
     starts : int
@@ -225,7 +225,7 @@ def recover(
         For a number that cannot be varied, a scene without a gradient, or a prior of no stiffness of bending or of a
         loss that is not a sum of squares.
     ClothsimError
-        Where the scene itself cannot be run.
+        If the scene itself cannot be run.
 
     Examples
     --------
@@ -274,7 +274,7 @@ def recover(
 
 
 def _refuse_no_prior(paths: Sequence[str], loss: Loss) -> None:
-    """InputError where the prior says nothing, or the loss does not tell how well it knows."""
+    """InputError if the prior says nothing, or the loss does not tell how well it knows."""
     bending_keys(paths)
     if residuals_of(loss) is None:
         raise InputError("The prior needs a loss that is a sum of squares.", "Use a target of points.")

@@ -71,7 +71,7 @@ Floor = float | Sequence[float] | Floats
 class ClipRecovery(Recovery):
     """What explains edited frames.
 
-    `values` are factors by name of the number, `errors` standard errors of their logarithms, inf where the keys say
+    `values` are factors by name of the number, `errors` standard errors of their logarithms, inf if the keys say
     less than is known without them; `undetermined` combinations of numbers that the keys do not determine.
 
     Parameters
@@ -85,13 +85,13 @@ class ClipRecovery(Recovery):
         numbers, and with the rest shape [m].
     from_minimum : float
         Largest change of a logarithm in the step that is left, by the gradient of the adjoint, over its standard error;
-        nan where the scene has no gradient.
+        nan if the scene has no gradient.
     no_gradient : str
-        Why it has none; empty where it has.
+        Why the scene has no gradient; empty if it has one.
     rest : RestPrice, optional
-        Of the residual rest shape; None where there is none.
+        Cost of the residual rest shape; None if there is none.
     no_rest : str
-        Why there is none; empty where there is one.
+        Why there is no residual rest shape; empty if there is one.
     """
 
     scene_of_numbers: Scene | None = None
@@ -105,7 +105,7 @@ class ClipRecovery(Recovery):
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A run: numbers (k,), the sum, and positions at all keys (p, 3), empty where it failed."""
+    """A run: numbers (k,), the sum, and positions at all keys (p, 3), empty if it failed."""
 
     at: Floats
     total: float
@@ -260,9 +260,9 @@ def recover_clip(
     Raises
     ------
     InputError
-        For a frame or a number that the scene has not.
+        For a frame or a number that the scene does not have.
     ClothsimError
-        Where the scene itself cannot be run.
+        If the scene itself cannot be run.
     """
     if isinstance(free, str):
         raise InputError(f"free is {free!r}.", f"Give a list of names: [{free!r}].")

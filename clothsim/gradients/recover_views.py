@@ -94,7 +94,7 @@ def recover_views(
     views : str, Path or sequence of View
         A TOML file of views (`gradients.views`), in the coordinates of the scene; or the views.
     free, starts, progress, seed, pattern
-        As of `recover`.
+        As in `recover`.
     prior : bool
         Weigh stiffnesses of bending with those of 618 measured fabrics of the cloth's weight (`bending_prior`).
     twins : bool
@@ -111,7 +111,7 @@ def recover_views(
         For a picture that is none, a number that cannot be varied, a cloth that no camera sees at the start, or one
         that cannot be meshed more finely.
     ClothsimError
-        Where the scene itself cannot be run.
+        If the scene itself cannot be run.
     """
     began = process_time()
     paths = tuple(dict.fromkeys(full_path(name) for name in free))
@@ -225,7 +225,7 @@ def _with_prior(fit: ViewFit) -> tuple[ViewFit, str]:
 
 
 def _moves(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> Floats | None:
-    """Derivatives of the vertices by the logarithms, (3 n, k), by differences of runs; None where one fails."""
+    """Derivatives of the vertices by the logarithms, (3 n, k), by differences of runs; None if one fails."""
     steps = by_kind(fit.problem.paths, PATTERN_STEP, FABRIC_STEP)
     columns = []
     for k, step in enumerate(steps):
@@ -292,7 +292,7 @@ def _on_finer_cloth(finer: ViewFit, weights: csr_array, coarse: SearchEnd, tell:
 
 
 def _moves_at(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> Floats:
-    """As of `_moves`. ClothsimError where a run fails."""
+    """As in `_moves`. ClothsimError where a run fails."""
     moves = _moves(fit, seen, tell)
     if moves is None:
         raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")

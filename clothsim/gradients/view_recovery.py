@@ -78,7 +78,7 @@ class ViewRecovery(Recovery):
     pictures : tuple of PictureFit
         Each of them.
     twins : tuple of Twin
-        Other models.
+        Results with other models.
     fewer_pictures : mapping of str to mappings
         Relative standard errors of fewer pictures at the same drape, with displacements of the cloth: "masks alone",
         "the view NAME alone".
@@ -91,7 +91,7 @@ class ViewRecovery(Recovery):
     cpu_seconds, adjoint_fraction : float
         Processor time of the search, and the share of the adjoint.
     pattern : Pattern, optional
-        The pattern with the numbers; None where none of them are of a pattern.
+        The pattern with the numbers; None if none of them are of a pattern.
     overlays : mapping of str to arrays
         By view: masks in grey, contours of the first guess orange, of the recovered cloth blue.
     notes : tuple of str

@@ -90,7 +90,7 @@ def check(what: Any, role: Role | None = None) -> list[Finding]:
     Returns
     -------
     list of Finding
-        Errors first; empty where there is no fault. Each has severity, kind, sentence, remedy and indices (of the
+        Errors first; empty if there is no fault. Each has severity, kind, sentence, remedy and indices (of the
         vertices or triangles).
 
     Raises

@@ -96,7 +96,7 @@ def _surfaces(run: "Run", frame: int) -> list[Surface]:
 
 
 def _package(name: str) -> Any:
-    """A package that is loaded where it is used alone. MissingPackageError where it is not installed."""
+    """A package that is loaded where it is used alone. MissingPackageError if it is not installed."""
     try:
         return import_module(name)
     except ImportError as error:

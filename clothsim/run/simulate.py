@@ -60,14 +60,14 @@ def simulate(
         Called with a line where the run is expected to take long or much, and before each of the runs that solver.error
         takes. Each but the pilot runs is announced, shown and written to the directory; the last one stays there.
     overwrite : bool
-        True: an earlier run in the directory is replaced.
+        True: replace an earlier run in the directory.
     force : bool
         True: a run is begun whatever it is expected to cost, however far something moves in a step, and with cloth
         that starts inside a body (run.allow_inside).
     differentiable : bool
-        True: the run keeps its steps and has a method `gradient` (docs/howto/gradients.md).
+        True: the run stores its steps and has a method `gradient` (docs/howto/gradients.md).
     budget : float, optional
-        CPU time [s] of the steps of a run that is written, in place of run.budget; not of one that resumes it.
+        CPU time [s] of the steps, in place of run.budget; it does not apply to a run that resumes this one.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def _loaded(kind: str) -> Any:
 
 
 def _tell_cost(scene: Scene, message: Callable[[str], None] | None, force: bool) -> None:
-    """Report a cost that is notable. InputError where it is too much, without `force`."""
+    """Report a cost that is notable. InputError if it is too much, without `force`."""
     if not force:
         refuse_costly(scene)
     cost = expected_cost(scene)

@@ -62,7 +62,7 @@ class Simulation:
     state : SimulationState
         The end of the last step.
     failure : Failure or None
-        Of the last step, None where it was taken.
+        Failure of the last step; None if it succeeded.
 
     Examples
     --------
@@ -121,7 +121,7 @@ class Simulation:
 
     @property
     def scene(self) -> Scene:
-        """The scene with the changes that it can express."""
+        """The scene with those changes that a scene can express."""
         return self._session.scene
 
     @property
@@ -131,7 +131,7 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """True where the duration of the scene is simulated, or with ``until = "rest"`` the cloth is at rest."""
+        """True if the duration of the scene is simulated, or with ``until = "rest"`` the cloth is at rest."""
         run = self.scene.run_settings
         return finished(self._state, run.duration, run.frames_per_second, run.until)
 
@@ -176,7 +176,7 @@ class Simulation:
         Parameters
         ----------
         name : str
-            As of `Run.field`.
+            As in `Run.field`.
 
         Returns
         -------
@@ -202,12 +202,12 @@ class Simulation:
 
     @property
     def intersection_free(self) -> bool | None:
-        """As in the certificate of a run, of all states so far."""
+        """As in the certificate of a run, for all states so far."""
         return self._history.intersection_free
 
     @property
     def intersections(self) -> dict[str, Any]:
-        """As in the certificate of a run, of all states so far."""
+        """As in the certificate of a run, for all states so far."""
         return self._history.as_dict()
 
     # --- changes of effects and fabrics ---
@@ -254,14 +254,14 @@ class Simulation:
         return getattr(self.scene.effects[effect], key)
 
     def set_fabric(self, fabric: str | None = None, *, cloth: str | None = None, **keys: float) -> None:
-        """Give a cloth another fabric: its masses and all energies are made again, its shape at rest stays.
+        """Give a cloth another fabric. Its masses and all energies are computed again; its rest shape stays the same.
 
         Parameters
         ----------
         fabric : str, optional
-            A named fabric; that of the scene where it is not given.
+            A named fabric; default: that of the scene.
         cloth : str, optional
-            The name of the cloth; not needed where there is one.
+            The name of the cloth; not needed if there is only one.
         **keys
             Keys of the cloth that override the fabric: ``density``, ``bending_stiffness``, ...
         """
@@ -321,13 +321,13 @@ class Simulation:
         vertices : sequence of int
             Vertices of the cloth, none of them pinned yet.
         cloth : str, optional
-            The name of the cloth; not needed where there is one.
+            The name of the cloth; not needed if there is only one.
         """
         pinned = new_pins(self._session.built, self._state, group, vertices, cloth)
         self._set_motions(self._by_hand.with_pins(group, pinned))
 
     def release_pins(self, group: str = "pins") -> None:
-        """Let a group of pins go: its vertices move freely from the next step on."""
+        """Release a group of pins: its vertices move freely from the next step on."""
         if (pinned_rows(self._session.built, group) >= self._session.built.world.n_cloth).any():
             raise InputError(f"{group} is clamped and cannot be released.", "Use clamp = false in the scene.")
         self._set_motions(self._by_hand.with_pins(group, None))
@@ -347,7 +347,7 @@ class Simulation:
         rotate_degrees_per_second: ArrayLike = (0.0, 0.0, 0.0),
         centre: ArrayLike | None = None,
     ) -> None:
-        """Move a body rigidly from where it is now; without arguments it stops. Parameters as of `drive_pins`."""
+        """Move a body rigidly from where it is now; without arguments it stops. Parameters as in `drive_pins`."""
         keys = {"velocity": velocity, "rotate_degrees_per_second": rotate_degrees_per_second}
         world = self._session.built.world
         motion = driven(world, self._state, name, rows_of_moved_body(world, name), keys, centre)
@@ -367,9 +367,9 @@ class Simulation:
         self._session, self._state = session, replace(self._state, slow_steps=0, rest=Rest.MOVING)
 
     def branch(self) -> "Simulation":
-        """A second simulation at the same state, which goes its own way; no array is copied.
+        """A second, independent simulation at the same state; no array is copied.
 
-        Both share the scene's energies and the linear solver, so that they are not for use in two threads at a time.
+        Both share the scene's energies and the linear solver, so do not use them in two threads at the same time.
         """
         other = object.__new__(Simulation)
         other.__dict__.update(self.__dict__)
@@ -378,7 +378,7 @@ class Simulation:
     def save(self, path: str | Path) -> None:
         """Write the state, the scene with its mesh files, and all changes to a file (.npz), for `restore`.
 
-        InputError where a key of an effect is a Python function, which no file holds.
+        InputError if a key of an effect is a Python function, which cannot be stored.
         """
         write_checkpoint(path, saved_simulation(self._session, self._state, self._by_hand, self._history))
 

@@ -39,7 +39,7 @@ class Cloth(_Arrays, ClothKeys):
         Positions at the start, before `scale`, `rotation_degrees` and `position`; or a trimesh.Trimesh,
         pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
     triangles : (m, 3) array_like, optional
-        Vertex numbers; left out where `vertices` is a mesh object.
+        Vertex numbers; omitted if `vertices` is a mesh object.
     rest : (n, 2), (n, 3) or (m, 3, 2) array_like [m], optional
         Rest shape: coordinates in the material plane by vertex or by corner of a triangle, or positions in space.
         None: the vertices are the rest shape.
@@ -89,7 +89,7 @@ class Body(_Arrays, BodyKeys, FrameRate):
         Positions at time 0, before `scale`, `rotation_degrees` and `position`; or a trimesh.Trimesh,
         pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
     triangles : (m, 3) array_like, optional
-        Vertex numbers; left out where `vertices` is a mesh object.
+        Vertex numbers; omitted if `vertices` is a mesh object.
     frames : (k, n, 3) array_like [m], optional
         Positions in each frame of an animation, the first at time 0 in place of `vertices`.
     frames_per_second : float [1/s]
@@ -138,9 +138,9 @@ class Rigid(_Arrays, RigidKeys):
         Positions at the start, before `scale`, `rotation_degrees` and `position`, of a closed surface; or a
         trimesh.Trimesh, pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
     triangles : (m, 3) array_like, optional
-        Vertex numbers; left out where `vertices` is a mesh object.
+        Vertex numbers; omitted if `vertices` is a mesh object.
     density : float [kg/m3]
-        Of the solid inside.
+        Density of the solid inside.
     velocity, spin_degrees_per_second : (3,) array_like [m/s, degrees/s]
         At the start.
     joint : dict, optional

@@ -58,7 +58,7 @@ class Scene:
     solver, contact, run, seed : dict or Solver, Contact, RunSettings, Seed
         Keys of the sections of these names.
     directory : path
-        Folder at which relative file names start.
+        Folder that relative file names start from.
 
     Attributes
     ----------
@@ -164,13 +164,13 @@ class Scene:
 
     @property
     def file_names(self) -> tuple[str, ...]:
-        """The files that it names, as it names them; of an animation the pattern."""
+        """Names of the files of the scene, as given; for an animation, the pattern."""
         data = json.loads(self.to_text(names_of_functions=True))
         return tuple(str(table[key]) for _, table, key in named_keys(data))
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that it names, in its directory."""
+        """Paths of the files of the scene."""
         return tuple(self.directory / name for name in self.file_names)
 
     @property
@@ -204,13 +204,13 @@ class Scene:
         return self.contact
 
     def refuse_without_cloth(self, what: str) -> None:
-        """InputError for a scene of rigid bodies alone, where `what` is a measure of cloth."""
+        """Raise an InputError for a scene of rigid bodies alone, if `what` is a measure of cloth."""
         if not self.cloths:
             raise InputError(f"The scene has no cloth, and {what} needs one.", "Add a [cloth], or leave it out.")
 
     @property
     def up(self) -> tuple[float, ...]:
-        """Unit vector against gravity; z where there is none."""
+        """Unit vector against gravity; z if there is none."""
         acceleration = np.array(self.effects["gravity"].acceleration if "gravity" in self.effects else (), np.float64)
         length = float(np.linalg.norm(acceleration))
         return tuple((-acceleration / length).tolist()) if length else (0.0, 0.0, 1.0)
@@ -222,7 +222,7 @@ class Scene:
         Raises
         ------
         InputError
-            Where the text is none of a scene.
+            If the text is not that of a scene.
         """
         return scene_from_text(text, here)
 
@@ -305,7 +305,7 @@ def make_scene(data: Table, directory: Path) -> Scene:
 def scene_from_text(text: str, here: Path = Path()) -> Scene:
     """The scene that `Scene.to_text` wrote; a relative directory, as in an archive, starts at `here`.
 
-    InputError where the text is none of a scene.
+    InputError if the text is none of a scene.
     """
     try:
         data = json.loads(text)

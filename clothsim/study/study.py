@@ -46,7 +46,7 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
 
     A scene without solver.error stays as it is, without a statement; what was found in the directory of the study
     before for the same scene is taken again. Settings: dt, cells, d_hat and Newton's stop; statement: asked, total [m],
-    known, met, seconds. InputError where the run with these settings does not come to its end.
+    known, met, seconds. InputError if the run with these settings does not come to its end.
     """
     if not scene.solver_settings.error:
         return scene, None
@@ -146,13 +146,13 @@ def study_accuracy(
     budget : float
         CPU seconds of the whole study, of all its processes together [s]: what else the machine does is not counted.
     workers : int, optional
-        Number of processes; None: one a core.
+        Number of processes; None: one per core.
     progress : callable
         Called with a `StudyProgress` at the start and the end of each run.
     runners : callable
         Context manager of a runner of jobs, given the number of processes and what counts their CPU seconds.
     name : str
-        Name of the scene in the reports.
+        Name of the scene in reports.
     stopped : callable
         Asked while the study runs; once it returns True the workers end, and the study with what it has.
     goal : NamedGoal, optional

@@ -95,7 +95,7 @@ class MeasuredBody:
 
     @property
     def residuals(self) -> dict[str, float]:
-        """Each given measure: that of the body less it [m]."""
+        """Measure of the body minus the given measure, for each [m]."""
         return {name: self.measures[name] - value for name, value in self.wanted.items()}
 
     @property
