@@ -88,7 +88,7 @@ class Outfit:
     worn : tuple of Worn
         Garments at the end, the innermost first, also those of the run that they were sewn over.
     sewn : tuple of Dress
-        Garments that were sewn, each on the wrap of what is below it.
+        Garments that were sewn, each on the wrap of the garments below it.
     run : Run or None
         Drape of all garments; None if none was started.
     counts : Counts or None
@@ -135,11 +135,11 @@ def outfit(
     over : str or Path, optional
         Directory of a completed run of `dress` or `outfit`, whose garments are below those of the patterns.
     scale, body_group
-        Of the body's file, as in `dress`.
+        Unit and group of the body's file, as in `dress`.
     overwrite : bool
         True: replace an earlier run in the directory.
     on_stage, progress, announce : callable, optional
-        As in `dress`; `announce` of the drape of all.
+        As in `dress`; `announce` is for the drape of all garments.
     **settings
         size, fabric, waistband and other arguments of `dress`, for each of the patterns; a budget is that of each, and
         of the drape of all.

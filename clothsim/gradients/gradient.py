@@ -178,9 +178,9 @@ class Gradient(Mapping[str, Floats]):
 
     @property
     def newton_error(self) -> float:
-        """L_converged - L = -sum a_k . G(x_k): what the loss would change by if every solve were exact.
+        """L_converged - L = -sum a_k . G(x_k): the change of the loss if every solve were exact.
 
-        Of first order, and round-off where the solves were polished. nan, not known, where that order does not hold:
+        An estimate of first order; round-off if the solves were polished. nan (not known) where that order fails:
         where one exact Newton step in each solve leaves more than KNOWN of it, as beside a buckling strip.
         """
         left = float(self.adjoints.newton.sum())

@@ -73,7 +73,7 @@ def pattern_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, cloth: s
     Parameters
     ----------
     gradient : Gradient
-        Of a run whose cloth has the triangles and material coordinates of `mesh`.
+        Gradient of a run whose cloth has the triangles and material coordinates of `mesh`.
     mesh : PatternMesh
         Mesh of its pattern.
     panel : str

@@ -154,7 +154,7 @@ class Recovery:
     values : mapping
         The numbers by path.
     errors : mapping
-        Relative standard error of each, as the misfit that is left tells (`Identifiability.errors`).
+        Relative standard error of each, from the remaining misfit (`Identifiability.errors`).
     ratios : tuple of Ratio
         Known ratios of numbers that are not known themselves.
     undetermined : tuple of mapping
@@ -168,7 +168,7 @@ class Recovery:
     runs : int
         Number of all runs.
     prior : str
-        What was assumed of the numbers before, and by how much it moved them; empty without a prior.
+        Assumption about the numbers, and by how much it moved them; empty without a prior.
     """
 
     scene: Scene
@@ -194,12 +194,12 @@ def recover(
     pattern: PatternMesh | None = None,
     prior: bool = False,
 ) -> Recovery:
-    """Find the numbers of a scene that minimise a loss.
+    """Find the parameters of a scene that minimise a loss.
 
     Parameters
     ----------
     scene : Scene
-        Its numbers are the first start. Its contact stiffness is held at that of its own run.
+        Its parameters are the first start. The contact stiffness is held at that of its own run.
     loss : Loss
         `Distance` to positions with the numbering of the cloth, `Scan` of points, or another.
     free : sequence of str
@@ -217,7 +217,8 @@ def recover(
         The pattern of a cloth of arrays, where numbers of it are free.
     prior : bool
         Weigh stiffnesses of bending with those of 618 measured fabrics of the cloth's weight (`bending_prior`), by the
-        normal distributions of their logarithms about the least loss. What the target does not tell is then theirs.
+        normal distributions of their logarithms about the least loss. The prior then gives what the target does not
+        determine.
 
     Raises
     ------

@@ -69,7 +69,7 @@ Floor = float | Sequence[float] | Floats
 
 @dataclass(frozen=True)
 class ClipRecovery(Recovery):
-    """What explains edited frames.
+    """Parameters, and a rest shape, that explain edited frames.
 
     `values` are factors by name of the number, `errors` standard errors of their logarithms, inf if the keys say
     less than is known without them; `undetermined` combinations of numbers that the keys do not determine.
@@ -238,7 +238,7 @@ def recover_clip(
     rest: bool = True,
     progress: Callable[[int, Evaluation], None] | None = None,
 ) -> ClipRecovery:
-    """Find the numbers of a scene, and a rest shape, with which its run passes through edited frames.
+    """Find the parameters of a scene, and a rest shape, with which its run passes through edited frames.
 
     Parameters
     ----------

@@ -85,12 +85,12 @@ def recover_views(
     folds: int = 6,
     finer: bool = False,
 ) -> ViewRecovery:
-    """Find the numbers of a scene whose cloth ends as calibrated pictures show it.
+    """Find the parameters of a scene whose cloth ends as in calibrated pictures.
 
     Parameters
     ----------
     scene : Scene
-        Its numbers are the first start. Contact stiffness is held at that of its own run.
+        Its parameters are the first start. The contact stiffness is held at that of its own run.
     views : str, Path or sequence of View
         A TOML file of views (`gradients.views`), in the coordinates of the scene; or the views.
     free, starts, progress, seed, pattern

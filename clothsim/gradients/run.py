@@ -91,7 +91,7 @@ class Trace:
         Raises
         ------
         NoMinimumError
-            Where a step did not end at a minimum of its energy.
+            If a step did not end at a minimum of its energy.
         InputError
             For a loss that does not fit the cloth.
         """

@@ -95,7 +95,7 @@ class ViewRecovery(Recovery):
     overlays : mapping of str to arrays
         By view: masks in grey, contours of the first guess orange, of the recovered cloth blue.
     notes : tuple of str
-        What was asked for and could not be done: a later start that failed, a finer cloth that could not be run.
+        Requests that could not be met: a later start that failed, a finer cloth that could not be run.
     """
 
     pictures: tuple[PictureFit, ...] = ()

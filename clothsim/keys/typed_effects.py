@@ -128,7 +128,7 @@ class StrainLimit(EffectKeys):
         OverCloth,
         Key(
             "Largest principal stretch: 1.1 for 10 %; 0: none; fabric: the extension of the fabric along warp and"
-            " weft under 490 N/m, 1.1 where it has none",
+            " weft under 490 N/m, or 1.1 if it has none",
             "1",
             least=0,
         ),
@@ -188,7 +188,7 @@ class Springs(EffectKeys):
 
     section: ClassVar[str] = "effects.springs"
 
-    spring: Annotated[Sequence[Spring | Table], Key("Springs of several vertices", tables=(Spring,))] = ()
+    spring: Annotated[Sequence[Spring | Table], Key("Springs for groups of vertices", tables=(Spring,))] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

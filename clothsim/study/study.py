@@ -144,7 +144,7 @@ def study_accuracy(
     parameters : sequence of str, optional
         Names of `parameters.PARAMETERS`; None: all that the scene has.
     budget : float
-        CPU seconds of the whole study, of all its processes together [s]: what else the machine does is not counted.
+        CPU seconds of all processes of the study together [s]; other processes of the machine do not count.
     workers : int, optional
         Number of processes; None: one per core.
     progress : callable
@@ -154,9 +154,9 @@ def study_accuracy(
     name : str
         Name of the scene in reports.
     stopped : callable
-        Asked while the study runs; once it returns True the workers end, and the study with what it has.
+        Called while the study runs; once it returns True, the workers and the study end with the results so far.
     goal : NamedGoal, optional
-        A number of the drape, whose difference to the finest cells is attributed to triangles; quasi-static scenes.
+        A number of the drape. Its difference from the finest cells is attributed to triangles. For quasi-static scenes.
 
     Returns
     -------

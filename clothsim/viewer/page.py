@@ -38,7 +38,7 @@ class Page(Served):
     run : Run
         The run; read again while it is still going.
     colouring : Colouring
-        What colours the cloth.
+        Quantity that colours the cloth.
     frame : int
         Frame that is shown.
     picked : int or None
@@ -370,7 +370,7 @@ def view(
     Returns
     -------
     Page
-        Its `url`, which has a token: who has it can read the run. `close()` ends it. A notebook shows it in its cell.
+        Its `url` has a token, with which anyone can read the run. `close()` ends it. A notebook shows it in its cell.
 
     Raises
     ------
