@@ -72,7 +72,7 @@ class Dress:
     fabrics : mapping of str to Fabric
         Fabric of each panel.
     grading : Grading or None
-        Factors by which the pattern was graded; None: it is as it was cut.
+        Factors by which the pattern was graded; None: it was not graded.
     tight : mapping of str to Tightness
         Panels that are too tight, with stretch, pressure and ease; empty without a drape.
 
@@ -229,7 +229,7 @@ def dress(
     pattern : str, Path or Pattern
         A `specification.json`, a DXF drawing, or a pattern in memory.
     on : str, Path, Body or mesh object
-        The body: a mesh file, a scene whose first body it is, or a mesh in memory in metres.
+        The body: a mesh file, a scene (its first body), or a mesh in memory in metres.
     output : str or Path, optional
         Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
     size : float
@@ -242,11 +242,11 @@ def dress(
         The body that the pattern was cut for. The pattern is graded from the girths and lengths of this body to those
         of `on`. None: as cut.
     grade : mapping of str to float, optional
-        Factors by name (`grading.NAMES`) in place of those between both bodies; without `made_for` the others are 1.
+        Factors by name (`grading.NAMES`) in place of those between the two bodies; without `made_for` the others are 1.
     waistband : bool
         True: take in upper edges that would slide, to the girth of the body, before the drape (`edges_held`).
     origin : str
-        Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
+        Meaning of y = 0 in the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
     rotation_order : str
         Order of the rotations of the panels, "zyx" or "xyz".
     seams : str or Path, optional

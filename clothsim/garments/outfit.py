@@ -77,16 +77,16 @@ class Outfit:
     Attributes
     ----------
     directory : Path
-        Directory of the run of all garments; each garment that was sewn has a folder of its name in it.
+        Directory of the run of all garments, with a folder for each garment that was sewn.
     status : str
         "completed" (all garments rest on the body, free of intersections), "sewn" (they still move at the end of the
-        drape of all) or "failed".
+        common drape) or "failed".
     reason : str
         Reason for the status, one sentence.
     body : BodyMesh
         Body that wears them.
     worn : tuple of Worn
-        Garments at the end, the innermost first, also those of the run that they were sewn over.
+        Final garments, the innermost first, including those of the run that they were sewn over.
     sewn : tuple of Dress
         Garments that were sewn, each on the wrap of the garments below it.
     run : Run or None
@@ -133,7 +133,7 @@ def outfit(
     output : str or Path, optional
         Directory for the run of all garments, with a folder for each; None: a new temporary one.
     over : str or Path, optional
-        Directory of a completed run of `dress` or `outfit`, whose garments are below those of the patterns.
+        Directory of a completed run of `dress` or `outfit`. Its garments lie below those of the patterns.
     scale, body_group
         Unit and group of the body's file, as in `dress`.
     overwrite : bool
@@ -147,12 +147,13 @@ def outfit(
     Returns
     -------
     Outfit
-        Its status is "completed", "sewn" where the garments still move at the end of the drape of all, or "failed".
+        Its status is "completed", "sewn" (the garments still move at the end of the common drape), or "failed".
 
     Raises
     ------
     InputError
-        Invalid files or arguments, two garments of one name, a run that did not complete or of another body.
+        Invalid files or arguments, two garments with the same name, a run that did not complete, or a run with another
+        body.
 
     Examples
     --------

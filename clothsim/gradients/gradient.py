@@ -166,7 +166,7 @@ class Gradient(Mapping[str, Floats]):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The names of states, forces and bodies; numbers of the scene come besides."""
+        """The names of states, forces and bodies; in addition there are the numbers of the scene."""
         bodies = [body.name for body in self.run.session.built.world.bodies]
         parts = [f"body.{name}.{what}" for name in bodies for what in ("position", "turn", "vertices")]
         return (*(ARRAYS if len(self.pinned) else ARRAYS[:-1]), *parts)
@@ -223,7 +223,7 @@ class Gradient(Mapping[str, Floats]):
         return scene_derivative(self.run, adjoints, full_path(name))
 
     def rest_along(self, field: Floats, cloth: str = "") -> float:
-        """Return the derivative along a displacement field of a cloth's rest shape, the start held.
+        """Return the derivative along a displacement field of a cloth's rest shape, with a fixed start.
 
         Parameters
         ----------

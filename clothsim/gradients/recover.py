@@ -214,17 +214,17 @@ def recover(
     seed : int
         Chooses the further starts.
     pattern : PatternMesh, optional
-        The pattern of a cloth of arrays, where numbers of it are free.
+        The pattern of a cloth given by arrays, if numbers of the pattern are free.
     prior : bool
-        Weigh stiffnesses of bending with those of 618 measured fabrics of the cloth's weight (`bending_prior`), by the
+        Combine the bending stiffnesses with those of 618 measured fabrics of the cloth's weight (`bending_prior`), by
         normal distributions of their logarithms about the least loss. The prior then gives what the target does not
         determine.
 
     Raises
     ------
     InputError
-        For a number that cannot be varied, a scene without a gradient, or a prior of no stiffness of bending or of a
-        loss that is not a sum of squares.
+        For a number that cannot be varied, a scene without a gradient, a prior without a free bending stiffness, or a
+        prior with a loss that is not a sum of squares.
     ClothsimError
         If the scene itself cannot be run.
 

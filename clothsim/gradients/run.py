@@ -133,7 +133,7 @@ class DifferentiableRun(Run):
 
     Examples
     --------
-    The derivative of the mean height of a sheet that hangs from two corners, by its stiffness and by its start:
+    The derivative of the mean height of a sheet that hangs from two corners, with respect to its stiffness and start:
 
     >>> import clothsim
     >>> from clothsim.gradients.losses import Height

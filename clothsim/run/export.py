@@ -92,11 +92,12 @@ def export(
         This frame only; negative numbers count from the end. Default: all frames; for a fitted or sewn garment only the
         last, as worn, unless `fps` asks for the frames of its drape.
     fps : float, optional
-        Frames per second; those between two frames of the run are linear in time. Default: the run's own frames.
+        Frames per second; frames between two frames of the run are interpolated linearly. Default: the frames of the
+        run.
     scale : float
         Units of the file per metre: 100 for centimetres.
     up : "y" or "z", optional
-        Axis against gravity. Default: the format's own (y of .glb), else the scene's.
+        Axis against gravity. Default: y for .glb, otherwise that of the scene.
     colour : "stretch" or "plain"
         Colours of the cloth's vertices.
     overwrite : bool

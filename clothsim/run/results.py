@@ -242,8 +242,8 @@ class Run(Sequence[Frame]):
         Raises
         ------
         InputError
-            For an unknown name, for a field of contact that the run did not write, or where the scene in the
-            checkpoint cannot be built again.
+            For an unknown name, for a contact field that the run did not write, or if the scene in the checkpoint
+            cannot be built again.
 
         Examples
         --------
@@ -360,7 +360,7 @@ class Run(Sequence[Frame]):
         Returns
         -------
         Path
-            The file. MissingPackageError for a .mp4 where ffmpeg is not installed.
+            The file. MissingPackageError for a .mp4 file if ffmpeg is not installed.
         """
         refuse_unknown_key("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
@@ -369,7 +369,7 @@ class Run(Sequence[Frame]):
         return target
 
     def gradient(self, loss: Any) -> Any:
-        """InputError: the steps of this run were not recorded; those of `simulate(scene, differentiable=True)` are."""
+        """Raise an InputError: only `simulate(scene, differentiable=True)` records the steps of a run."""
         raise InputError(f"The run {self.directory} did not record its steps, and has no gradient.", NO_GRADIENT)
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":

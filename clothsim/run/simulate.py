@@ -53,7 +53,7 @@ def simulate(
     announce : callable, optional
         Called once with the session, before the first step.
     dump_iterates : int, optional
-        A step, from 1, whose Newton iterates are written too.
+        Number of a step, from 1, whose Newton iterates are written too.
     on_step : callable, optional
         Called with the `clothsim.SimulationState` after each step.
     message : callable, optional
@@ -74,7 +74,7 @@ def simulate(
     -------
     Run
         A run that cannot continue has the status "failed" and a reason; its frames and its last good state remain.
-        With `differentiable` a `clothsim.gradients.run.DifferentiableRun`.
+        With `differentiable`, it is a `clothsim.gradients.run.DifferentiableRun`.
 
     Raises
     ------

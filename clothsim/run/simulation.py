@@ -131,7 +131,7 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """True if the duration of the scene is simulated, or with ``until = "rest"`` the cloth is at rest."""
+        """True if the duration of the scene is over or, with ``until = "rest"``, the cloth is at rest."""
         run = self.scene.run_settings
         return finished(self._state, run.duration, run.frames_per_second, run.until)
 
@@ -142,7 +142,7 @@ class Simulation:
 
     @with_remedies()
     def step(self) -> SimulationState:
-        """Take one step, beyond the duration of the scene too.
+        """Take one step, even beyond the duration of the scene.
 
         Returns
         -------
@@ -231,7 +231,7 @@ class Simulation:
         self.change("gravity", acceleration=value)
 
     def change(self, effect: str, **keys: Any) -> None:
-        """Change keys of an effect; those that are not given stay.
+        """Change keys of an effect; the other keys stay the same.
 
         Parameters
         ----------
@@ -394,7 +394,7 @@ class Simulation:
         Returns
         -------
         Simulation
-            Its steps are those that the saved one would have taken, bit for bit with ``threads = 1``.
+            A simulation that takes the same steps as the saved one, bit for bit with ``threads = 1``.
         """
         file = Path(path) / CHECKPOINT_NAME if Path(path).is_dir() else Path(path)
         simulation = object.__new__(cls)

@@ -41,7 +41,7 @@ BodyKind = BodyTable | FramesTable | ModelTable
 
 @dataclass(frozen=True, init=False, eq=False)
 class Scene:
-    """Data of a simulation, with the names of a scene file.
+    """The data of a simulation, with the same names as in a scene file.
 
     Parameters
     ----------
@@ -63,10 +63,10 @@ class Scene:
     Attributes
     ----------
     cloth, body, rigid, rod, effects[...], solver, contact, run, seed
-        Sections: each key is an attribute, with its default where it was not given; as a mapping a section has the keys
-        that were given.
+        Sections. Each key is an attribute, with its default if it was not given. As a mapping, a section has only the
+        given keys.
     cloths, bodies, rigid_bodies, rods
-        The sections of all of them, also of the only one.
+        All sections of a kind, also if there is only one.
 
     Raises
     ------

@@ -133,13 +133,13 @@ def study_accuracy(
     A scene with solver.error is searched once; its settings are then the base.
 
     The error is the area-weighted RMS distance of the base mesh's material points at the last frame to the reference;
-    for a chaotic scene that of its histogram of heights.
+    for a chaotic scene, it is the distance of its histogram of heights.
 
     Parameters
     ----------
     scene : Scene
     output : str or Path, optional
-        Directory of the results; points of an earlier study of the same scene there are reused. None: a new temporary
+        Directory of the results; results of an earlier study of the same scene are reused. None: a new temporary
         directory.
     parameters : sequence of str, optional
         Names of `parameters.PARAMETERS`; None: all that the scene has.

@@ -120,8 +120,8 @@ def measured_body(**wanted: float) -> MeasuredBody:
     Raises
     ------
     InputError
-        Names a measure that is unknown, is not a positive length, or is `ABSURD` times the usual one at that height; or
-        a height out of range.
+        For an unknown measure, a measure that is not a positive length or is `ABSURD` times the usual one at that
+        height, or a height out of range.
 
     Examples
     --------
