@@ -28,8 +28,8 @@ from clothsim.run.pictures import (
     PICTURE_NAME,
     PICTURE_SETTINGS,
     draw_run,
-    field_settings,
     frame_picture,
+    settings_of,
     up_of_run,
 )
 from clothsim.run.step_reports import forces_of
@@ -327,8 +327,7 @@ class Run(Sequence[Frame]):
         """
         refuse_unknown_key("Run.plot", settings, PICTURE_SETTINGS)
         if path is None:
-            colours = {} if field is None else field_settings(self, field)
-            return frame_picture(self.trajectory, frame, **{"up": self.up, **settings, **colours})
+            return frame_picture(self.trajectory, frame, **settings_of(self, field, settings))
         refuse_replacing([Path(path)], overwrite)
         draw_run(self, Path(path), frame, field, **settings)
         return Path(path)
