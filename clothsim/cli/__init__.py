@@ -64,7 +64,7 @@ COMMANDS = {
         "view_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),
     "gradient": Command("gradient_command", "differentiate a loss of a run", _SCENE),
-    "recover": Command("recover_command", "find numbers of a scene from a drape or pictures", _SCENE),
+    "recover": Command("recover_command", "find parameters of a scene from a drape or pictures", _SCENE),
     "design": Command("design_command", "find a pattern that hangs as you wish", _SCENE),
     "scenes": Command("info_command", "list the example scenes"),
     "keys": Command("info_command", "list the keys of a scene file"),

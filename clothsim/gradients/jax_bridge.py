@@ -24,7 +24,7 @@ def simulate(
     Parameters
     ----------
     scene, values, frames, stiffness
-        As of `clothsim.gradients.torch_bridge.simulate`.
+        As in `clothsim.gradients.torch_bridge.simulate`.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def simulate(
     Raises
     ------
     ClothsimError
-        Where JAX is not installed, or the run fails.
+        If JAX is not installed, or the run fails.
     """
     function = _function(Bridge(scene, tuple(values), tuple(frames), stiffness))
     return function(*values.values())[0]
@@ -48,7 +48,7 @@ def rollout(
     Parameters
     ----------
     layer, x, v, parameters, k, by_step
-        As of `clothsim.gradients.torch_bridge.rollout`.
+        As in `clothsim.gradients.torch_bridge.rollout`.
 
     Returns
     -------
