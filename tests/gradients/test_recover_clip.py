@@ -142,3 +142,24 @@ def test_a_floor_that_is_none_is_refused(keys, floor):
     with pytest.raises(InputError, match="floor") as refused:
         clothsim.recover_clip(strip(), keys, ["stretch"], floor=floor)
     assert "np." not in refused.value.sentence
+
+
+def test_the_branch_of_the_edit_is_found_from_beside_it(keys, monkeypatch):
+    """Cloth that buckles another way where its stiffness is 0.3 % or more off: small differences lead to the edit."""
+    fit = recover_clip._Fit.of(recover_clip.clip_numbers(strip(), ["stretch"]), keys, np.full(2, 1e-6))
+    along, across = (0.01 * np.random.default_rng(seed).standard_normal(fit.keys.shape) for seed in (0, 1))
+    across -= along * (across * along).sum() / (along**2).sum()
+
+    def positions(scene, frames):
+        off = np.log(scene.cloths[0].youngs_modulus / 4e4)
+        return (fit.keys + off * along + (abs(off) > 0.003) * across).reshape(-1, 3)
+
+    monkeypatch.setattr(recover_clip, "_positions", positions)
+    beside = fit.run(np.array([np.log(3.95)]))
+    taken = []
+    found, moves = recover_clip._nearby(fit, beside, np.zeros((along.size, 1)), taken.append)
+    assert np.exp(found.at[0]) == pytest.approx(4.0, rel=1e-3)
+    np.testing.assert_allclose(moves[:, 0], along.ravel(), atol=1e-6)
+    assert len(taken) < 10
+    known, _ = recover_clip._nearby(fit, found, moves, taken.append)
+    assert known is found
