@@ -100,11 +100,14 @@ class ClipFit:
         return self.at(ClipRun(at, 0.0, x))
 
     def beside(self, at: Floats, seen: ClipRun) -> ClipRun:
-        """A run for a difference; at keys where twins are as far from each other it is the one that is there."""
+        """A run for a difference; at keys where twins are as far from each other it is the one that is there.
+
+        Below FINEST the floor is no chance: what a small change of a number moves is then smooth.
+        """
         found = self.run(at)
         if not np.isfinite(found.total):
             return found
-        chance = self._apart(found.positions - seen.positions) < SEEN * self.floor
+        chance = self._apart(found.positions - seen.positions) < np.where(self.floor > FINEST, SEEN * self.floor, 0.0)
         rows = np.repeat(chance, self.keys.shape[1])[:, None]
         return replace(found, positions=np.where(rows, seen.positions, found.positions))
 
