@@ -84,7 +84,7 @@ class Drapes:
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
-        """The varied keys that are numbers in every drape."""
+        """The varied keys with a number in every drape."""
         keys = self.rows[0]["parameters"] if self.rows else {}
         return tuple(key for key in keys if all(is_number(row["parameters"][key]) for row in self.rows))
 

@@ -5,7 +5,7 @@ import re
 from clothsim.base.text import printable
 
 LONGEST = 400
-"""Bound on the length of a line; the middle of a longer one (a value as long as its file) is left out."""
+"""Largest length of a line. The middle of a longer line, such as a value as long as its file, is left out."""
 
 
 class ClothsimError(Exception):
@@ -48,7 +48,7 @@ class MissingPackageError(ClothsimError):
 
 
 class IntersectionWarning(UserWarning):
-    """Cloth that intersects a body or cloth in a simulation without the contact that would prevent it."""
+    """Cloth intersects a body or cloth, and the contact that would prevent this is off."""
 
 
 _OPTION = re.compile(r"`[^`]*`|(?<![\w-])(?:--([a-z][a-z-]*)|-o\b)( (?=\d))?")

@@ -72,7 +72,7 @@ class Dress:
     fabrics : mapping of str to Fabric
         Fabric of each panel.
     grading : Grading or None
-        Factors by which the pattern was graded; None: it is as it was cut.
+        Factors by which the pattern was graded; None: it was not graded.
     tight : mapping of str to Tightness
         Panels that are too tight, with stretch, pressure and ease; empty without a drape.
 
@@ -111,7 +111,7 @@ class Dress:
 
     @property
     def draped(self) -> bool:
-        """True if the drape completed, free of intersections: at rest, or "sewn" as it still moves."""
+        """True if the drape completed without intersections, whether at rest or still moving ("sewn")."""
         return self.status != "failed" and self.run is not None and self.run.status == "completed"
 
     @property
@@ -229,7 +229,7 @@ def dress(
     pattern : str, Path or Pattern
         A `specification.json`, a DXF drawing, or a pattern in memory.
     on : str, Path, Body or mesh object
-        The body: a mesh file, a scene whose first body it is, or a mesh in memory in metres.
+        The body: a mesh file, a scene (its first body), or a mesh in memory in metres.
     output : str or Path, optional
         Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
     size : float
@@ -239,13 +239,14 @@ def dress(
     fabrics : mapping of str to str, optional
         Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
     made_for : str, Path, Body or mesh object, optional
-        The body that the pattern was cut for: it is graded from its girths and lengths to those of `on`. None: as cut.
+        The body that the pattern was cut for. The pattern is graded from the girths and lengths of this body to those
+        of `on`. None: as cut.
     grade : mapping of str to float, optional
-        Factors by name (`grading.NAMES`) in place of those between both bodies; without `made_for` the others are 1.
+        Factors by name (`grading.NAMES`) in place of those between the two bodies; without `made_for` the others are 1.
     waistband : bool
-        True: upper edges that would slide are taken in to the girth of the body before the drape (`edges_held`).
+        True: take in upper edges that would slide, to the girth of the body, before the drape (`edges_held`).
     origin : str
-        Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
+        Meaning of y = 0 in the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
     rotation_order : str
         Order of the rotations of the panels, "zyx" or "xyz".
     seams : str or Path, optional
@@ -255,8 +256,8 @@ def dress(
     body_group : str or sequence of str, optional
         Group of the body's file.
     budget : float, optional
-        CPU time [s] after which no further round or step begins: the garment fails, and its reason names the widest
-        seam and what is between its sides, or it is "sewn" where it was draped already. None: no limit.
+        CPU time [s] after which no further round or step begins. The garment then fails, and its reason names the
+        widest seam and what is between its sides; if it was draped already, it is "sewn". None: no limit.
     overwrite : bool
         True: replace an earlier run in the directory.
     on_stage : callable

@@ -115,7 +115,7 @@ class Fit:
 
     @property
     def answer_number(self) -> int:
-        """Number of the stage that is the result, from 0."""
+        """Number of the resulting stage, from 0."""
         return next(number for number, stage in enumerate(self.stages) if stage is self.answer)
 
     @property
@@ -125,7 +125,7 @@ class Fit:
 
     @property
     def complete_positions(self) -> Floats:
-        """Positions of all vertices of the garment's file, also of pieces that follow others [m]."""
+        """Positions of all vertices of the garment's file, including pieces that follow others [m]."""
         return self.garment.division.complete(self.positions)
 
     @property
@@ -161,13 +161,13 @@ def fit(
     Parameters
     ----------
     garment : str, Path, Cloth or mesh object
-        A mesh file, MakeHuman clothes (.mhclo), a scene, whose first cloth it is, or a mesh in memory in metres.
+        A mesh file, MakeHuman clothes (.mhclo), a scene (its first cloth), or a mesh in memory in metres.
     to : str, Path, Body or mesh object
         The body that will wear it.
     made_for : str, Path, Body or mesh object, optional
         The body that the garment was made for; None: `to`, on which it is repaired. Not needed for a scene.
     output : str or Path, optional
-        Directory for what a run leaves, `fitted.obj`, and the stages in the summary; None: a new temporary one.
+        Directory for the files of a run and `fitted.obj`; None: a new temporary one.
     scale : float, optional
         Metres per unit of the files of garment and body; None: from the height of the body.
     scale_to : float, optional
@@ -183,7 +183,7 @@ def fit(
     resize : bool
         True: grade the garment along the girths and lengths of the bodies; False: leave its size as cut.
     markers : str or Path, optional
-        File of corresponding points, six numbers per line; None: derived where the meshes of the bodies differ.
+        File of corresponding points, six numbers per line; None: derived if the meshes of the bodies differ.
     on_stage : callable
         Called with each `Stage` as it ends.
     progress : callable, optional

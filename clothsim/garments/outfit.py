@@ -77,18 +77,18 @@ class Outfit:
     Attributes
     ----------
     directory : Path
-        Directory of the run of all garments; each garment that was sewn has a folder of its name in it.
+        Directory of the run of all garments, with a folder for each garment that was sewn.
     status : str
         "completed" (all garments rest on the body, free of intersections), "sewn" (they still move at the end of the
-        drape of all) or "failed".
+        common drape) or "failed".
     reason : str
         Reason for the status, one sentence.
     body : BodyMesh
         Body that wears them.
     worn : tuple of Worn
-        Garments at the end, the innermost first, also those of the run that they were sewn over.
+        Final garments, the innermost first, including those of the run that they were sewn over.
     sewn : tuple of Dress
-        Garments that were sewn, each on the wrap of what is below it.
+        Garments that were sewn, each on the wrap of the garments below it.
     run : Run or None
         Drape of all garments; None if none was started.
     counts : Counts or None
@@ -133,13 +133,13 @@ def outfit(
     output : str or Path, optional
         Directory for the run of all garments, with a folder for each; None: a new temporary one.
     over : str or Path, optional
-        Directory of a completed run of `dress` or `outfit`, whose garments are below those of the patterns.
+        Directory of a completed run of `dress` or `outfit`. Its garments lie below those of the patterns.
     scale, body_group
-        Of the body's file, as in `dress`.
+        Unit and group of the body's file, as in `dress`.
     overwrite : bool
         True: replace an earlier run in the directory.
     on_stage, progress, announce : callable, optional
-        As in `dress`; `announce` of the drape of all.
+        As in `dress`; `announce` is for the drape of all garments.
     **settings
         size, fabric, waistband and other arguments of `dress`, for each of the patterns; a budget is that of each, and
         of the drape of all.
@@ -147,12 +147,13 @@ def outfit(
     Returns
     -------
     Outfit
-        Its status is "completed", "sewn" where the garments still move at the end of the drape of all, or "failed".
+        Its status is "completed", "sewn" (the garments still move at the end of the common drape), or "failed".
 
     Raises
     ------
     InputError
-        Invalid files or arguments, two garments of one name, a run that did not complete or of another body.
+        Invalid files or arguments, two garments with the same name, a run that did not complete, or a run with another
+        body.
 
     Examples
     --------

@@ -117,8 +117,9 @@ class Scan(Loss):
     frame : int
         Number of the frame, counted from the last if negative.
     normals : (k, 3) array
-        Normals of the points, on the side of the cloth's own (its triangles counter-clockwise). A point whose closest
-        triangle faces more than 60 degrees off is left out: it lies on another layer, or on none. Empty: all count.
+        Normals of the points, on the same side as those of the cloth (counter-clockwise triangles). A point is left out
+        if its normal and that of the closest triangle differ by more than 60 degrees: it lies on another layer, or on
+        none. Empty: all points count.
     """
 
     points: Floats
@@ -156,7 +157,7 @@ def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Height(Loss):
-    """Mean position of some vertices along a direction [m], as the height of a hem.
+    """Mean position of some vertices along a direction [m], such as the height of a hem.
 
     Parameters
     ----------
@@ -236,7 +237,7 @@ def _crossing(positions: Floats, first: Ints, second: Ints, height: float) -> tu
 
 @dataclass(frozen=True)
 class Silhouette(Loss):
-    """Area within the projection of the cloth's border [m2], as the shadow of a Cusick drape.
+    """Area within the projection of the cloth's border [m2], such as the shadow of a Cusick drape.
 
     Parameters
     ----------
@@ -261,7 +262,7 @@ class Silhouette(Loss):
 
 
 def as_loss(loss: Loss | Function) -> Loss:
-    """Return a loss; a function of the positions of the last frame is made one."""
+    """Return a loss, also from a function of the positions of the last frame."""
     if isinstance(loss, Loss):
         return loss
     if isinstance(loss, type):
@@ -280,7 +281,7 @@ CORNER = np.pi / 4
 
 @dataclass(frozen=True)
 class Hem(Loss):
-    """Mean height of the side of the border that is lowest [m].
+    """Mean height of the lowest side of the border [m].
 
     The border is cut into sides at its corners, where the angles of the triangles at a vertex sum to half a turn less
     or more than CORNER, whatever the shape of the cloth in space.

@@ -154,7 +154,7 @@ class Recovery:
     values : mapping
         The numbers by path.
     errors : mapping
-        Relative standard error of each, as the misfit that is left tells (`Identifiability.errors`).
+        Relative standard error of each, from the remaining misfit (`Identifiability.errors`).
     ratios : tuple of Ratio
         Known ratios of numbers that are not known themselves.
     undetermined : tuple of mapping
@@ -168,7 +168,7 @@ class Recovery:
     runs : int
         Number of all runs.
     prior : str
-        What was assumed of the numbers before, and by how much it moved them; empty without a prior.
+        Assumption about the numbers, and by how much it moved them; empty without a prior.
     """
 
     scene: Scene
@@ -194,12 +194,12 @@ def recover(
     pattern: PatternMesh | None = None,
     prior: bool = False,
 ) -> Recovery:
-    """Find the numbers of a scene that minimise a loss.
+    """Find the parameters of a scene that minimise a loss.
 
     Parameters
     ----------
     scene : Scene
-        Its numbers are the first start. Its contact stiffness is held at that of its own run.
+        Its parameters are the first start. The contact stiffness is held at that of its own run.
     loss : Loss
         `Distance` to positions with the numbering of the cloth, `Scan` of points, or another.
     free : sequence of str
@@ -214,16 +214,17 @@ def recover(
     seed : int
         Chooses the further starts.
     pattern : PatternMesh, optional
-        The pattern of a cloth of arrays, where numbers of it are free.
+        The pattern of a cloth given by arrays, if numbers of the pattern are free.
     prior : bool
-        Weigh stiffnesses of bending with those of 618 measured fabrics of the cloth's weight (`bending_prior`), by the
-        normal distributions of their logarithms about the least loss. What the target does not tell is then theirs.
+        Combine the bending stiffnesses with those of 618 measured fabrics of the cloth's weight (`bending_prior`), by
+        normal distributions of their logarithms about the least loss. The prior then gives what the target does not
+        determine.
 
     Raises
     ------
     InputError
-        For a number that cannot be varied, a scene without a gradient, or a prior of no stiffness of bending or of a
-        loss that is not a sum of squares.
+        For a number that cannot be varied, a scene without a gradient, a prior without a free bending stiffness, or a
+        prior with a loss that is not a sum of squares.
     ClothsimError
         If the scene itself cannot be run.
 

@@ -69,7 +69,7 @@ Floor = float | Sequence[float] | Floats
 
 @dataclass(frozen=True)
 class ClipRecovery(Recovery):
-    """What explains edited frames.
+    """Parameters, and a rest shape, that explain edited frames.
 
     `values` are factors by name of the number, `errors` standard errors of their logarithms, inf if the keys say
     less than is known without them; `undetermined` combinations of numbers that the keys do not determine.
@@ -238,12 +238,12 @@ def recover_clip(
     rest: bool = True,
     progress: Callable[[int, Evaluation], None] | None = None,
 ) -> ClipRecovery:
-    """Find the numbers of a scene, and a rest shape, with which its run passes through edited frames.
+    """Find the parameters of a scene, and a rest shape, with which its run passes through edited frames.
 
     Parameters
     ----------
     scene : Scene
-        Lengths and a rest shape are found where its cloths are given by arrays.
+        Lengths and a rest shape can be found only if its cloths are given by arrays.
     keys : mapping of int to (n, 3) ndarray [m]
         Positions of all cloth vertices by the number of the frame, from 1.
     free : sequence of str
@@ -253,7 +253,7 @@ def recover_clip(
         Noise of a run [m], root mean square, of all frames or of each key in the order of time; or a function that
         finds it, called when all else is checked.
     rest : bool
-        Find a residual rest shape where the numbers leave more than the noise.
+        Find a residual rest shape if the numbers leave more than the noise.
     progress : callable, optional
         Called after each run with 1 for numbers and 2 for the rest shape.
 

@@ -85,30 +85,31 @@ def recover_views(
     folds: int = 6,
     finer: bool = False,
 ) -> ViewRecovery:
-    """Find the numbers of a scene whose cloth ends as calibrated pictures show it.
+    """Find the parameters of a scene whose cloth ends as in calibrated pictures.
 
     Parameters
     ----------
     scene : Scene
-        Its numbers are the first start. Contact stiffness is held at that of its own run.
+        Its parameters are the first start. The contact stiffness is held at that of its own run.
     views : str, Path or sequence of View
         A TOML file of views (`gradients.views`), in the coordinates of the scene; or the views.
     free, starts, progress, seed, pattern
         As in `recover`.
     prior : bool
-        Weigh stiffnesses of bending with those of 618 measured fabrics of the cloth's weight (`bending_prior`).
+        Combine the bending stiffnesses with those of 618 measured fabrics of the cloth's weight (`bending_prior`).
     twins : bool
         Run four other models at the end, for the model's own error (`Twin`): about ten runs more.
     folds : int
-        Drapes that the first start is chosen from by the normals: the scene's own, and others after seeded kicks.
+        Number of drapes from which the first start is chosen by their normals: the scene's own drape, and others after
+        seeded kicks.
     finer : bool
-        End with a few steps on a cloth with four triangles for one; each run costs five times as much there. The values
-        are of that cloth then.
+        End with a few steps on a cloth with four triangles for each; a run then costs five times as much. The values
+        are those of the finer cloth.
 
     Raises
     ------
     InputError
-        For a picture that is none, a number that cannot be varied, a cloth that no camera sees at the start, or one
+        For an unreadable picture, a number that cannot be varied, a cloth that no camera sees at the start, or a cloth
         that cannot be meshed more finely.
     ClothsimError
         If the scene itself cannot be run.

@@ -91,7 +91,7 @@ class Trace:
         Raises
         ------
         NoMinimumError
-            Where a step did not end at a minimum of its energy.
+            If a step did not end at a minimum of its energy.
         InputError
             For a loss that does not fit the cloth.
         """
@@ -133,7 +133,7 @@ class DifferentiableRun(Run):
 
     Examples
     --------
-    The derivative of the mean height of a sheet that hangs from two corners, by its stiffness and by its start:
+    The derivative of the mean height of a sheet that hangs from two corners, with respect to its stiffness and start:
 
     >>> import clothsim
     >>> from clothsim.gradients.losses import Height

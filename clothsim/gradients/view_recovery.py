@@ -95,7 +95,7 @@ class ViewRecovery(Recovery):
     overlays : mapping of str to arrays
         By view: masks in grey, contours of the first guess orange, of the recovered cloth blue.
     notes : tuple of str
-        What was asked for and could not be done: a later start that failed, a finer cloth that could not be run.
+        Requests that could not be met: a later start that failed, a finer cloth that could not be run.
     """
 
     pictures: tuple[PictureFit, ...] = ()
@@ -118,13 +118,13 @@ class ViewRecovery(Recovery):
 
     @property
     def model_errors(self) -> Mapping[str, float]:
-        """Root of the sum of the squares of the shifts of all twins, by path: the model's own relative error."""
+        """Relative error of the model, by path: the root of the sum of the squared shifts of all twins."""
         taken = [twin.shifts for twin in self.twins if not twin.failure]
         return {path: float(np.sqrt(sum(each[path] ** 2 for each in taken))) for path in self.values if taken}
 
     @property
     def total_errors(self) -> Mapping[str, float]:
-        """Relative standard errors with the model's own."""
+        """Relative standard errors, including the error of the model."""
         return {path: float(np.hypot(error, self.model_errors.get(path, 0.0))) for path, error in self.errors.items()}
 
 

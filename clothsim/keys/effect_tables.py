@@ -9,7 +9,7 @@ from clothsim.keys.schema import Key, OverTime, Selection, Table, Vector
 
 SELECT = Key("Vertices by side, by number or in a box at the start [m]")
 CURVE = Key("A line of edges: a side, a box at the start [m], an edge or label of a pattern, or numbers in order")
-CLOTH = Key("Name of the cloth, where there are several", shown="the only one")
+CLOTH = Key("Name of the cloth, if there are several", shown="the only one")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class Motion(KeyTable):
 
     velocity: Annotated[Vector, Key("Velocity", "m/s", length=3)] = (0.0, 0.0, 0.0)
     rotate_degrees_per_second: Annotated[
-        Vector, Key("Angular velocity about each axis, along the axis of rotation", "degrees/s", length=3)
+        Vector, Key("Angular velocity, as a vector along the axis of rotation", "degrees/s", length=3)
     ] = (0.0, 0.0, 0.0)
     centre: Annotated[
         Vector | None, Key("Point on the axis of rotation", "m", length=3, shown="the object's own position")
@@ -103,7 +103,7 @@ class SeamLine(KeyTable):
         Key("A side of the cloth; left and right run upwards, bottom and top to the right", shown="none"),
     ] = None
     through: Annotated[
-        Sequence[Sequence[float]], Key("Points [[x, y, z], ...] along the border of the unplaced mesh", "m")
+        Sequence[Sequence[float]], Key("Points [[x, y, z], ...] along the border of the mesh before it is placed", "m")
     ] = ()
     vertices: Annotated[Sequence[int], Key("Vertex numbers in order", "1")] = ()
     panel: Annotated[str | None, Key("A panel of a sewing pattern, with `edge`", shown="none")] = None
@@ -166,7 +166,7 @@ class Buttons(Zip):
 
 @dataclass(frozen=True, kw_only=True)
 class PatternSeams(KeyTable):
-    """All seams of sewing patterns that are open as placed: effects.seams.pattern."""
+    """Settings for all seams of sewing patterns that are open as placed: effects.seams.pattern."""
 
     section: ClassVar[str] = "effects.seams.pattern"
 

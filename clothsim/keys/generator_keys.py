@@ -175,7 +175,7 @@ class Shirt(GarmentKeys):
         float, Key("Length from shoulder joint to cuff, for a height of 1.7 m", "m", least=0.13, most=0.46)
     ] = 0.20
     opening: Annotated[float, Key("Width of the opening down the front; 0: closed", "m", least=0, most=0.2)] = 0.0
-    hood: Annotated[bool, Key("With a hood over the head")] = False
+    hood: Annotated[bool, Key("Add a hood over the head")] = False
 
 
 @dataclass(frozen=True, kw_only=True)

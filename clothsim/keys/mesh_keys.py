@@ -109,7 +109,7 @@ class ClothKeys(PlacedKeys):
     fabric: Annotated[str, Key("Named fabric; keys such as density override it; see `clothsim fabrics`")] = "cotton"
     fabric_of: Annotated[
         Mapping[str, Any] | None,
-        Key("Named fabrics of panels (groups of a file, panels of a pattern), by name; * stands for any letters",
+        Key("Named fabrics of panels (groups of a file, panels of a pattern), by name; * stands for any characters",
             shown="none"),
     ] = None  # fmt: skip
     density: Annotated[float | None, Key("Area density", "kg/m2", above=0, shown="the fabric's")] = None
@@ -136,7 +136,7 @@ class ClothKeys(PlacedKeys):
     ] = None
     bending_slope: Annotated[
         float | None,
-        Key("Slope s of the moment D k + s k^2 at curvature k; below 0 bending softens, but not below 0.2 D",
+        Key("Slope s of the moment D k + s k^2 at curvature k; a negative s softens bending, down to 0.2 D",
             "N m2", shown="the fabric's"),
     ] = None  # fmt: skip
     bending_slope_warp: Annotated[
@@ -216,13 +216,14 @@ class FilePart(KeyTable):
 
 @dataclass(frozen=True, kw_only=True)
 class PatternFile(KeyTable):
-    """Mesh of a sewing pattern (`specification.json`), as cloth."""
+    """A cloth meshed from a sewing pattern (`specification.json`)."""
 
     section: ClassVar[str] = "a sewing pattern"
 
     size: Annotated[float, Key("Distance between neighbouring vertices", "m", above=0)] = 0.02
     rotation_order: Annotated[
-        Literal["zyx", "xyz"], Key('Rotation of a panel: "zyx" is Rz Ry Rx; "xyz" as GarmentCode from 2.0 on writes it')
+        Literal["zyx", "xyz"],
+        Key('Order of panel rotations: "zyx" for Rz Ry Rx; "xyz" for files of GarmentCode from 2.0 on'),
     ] = "zyx"
 
 
@@ -364,7 +365,7 @@ class RigidKeys(PlacedKeys):
     density: Annotated[float, Key("Density of the solid inside the mesh", "kg/m3", above=0)] = 1000.0
     velocity: Annotated[Vector, Key("Velocity of the centre of mass at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
     spin_degrees_per_second: Annotated[
-        Vector, Key("Angular velocity at the start, along the axis of rotation", "degrees/s", length=3)
+        Vector, Key("Angular velocity at the start, as a vector along the axis of rotation", "degrees/s", length=3)
     ] = (0.0, 0.0, 0.0)
     joint: Annotated[
         JointKeys | Mapping[str, Any] | None, Key("Joint to the world", tables=(JointKeys,), shown="none")

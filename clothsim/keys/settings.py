@@ -55,7 +55,8 @@ class Solver(KeyTable):
     ] = "auto"
     threads: Annotated[
         int,
-        Key("Threads of a step; 0: one, or up to 4 from 20,000 vertices on; 1 repeats every bit", "1", least=0),
+        Key("Threads of a step; 0: one, or up to 4 from 20,000 vertices on; 1 gives identical results in every run",
+            "1", least=0),
     ] = 0  # fmt: skip
     repeatable: Annotated[
         bool, Key("Results do not depend on the number of threads; a factorisation takes 1.05 to 1.2 times as long")
@@ -164,7 +165,8 @@ class RunSettings(KeyTable):
             above=0),
     ] = 1e-3  # fmt: skip
     fields: Annotated[
-        Sequence[FieldName], Key("Fields written with each frame, beside the positions and the principal stretches")
+        Sequence[FieldName],
+        Key("Fields written with each frame, in addition to the positions and the principal stretches"),
     ] = ()
     forces: Annotated[
         bool, Key("Record at each step the contact force on each body and the reaction of each group of pins")

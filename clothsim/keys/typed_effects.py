@@ -1,9 +1,10 @@
 """Effects as frozen dataclasses: the keys of each effect with default, unit, range and meaning.
 
 `effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` is the same as
-`effects={"gravity": {}, "bending": {"model": "midedge"}}`. The one place of a key: the table `scene.effects` names the
-class, a scene is checked by it, and the builder takes an object of it. Importing this module imports no effect. Of an
-effect that a user registers the class is the one that its builder names, or one made of the builder's keywords.
+`effects={"gravity": {}, "bending": {"model": "midedge"}}`. Each key is declared only here. The table `scene.effects`
+names the class, a scene is checked against it, and the builder takes an object of it. Importing this module imports no
+effect. For an effect that a user registers, the class is the one that its builder names, or is made from the keywords
+of the builder.
 """
 
 import inspect
@@ -128,7 +129,7 @@ class StrainLimit(EffectKeys):
         OverCloth,
         Key(
             "Largest principal stretch: 1.1 for 10 %; 0: none; fabric: the extension of the fabric along warp and"
-            " weft under 490 N/m, 1.1 where it has none",
+            " weft under 490 N/m, or 1.1 if it has none",
             "1",
             least=0,
         ),
@@ -188,7 +189,7 @@ class Springs(EffectKeys):
 
     section: ClassVar[str] = "effects.springs"
 
-    spring: Annotated[Sequence[Spring | Table], Key("Springs of several vertices", tables=(Spring,))] = ()
+    spring: Annotated[Sequence[Spring | Table], Key("Springs for groups of vertices", tables=(Spring,))] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -396,13 +397,13 @@ def effects_by_name(effects: Any) -> Any:
 
 
 SUPPLIED = ("contacts", "built")
-"""Keywords of builders that no scene gives: the names of the contacts that are on, and the energies built so far, by
-name."""
+"""Keywords of builders that a scene cannot set: the names of the contacts that are on, and the energies built so far,
+by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeywordKeys(EffectKeys):
-    """The keywords of a builder: their names are checked, their values are for the builder to check."""
+    """The keywords of a builder. Only their names are checked; the builder checks their values."""
 
     def __post_init__(self) -> None:
         """Take every value as it is."""

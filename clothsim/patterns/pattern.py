@@ -154,7 +154,7 @@ class Pattern:
     Raises
     ------
     InputError
-        An open loop, an edge of no length, a stitch to a missing edge, an edge in two stitches.
+        An open loop, an edge of zero length, a stitch to a missing edge, or an edge in two stitches.
     """
 
     panels: Mapping[str, Panel]

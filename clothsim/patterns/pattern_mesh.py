@@ -292,7 +292,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     Raises
     ------
     InputError
-        A panel that crosses itself; stitches that give the garment one side only; a seam whose two sides share a
+        A panel that crosses itself, stitches that make the garment one-sided, or a seam whose two sides share a
         triangle.
     """
     spacing = as_positive("The size of the mesh", spacing)

@@ -52,13 +52,13 @@ class Exported:
     rate : float
         Frames per second.
     interpolated : int
-        Frames between two of the run, at positions linear in time: they were not simulated.
+        Number of frames that were interpolated linearly in time, not simulated.
     up : str
         Axis against gravity.
     unit : float
         Metres per unit.
     notes : tuple of str
-        What is missing, and why.
+        What the files lack, and why.
     """
 
     files: tuple[Path, ...]
@@ -89,14 +89,15 @@ def export(
     target : str or Path
         The file; its ending is one of `clothsim.files.exchange.formats.FORMATS`.
     frame : int, optional
-        This frame only; negative numbers count from the end. Default: all; of a garment that was fitted or dressed its
-        last, as it is worn, unless `fps` asks for the frames of its drape.
+        This frame only; negative numbers count from the end. Default: all frames; for a fitted or sewn garment only the
+        last, as worn, unless `fps` asks for the frames of its drape.
     fps : float, optional
-        Frames per second; those between two frames of the run are linear in time. Default: the run's own frames.
+        Frames per second; frames between two frames of the run are interpolated linearly. Default: the frames of the
+        run.
     scale : float
         Units of the file per metre: 100 for centimetres.
     up : "y" or "z", optional
-        Axis against gravity. Default: the format's own (y of .glb), else the scene's.
+        Axis against gravity. Default: y for .glb, otherwise that of the scene.
     colour : "stretch" or "plain"
         Colours of the cloth's vertices.
     overwrite : bool

@@ -31,7 +31,7 @@ def to_trimesh(run: "Run", frame: int = -1) -> "trimesh.Scene":
     Raises
     ------
     InputError
-        For a frame that is not there, or what is not a run.
+        For a missing frame, or for something other than a run.
     MissingPackageError
         Without trimesh.
 

@@ -95,7 +95,7 @@ class Run(Sequence[Frame]):
     Attributes
     ----------
     directory : Path
-        Where its files are.
+        Directory of the files of the run.
     trajectory : Trajectory
         The file of the frames.
     summary : dict
@@ -172,14 +172,14 @@ class Run(Sequence[Frame]):
 
     @property
     def reason(self) -> str:
-        """The reason for the status, a sentence."""
+        """The reason for the status, as a sentence."""
         return str((self.summary or _INTERRUPTED).get("reason", ""))
 
     @property
     def intersection_free(self) -> bool | None:
         """True if all pairs of cloths, and of cloth and body, were checked at every step and none intersects.
 
-        False if some do; None if it is not known: of a run without a summary, or one that was not checked whole.
+        False if some do; None if it is not known, for a run without a summary or one that was not checked completely.
         """
         free = (self.summary.get("certificate") or {}).get("intersection_free")
         return free if self.intersections or free is False else None  # older runs did not check cloth with cloth
@@ -191,7 +191,7 @@ class Run(Sequence[Frame]):
 
     @property
     def up(self) -> tuple[float, ...] | str:
-        """The direction against the gravity of the scene; "z" if the run's checkpoint gives none."""
+        """The direction against gravity in the scene; "z" if the run's checkpoint has none."""
         return up_of_run(self.directory)
 
     @property
@@ -223,7 +223,7 @@ class Run(Sequence[Frame]):
         return self.trajectory.stretches(frame)
 
     def field(self, name: str, frame: int = -1) -> NDArray[np.floating]:
-        """Values of a field in a frame: those that the run wrote, else computed from the positions.
+        """Values of a field in a frame, as written by the run or else computed from the positions.
 
         Parameters
         ----------
@@ -237,13 +237,13 @@ class Run(Sequence[Frame]):
         -------
         ndarray
             (m, ...) for a field of the triangles, (n, ...) of the vertices, (b, ...) of the bodies', in SI units;
-            float32 if the run wrote it (``run.fields`` of the scene), else float64.
+            float32 if the run wrote the field (``run.fields`` of the scene), else float64.
 
         Raises
         ------
         InputError
-            For an unknown name, for a field of contact that the run did not write, or where the scene in the
-            checkpoint cannot be built again.
+            For an unknown name, for a contact field that the run did not write, or if the scene in the checkpoint
+            cannot be built again.
 
         Examples
         --------
@@ -283,7 +283,7 @@ class Run(Sequence[Frame]):
 
     @property
     def certificate_rows(self) -> list[tuple[str, str]]:
-        """Names and texts of what the run certifies at its end, with its warnings; none before."""
+        """Names and texts of the certificate, with the warnings; empty until the run has ended."""
         return certificate_rows(self.summary) if self.summary else []
 
     def record(self) -> list[dict[str, Any]]:
@@ -347,7 +347,7 @@ class Run(Sequence[Frame]):
         path : str or Path
             A file that ends in .mp4, .webp or .gif.
         progress : callable, optional
-            Called with the frames drawn and all frames after each of them.
+            Called after each frame with the number of drawn frames and of all frames.
         field : str, optional
             As in `plot`.
         overwrite : bool
@@ -359,7 +359,7 @@ class Run(Sequence[Frame]):
         Returns
         -------
         Path
-            The file. MissingPackageError for a .mp4 where ffmpeg is not installed.
+            The file. MissingPackageError for a .mp4 file if ffmpeg is not installed.
         """
         refuse_unknown_key("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
@@ -368,7 +368,7 @@ class Run(Sequence[Frame]):
         return target
 
     def gradient(self, loss: Any) -> Any:
-        """InputError: the steps of this run were not recorded; those of `simulate(scene, differentiable=True)` are."""
+        """Raise an InputError: only `simulate(scene, differentiable=True)` records the steps of a run."""
         raise InputError(f"The run {self.directory} did not record its steps, and has no gradient.", NO_GRADIENT)
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":
@@ -408,7 +408,7 @@ def open_run(path: str | Path) -> Run:
     Raises
     ------
     InputError
-        The directory is missing, holds no run, or a file of it is broken.
+        The directory is missing or has no run, or a file of the run is broken.
     """
     directory = Path(path)
     if os.path.isfile(directory):

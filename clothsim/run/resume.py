@@ -135,7 +135,7 @@ def resume(
     """Continue a run from the checkpoint in its directory.
 
     With ``threads = 1`` the frames equal those of a run that was not stopped, bit for bit. A failed run fails again,
-    from its last good state. A directory without a trajectory gets one that starts there.
+    from its last good state. If the directory has no trajectory, a new one starts at the checkpoint.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def resume(
     ------
     InputError
         The directory has no checkpoint, another run writes to it, a file of it is a link, its mesh files have changed,
-        or it is a finished fit, which is more than its drape.
+        or it contains a finished fit.
     """
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step)
     folder = Path(directory)

@@ -44,18 +44,18 @@ from clothsim.solve.stepping.time_loop import finished, next_step
 class Simulation:
     """A scene that is stepped by hand.
 
-    Iterating takes one step at a time until the duration of the scene; `step` goes on beyond it. Between two steps
-    wind, gravity, the keys of effects, fabrics, pins and bodies can be read and changed. A change acts from the next
-    step on and is exact: the steps after it are those, bit for bit with ``threads = 1``, of a scene that had the value
-    from the start and came to the same state. Steps without changes are those of `clothsim.simulate`.
+    Iteration takes one step at a time until the duration of the scene; `step` also continues beyond it. Between two
+    steps wind, gravity, the keys of effects, fabrics, pins and bodies can be read and changed. A change acts from the
+    next step on and is exact: with ``threads = 1``, the steps after it equal, bit for bit, those of a scene that had
+    the value from the start and reached the same state. Steps without changes are those of `clothsim.simulate`.
 
-    A step that cannot be taken raises `SimulationError`. The simulation stays at its last good state, so that it can
-    go on after a change (a pin moved back, a body slowed down), or be saved.
+    A step that fails raises `SimulationError`. The simulation stays at its last good state. It can continue after a
+    change (a pin moved back, a body slowed down), or be saved.
 
     Parameters
     ----------
     scene : Scene
-        From `clothsim.load_scene`, or made of tables or arrays.
+        Scene from `clothsim.load_scene`, or from tables or arrays.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Simulation:
 
     Examples
     --------
-    A trimesh cloth falls on a pyvista body; half way through, wind begins to blow along x:
+    A trimesh cloth falls on a pyvista body; halfway through, wind begins to blow along x:
 
     >>> import clothsim, numpy, pyvista, trimesh
     >>> x, y = 0.125 * numpy.indices((9, 9)).reshape(2, 81) - 0.5
@@ -131,7 +131,7 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """True if the duration of the scene is simulated, or with ``until = "rest"`` the cloth is at rest."""
+        """True if the duration of the scene is over or, with ``until = "rest"``, the cloth is at rest."""
         run = self.scene.run_settings
         return finished(self._state, run.duration, run.frames_per_second, run.until)
 
@@ -142,7 +142,7 @@ class Simulation:
 
     @with_remedies()
     def step(self) -> SimulationState:
-        """Take one step, beyond the duration of the scene too.
+        """Take one step, even beyond the duration of the scene.
 
         Returns
         -------
@@ -152,7 +152,7 @@ class Simulation:
         Raises
         ------
         SimulationError
-            The step cannot be taken, or its end intersects; the state is then the one before it.
+            The step failed, or its end intersects; the simulation is then at the state before it.
         """
         integrator, run = self._session.integrator, self.scene.run_settings
         if integrator.control is not None and self.finished:
@@ -231,7 +231,7 @@ class Simulation:
         self.change("gravity", acceleration=value)
 
     def change(self, effect: str, **keys: Any) -> None:
-        """Change keys of an effect; those that are not given stay.
+        """Change keys of an effect; the other keys stay the same.
 
         Parameters
         ----------
@@ -277,14 +277,14 @@ class Simulation:
         return {group.name: x[group.vertices[group.vertices < n]] for group in pin_groups(self._session.built)}
 
     def move_pins(self, positions: ArrayLike, group: str = "pins") -> None:
-        """Prescribe where the vertices of a group are at the end of the next step and after it.
+        """Prescribe the positions of the vertices of a group at the end of the next step and after it.
 
         Parameters
         ----------
         positions : (k, 3) array
             In the order of ``simulation.pins[group]`` [m].
         group : str
-            A name of `pins`. A clamped group holds directions too and is moved by `drive_pins` only.
+            A name of `pins`. A clamped group also holds directions; only `drive_pins` can move it.
         """
         pinned = pins_at(self._session.built, self._state, group, positions)
         self._set_motions(self._by_hand.with_pins(group, pinned))
@@ -304,7 +304,7 @@ class Simulation:
         group : str
             A name of `pins`.
         velocity, rotate_degrees_per_second, centre : (3,) array
-            As in the motion of a scene [m/s], [degrees/s], [m]; centre: the mean of the group where it is not given.
+            As in the motion of a scene [m/s], [degrees/s], [m]. Default centre: the mean of the group.
         """
         keys = {"velocity": velocity, "rotate_degrees_per_second": rotate_degrees_per_second}
         rows = pinned_rows(self._session.built, group)
@@ -335,7 +335,7 @@ class Simulation:
     # --- bodies ---
 
     def move_body(self, name: str, positions: ArrayLike) -> None:
-        """Prescribe where the vertices of a body are at the end of the next step and after it; (n, 3) [m]."""
+        """Prescribe the positions of the vertices of a body at the end of the next step and after it, (n, 3) [m]."""
         motion = body_at(self._session.built.world, self._state, name, positions)
         self._set_motions(self._by_hand.with_body(name, motion))
 
@@ -394,7 +394,7 @@ class Simulation:
         Returns
         -------
         Simulation
-            Its steps are those that the saved one would have taken, bit for bit with ``threads = 1``.
+            A simulation that takes the same steps as the saved one, bit for bit with ``threads = 1``.
         """
         file = Path(path) / CHECKPOINT_NAME if Path(path).is_dir() else Path(path)
         simulation = object.__new__(cls)

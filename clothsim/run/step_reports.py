@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 class SimulationError(ClothsimError):
-    """A step that cannot be taken.
+    """A step that failed.
 
     Attributes
     ----------
     failure : Failure
-        The cause, the element by its name, its position, and the remedy, as in the summary of a failed run.
+        Cause, name and position of the element, and remedy, as in the summary of a failed run.
     """
 
     def __init__(self, failure: Failure) -> None:
@@ -59,9 +59,10 @@ class SimulationState:
     kinetic_energy : float
         Kinetic energy of all cloths [J]; 0 if the scene has no inertia.
     at_rest : bool
-        True if the cloth was at rest at the end of the last frame, and slow since then.
+        True if the cloth was at rest at the end of the last frame and has been slow since then.
     unstable : tuple of Switch
-        Unstable equilibria in which the step ended: growth rate, vertex and displacement by which each was left.
+        Unstable equilibria in which the step ended, with the growth rate, the vertex and the displacement by which the
+        step left each.
     energies : dict of str to float
         Value of each energy of the step [J]; that of "inertia", "damping", "air" and "friction" belongs to the step
         and is not a stored energy. Empty at the start.

@@ -44,14 +44,14 @@ class Cloth(_Arrays, ClothKeys):
         Rest shape: coordinates in the material plane by vertex or by corner of a triangle, or positions in space.
         None: the vertices are the rest shape.
     groups : mapping of str to (k,) array_like, optional
-        Triangles of each panel, none in two: `fabric_of` and values by panel name them.
+        Triangles of each panel, none in two panels. `fabric_of` and values by panel refer to the names.
     fabric : str
         Named fabric; density and the other keys of a fabric override its values.
 
     Raises
     ------
     InputError
-        For another shape, a number that is not finite or an index out of range: it names array and index.
+        For a wrong shape, a number that is not finite or an index out of range; the message names array and index.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class Body(_Arrays, BodyKeys, FrameRate):
     triangles : (m, 3) array_like, optional
         Vertex numbers; omitted if `vertices` is a mesh object.
     frames : (k, n, 3) array_like [m], optional
-        Positions in each frame of an animation, the first at time 0 in place of `vertices`.
+        Positions in each frame of an animation, in place of `vertices`; the first frame is at time 0.
     frames_per_second : float [1/s]
         Frame rate of `frames`.
     motion : Motion or dict, optional
@@ -100,7 +100,7 @@ class Body(_Arrays, BodyKeys, FrameRate):
     Raises
     ------
     InputError
-        For another shape, a number that is not finite or an index out of range: it names array and index.
+        For a wrong shape, a number that is not finite or an index out of range; the message names array and index.
 
     Examples
     --------

@@ -41,7 +41,7 @@ BodyKind = BodyTable | FramesTable | ModelTable
 
 @dataclass(frozen=True, init=False, eq=False)
 class Scene:
-    """Data of a simulation, with the names of a scene file.
+    """The data of a simulation, with the same names as in a scene file.
 
     Parameters
     ----------
@@ -63,10 +63,10 @@ class Scene:
     Attributes
     ----------
     cloth, body, rigid, rod, effects[...], solver, contact, run, seed
-        Sections: each key is an attribute, with its default where it was not given; as a mapping a section has the keys
-        that were given.
+        Sections. Each key is an attribute, with its default if it was not given. As a mapping, a section has only the
+        given keys.
     cloths, bodies, rigid_bodies, rods
-        The sections of all of them, also of the only one.
+        All sections of a kind, also if there is only one.
 
     Raises
     ------
@@ -217,7 +217,7 @@ class Scene:
 
     @staticmethod
     def from_text(text: str, here: Path = Path()) -> "Scene":
-        """The scene that `to_text` wrote; a relative directory, as in an archive, starts at `here`.
+        """The scene that `to_text` wrote. A relative directory, as in an archive, starts at `here`.
 
         Raises
         ------
@@ -227,20 +227,20 @@ class Scene:
         return scene_from_text(text, here)
 
     def to_text(self, names_of_functions: bool = False, here: Path | None = None) -> str:
-        """The scene as JSON text, which `from_text` reads back; meshes in memory are in it.
+        """The scene as JSON text, which `from_text` reads back. The text contains meshes in memory.
 
         Parameters
         ----------
         names_of_functions : bool
-            True: of a Python function its name is written, for the record of a run; a scene that is read back has lost
-            it, and says so when its effect is built.
+            True: write only the name of a Python function, for the record of a run. A scene that is read back has lost
+            the function, and says so when its effect is built.
         here : Path, optional
-            Folder where the text will be: a scene whose file names start there may be moved with it.
+            Folder of the text. A scene whose file names start there can be moved with it.
 
         Raises
         ------
         InputError
-            For a scene with a Python function otherwise.
+            For a scene with a Python function, if only its name could be written.
         """
         sections = {
             name: getattr(self, name) for name in SECTIONS if name not in ("rigid", "rod") or getattr(self, name)
@@ -273,7 +273,7 @@ class Scene:
         return tomli_w.dumps({name: _without_none(keys) for name, keys in sections.items() if name != "directory"})
 
     def starting_at(self, directory: Path) -> "Scene":
-        """The scene with another folder at which its file names start; the files that it names keep their places.
+        """The scene with file names that start at another folder; the files themselves are the same.
 
         Raises
         ------

@@ -38,7 +38,7 @@ class Page(Served):
     run : Run
         The run; read again while it is still going.
     colouring : Colouring
-        What colours the cloth.
+        Quantity that colours the cloth.
     frame : int
         Frame that is shown.
     picked : int or None
@@ -112,7 +112,7 @@ class Page(Served):
             return True
 
     def glb(self, frame: int) -> bytes:
-        """The cloths of a frame as binary glTF; cached, as playing repeats frames."""
+        """The cloths of a frame as binary glTF; cached, because playback repeats frames."""
         key = (self.colouring.name, frame)
         if key not in self._ready:
             mesh = self.colouring.mesh(frame)
@@ -352,7 +352,7 @@ def view(
     colour: str | None = None,
     trusted: Sequence[str] = (),
 ) -> Page:
-    """Serve the page of a run, also of one in progress: turn, scrub, play, colour by a field, pick a vertex.
+    """Serve a page to turn, scrub and play a run, also one in progress, to colour it by a field and to pick a vertex.
 
     Parameters
     ----------
@@ -361,16 +361,16 @@ def view(
     port : int
         First port to try; the next free one is used.
     host : str
-        Address on which it is served; another than the loopback address opens it to the network.
+        Address on which the page is served; an address other than the loopback opens it to the network.
     colour : str, optional
-        Quantity that colours the cloth; by default the stretch where the run kept it.
+        Quantity that colours the cloth; by default the stretch, if the run stored it.
     trusted : sequence of str
         Further names by which browsers may reach the page, such as "localhost:9000" for a tunnel.
 
     Returns
     -------
     Page
-        Its `url`, which has a token: who has it can read the run. `close()` ends it. A notebook shows it in its cell.
+        Its `url` has a token, with which anyone can read the run. `close()` ends it. A notebook shows it in its cell.
 
     Raises
     ------

@@ -84,7 +84,7 @@ EXAMPLES = (
         "run table --set cloth.cells=[100,100] --set cloth.fabric=cotton",
         "--colour #b03a2e/linen --view=-0.7,-1,0.55",
     ),
-    Example("fit", "A shirt on a larger figure", "fit shirt --to shirt_large", "--colour #3f5f8f/#eef0f4"),
+    Example("fit", "A shirt on a larger figure", "fit shirt --to shirt_large", "--colour #3f5f8f"),
     Example(
         "flag",
         "A flag in gusts",

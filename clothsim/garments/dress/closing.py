@@ -145,7 +145,8 @@ def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]
     """Phases that draw every open seam together once; springs through the body wait.
 
     A skirt is sewn to a bodice that hangs on its closed shoulders: drawn together with them it would pull them down.
-    A flounce cut as an arc has its ends before and behind the legs: it is sewn to its skirt first.
+    A flounce cut as an arc has its ends before and behind the legs: it is sewn to its skirt first. Where a tight cuff
+    began closed round its leg there is friction: it would slide to where the leg is thinner, and pull the garment off.
     """
     seams = [state.mesh.seams[k] for k in state.open_seams]
     order = [order_of(seam, state) for seam in seams]
@@ -161,7 +162,7 @@ def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]
         SewingPhase(ends, within + below, patient=True),
         SewingPhase(onto, within + ends + below, hold=True, patient=True),
     )
-    return [phase for phase in planned if phase.closing]
+    return [replace(phase, friction=bool(state.tight)) for phase in planned if phase.closing]
 
 
 MOST = 0.5
