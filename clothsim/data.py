@@ -26,12 +26,12 @@ class Drapes:
     Parameters
     ----------
     path : path
-        The .h5 file. It is opened when it is read, once in each process, so that a loader may fork.
+        The .h5 file. Each process opens it at its first access, so a data loader may fork.
 
     Attributes
     ----------
     rows : tuple of dict
-        Of each drape: id, parameters, seconds, numbers of its certificate.
+        One row per drape: id, parameters, seconds, values of its certificate.
     inputs : tuple of str
         The varied keys that are numbers.
     card : str
@@ -41,7 +41,7 @@ class Drapes:
     Raises
     ------
     InputError
-        Where the file is not a data set of drapes.
+        If the file is not a data set of drapes.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class Drapes:
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
-        """The varied keys that are numbers in every drape."""
+        """The varied keys with a number in every drape."""
         keys = self.rows[0]["parameters"] if self.rows else {}
         return tuple(key for key in keys if all(is_number(row["parameters"][key]) for row in self.rows))
 
@@ -112,7 +112,7 @@ class Drapes:
         }
 
     def garments(self, index: int) -> dict[str, Mapping[str, NDArray[Any]]]:
-        """The garments of a drape by name: start, rest, triangles, material and uv, as they are cut."""
+        """The garments of a drape as cut, by name: start, rest, triangles, material and uv."""
         return self._meshes(index, "cloth")
 
     def bodies(self, index: int) -> dict[str, Mapping[str, NDArray[Any]]]:

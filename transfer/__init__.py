@@ -1,11 +1,11 @@
 """Transfer of garments between bodies: arrays in, arrays out.
 
 `transfer_garment` moves a garment from one body to another by deformation transfer (Sumner and Popovic 2004) with the
-body as the source; bodies of different topology are matched by `correspond_bodies`, with markers given or from
-`derive_markers`. `deformation_transfer` does the same with any pairs of triangles, `refine_garment` moves vertices out
-of a body (Guan et al. 2012), `read_body_model` and `BodyModel` pose a skinned body, `kernel_average` carries its
-skinning to points off it, and `PosedBody` poses and unposes a garment with it. Positions are (n, 3) in metres,
-triangles (m, 3). The package imports nothing of clothsim; its names are loaded when they are used.
+body as the source; `correspond_bodies` matches bodies of different topology, with given markers or those of
+`derive_markers`. `deformation_transfer` does the same with any pairs of triangles. `refine_garment` moves vertices out
+of a body (Guan et al. 2012). `read_body_model` and `BodyModel` pose a skinned body, `kernel_average` extends its
+skinning to points off the body, and `PosedBody` poses and unposes a garment with it. Positions are (n, 3) in metres,
+triangles (m, 3). The package imports nothing from clothsim, and loads its names on first use.
 """
 
 import ast as _ast

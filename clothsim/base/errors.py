@@ -5,19 +5,19 @@ import re
 from clothsim.base.text import printable
 
 LONGEST = 400
-"""Bound on the length of a line; the middle of a longer one (a value as long as its file) is left out."""
+"""Largest length of a line. The middle of a longer line, such as a value as long as its file, is left out."""
 
 
 class ClothsimError(Exception):
-    """Error with a remedy. The command line prints it as two short lines and exits with code 2.
+    """An error with a remedy. The command line prints it as two short lines and exits with code 2.
 
     Parameters
     ----------
     sentence : str
         The fault, with names, indices and numbers.
     remedy : str
-        A change that avoids it, with the options of the command line; may be empty. The text of the error, which
-        Python shows, has keyword arguments in their place.
+        A change that avoids the fault, with options of the command line; may be empty. In Python, the text of the error
+        has keyword arguments instead of these options.
 
     Examples
     --------
@@ -36,19 +36,19 @@ class ClothsimError(Exception):
 
 
 class InputError(ClothsimError):
-    """Scene, mesh or array that cannot be simulated as given."""
+    """A scene, mesh or array that cannot be simulated as given."""
 
 
 class MachineError(InputError):
-    """Fault of the machine, as a full disk: it says nothing of what was to be simulated."""
+    """Fault of the machine, such as a full disk; the input may be correct."""
 
 
 class MissingPackageError(ClothsimError):
-    """Optional package that is needed but not installed."""
+    """An optional package that is needed but not installed."""
 
 
 class IntersectionWarning(UserWarning):
-    """Cloth that intersects a body or cloth in a simulation without the contact that would prevent it."""
+    """Cloth intersects a body or cloth, and the contact that would prevent this is off."""
 
 
 _OPTION = re.compile(r"`[^`]*`|(?<![\w-])(?:--([a-z][a-z-]*)|-o\b)( (?=\d))?")

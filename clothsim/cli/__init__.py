@@ -47,7 +47,7 @@ COMMANDS = {
     "bundle": Command("export_command", "pack a run to replay it elsewhere", _RUN),
     "fit": Command("garment_command", "fit a garment onto a body", _GARMENT),
     "dress": Command("garment_command", "sew a pattern on a body", _PATTERN),
-    "body": Command("body_command", "make a body from its measurements"),
+    "body": Command("body_command", "make a body from measurements"),
     "unpose": Command("unpose_command", "bring the garments of a run to the rest pose", _RUN),
     "repose": Command(
         "unpose_command",
@@ -57,14 +57,14 @@ COMMANDS = {
     "wrinkle": Command("run_command", "add fine wrinkles to a coarse run", _RUN),
     "author": Command("author_command", "make a clip from edited frames of a run", _RUN),
     "study": Command("study_command", "measure error against computing time", _SCENE),
-    "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
+    "farm": Command("farm_command", "make many drapes from one recipe", _FARM),
     "sweep": Command("sweep_command", "run a scene with several values of its keys", _SCENE),
     "learn": Command("learn_command", "train a model on the drapes of a farm", _FARM),
     "preview": Command(
         "view_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),
     "gradient": Command("gradient_command", "differentiate a loss of a run", _SCENE),
-    "recover": Command("recover_command", "find numbers of a scene from a drape or pictures", _SCENE),
+    "recover": Command("recover_command", "find parameters of a scene from a drape or pictures", _SCENE),
     "design": Command("design_command", "find a pattern that hangs as you wish", _SCENE),
     "scenes": Command("info_command", "list the example scenes"),
     "keys": Command("info_command", "list the keys of a scene file"),

@@ -36,8 +36,8 @@ def add_to(commands: Any) -> None:
     author.add_argument(
         "--quick", action="store_true", help="interpolate the edits, and follow them under contact: one run"
     )
-    author.add_argument("--free", default="", metavar="NAMES", help="what may explain them: stretch,bending,hem,...")
-    author.add_argument("--no-rest", action="store_true", help="numbers only, no residual rest shape")
+    author.add_argument("--free", default="", metavar="NAMES", help="parameters to fit: stretch,bending,hem,...")
+    author.add_argument("--no-rest", action="store_true", help="fit parameters only, no residual rest shape")
     author.add_argument(
         "--rate",
         default="300",

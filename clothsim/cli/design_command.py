@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 DESIGN_NAME = "design.json"
 
 _DESCRIPTION = """\
-Find numbers of a pattern for which the garment hangs as you wish, by runs with gradients from a fixed start. With -o
-the run of the garment and design.json are written there.
+Find parameters of a pattern so that the garment hangs as you wish, by runs with gradients from a fixed start. With -o,
+the run of the garment and design.json are written into a directory.
 
   clothsim design skirt.toml --hem front.0+back.0=0.55 --girth 0.6=1.1 --stretch 1.03 \\
       --free pattern.front+back.height,pattern.front.edge[0].control[0].y,pattern.front.edge[0].control[1].y -o designed

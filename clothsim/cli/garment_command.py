@@ -110,9 +110,7 @@ def add_to(commands: Any) -> None:
         metavar="NAME=F",
         help="grade by this factor of girth or length, such as waist=1.05; can be repeated",
     )
-    dress.add_argument(
-        "--waistband", action="store_true", help="take in upper edges that would slide to the girth of the body"
-    )
+    dress.add_argument("--waistband", action="store_true", help="take in upper edges that would slide down")
     dress.add_argument("--hold", dest="waistband", action=Renamed, now="--waistband", nargs=0, const=True)
     dress.add_argument(
         "--origin", default="auto", choices=("auto", "floor", "waist"), help="what is at y = 0 in the file"
@@ -144,7 +142,7 @@ def add_to(commands: Any) -> None:
 PICTURE_NAME = "fit.png"
 
 _FIT = """\
-Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Writes the
+Fit a garment made for one body onto another, or free it of its own body, and drape it. Writes the
 files of a run, fitted.obj, and fit.png with the garment before and after.
 
   clothsim fit suit.mhclo --made-for base.obj --to base.obj -o fitted

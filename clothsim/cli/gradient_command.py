@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from clothsim.base.arrays import Floats
 
 _GRADIENT = """\
-Run a scene and differentiate a loss of its last frame with respect to numbers, bodies and states. The error that the
+Run a scene and differentiate a loss of its last frame with respect to parameters, bodies and states. The error that the
 solves leave in the loss is printed too. One run and one backward pass serve all names.
 
   clothsim gradient sphere --loss height --wrt youngs_modulus,body.ball.position

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from clothsim.study.farm.recipe import Recipe
 
 _LEARN = """\
-Train a model of the drapes of a farm as a function of its varied numbers, for [seed] from = "model". With --motion it
-models a garment on moving bodies, from a farm of clips or its recipe. Errors are those on the data that were held out.
+Train a model of the drapes of a farm as a function of varied parameters, for [seed] from = "model". With --motion it
+models a garment on moving bodies, from a farm of clips or its recipe. Errors are measured on held-out data.
 
   clothsim learn drapes -o model.npz
   clothsim learn shirt_in_motion --motion -o moving.npz     farm and training in one command

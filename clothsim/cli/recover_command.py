@@ -70,7 +70,7 @@ def add_to(commands: Any) -> None:
 RECOVERY_NAME = "recovery.json"
 
 _RECOVER = """\
-Find the numbers with which a scene, fabric or pattern hangs as in a target or in pictures, with standard errors.
+Find the parameters with which a scene, fabric or pattern hangs as in a target or in pictures, with standard errors.
 
   clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
   clothsim recover skirt.toml --views views.toml --free pattern.front.width -o recovered

@@ -36,7 +36,7 @@ Simulate a scene. Writes trajectory, record, summary, checkpoint and a picture; 
   clothsim run scenes/sphere.toml -o drape --movie
 """
 _RESUME = """\
-Continue a run that was stopped, from its last frame; or replay one that failed, from its last good state, also from
+Continue a stopped run from its last frame, or replay a failed one from its last good state, also from
 an archive of `clothsim bundle`.
 
   clothsim resume drape

@@ -26,12 +26,12 @@ pip install 'clothsim[view]'. Ctrl-C ends it.
   clothsim view drape --field stress --port 9000
 """
 _PREVIEW = """\
-Show a model of drapes in a browser: sliders of its inputs, the predicted garment with the result of the exact test,
+Show a model of drapes in a browser: sliders for its inputs, the predicted garment with the result of the exact test,
 and a button that drapes and certifies. Needs pip install 'clothsim[view]'. Ctrl-C ends it.
 
   clothsim preview drapes model.npz
 
-With --motion, MODEL is one of motion (`clothsim learn --motion`) and the first argument a scene with a moving body: the
+With --motion, MODEL is from `clothsim learn --motion`, and the first argument is a scene with a moving body: the
 figure moves, each frame with its verdict: certified as predicted, repaired, or simulated.
 
   clothsim preview walking.toml moving.npz --motion
@@ -66,7 +66,7 @@ def _add_address(command: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME:PORT",
-        help="another name by which a browser reaches it, such as localhost:9000 of a tunnel",
+        help="another name by which a browser reaches it, such as localhost:9000 for a tunnel",
     )
 
 

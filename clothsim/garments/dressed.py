@@ -54,7 +54,7 @@ class Dress:
     reason : str
         Reason for the status, one sentence.
     pattern : Pattern
-        Pattern as sewn: as read, or graded.
+        Pattern that was sewn: as read, or graded.
     placed : SewingState
         Panels as placed.
     state : SewingState
@@ -64,7 +64,7 @@ class Dress:
     stages : tuple of Stage
         Stages in order, each with positions and penetration counts.
     run : Run or None
-        Drape; None where none was started.
+        Drape; None if none was started.
     notes : tuple of str
         Defaults used in reading and dressing.
     closing : tuple of Run
@@ -72,7 +72,7 @@ class Dress:
     fabrics : mapping of str to Fabric
         Fabric of each panel.
     grading : Grading or None
-        Factors by which the pattern was graded; None: it is as it was cut.
+        Factors by which the pattern was graded; None: it was not graded.
     tight : mapping of str to Tightness
         Panels that are too tight, with stretch, pressure and ease; empty without a drape.
 
@@ -101,7 +101,7 @@ class Dress:
 
     @property
     def positions(self) -> Floats:
-        """Positions of the garment at its end, (n, 3) [m]."""
+        """Final positions of the garment, (n, 3) [m]."""
         return self.state.positions
 
     @property
@@ -111,7 +111,7 @@ class Dress:
 
     @property
     def draped(self) -> bool:
-        """True where the drape completed, free of intersections: at rest, or "sewn" as it still moves."""
+        """True if the drape completed without intersections, whether at rest or still moving ("sewn")."""
         return self.status != "failed" and self.run is not None and self.run.status == "completed"
 
     @property
@@ -229,23 +229,24 @@ def dress(
     pattern : str, Path or Pattern
         A `specification.json`, a DXF drawing, or a pattern in memory.
     on : str, Path, Body or mesh object
-        The body: a mesh file, a scene whose first body it is, or a mesh in memory in metres.
+        The body: a mesh file, a scene (its first body), or a mesh in memory in metres.
     output : str or Path, optional
         Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
     size : float
-        Distance of neighbouring vertices [m].
+        Distance between neighbouring vertices [m].
     fabric : str, optional
         A named fabric; None: cotton.
     fabrics : mapping of str to str, optional
-        Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
+        Named fabrics of single panels, by name; `*` stands for any characters: {"*cuff*": "denim"}.
     made_for : str, Path, Body or mesh object, optional
-        The body that the pattern was cut for: it is graded from its girths and lengths to those of `on`. None: as cut.
+        The body that the pattern was cut for. The pattern is graded from the girths and lengths of this body to those
+        of `on`. None: as cut.
     grade : mapping of str to float, optional
-        Factors by name (`grading.NAMES`) in place of those between both bodies; without `made_for` the others are 1.
+        Factors by name (`grading.NAMES`) in place of those between the two bodies; without `made_for` the others are 1.
     waistband : bool
-        True: upper edges that would slide are taken in to the girth of the body before the drape (`edges_held`).
+        True: take in upper edges that would slide, to the girth of the body, before the drape (`edges_held`).
     origin : str
-        Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
+        Meaning of y = 0 in the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
     rotation_order : str
         Order of the rotations of the panels, "zyx" or "xyz".
     seams : str or Path, optional
@@ -255,8 +256,8 @@ def dress(
     body_group : str or sequence of str, optional
         Group of the body's file.
     budget : float, optional
-        CPU time [s] after which no further round or step begins: the garment fails, and its reason names the widest
-        seam and what is between its sides, or it is "sewn" where it was draped already. None: no limit.
+        CPU time [s] after which no further round or step begins. The garment then fails, and its reason names the
+        widest seam and what is between its sides; if it was draped already, it is "sewn". None: no limit.
     overwrite : bool
         True: replace an earlier run in the directory.
     on_stage : callable
@@ -380,7 +381,7 @@ def _widest_gap(done: DressState) -> float:
 
 
 def _directory(output: str | Path | None, overwrite: bool, inputs: tuple[object, ...]) -> Path:
-    """Output directory. InputError where it holds an earlier run, or another file that would be replaced."""
+    """Output directory. InputError if it holds an earlier run, or another file that would be replaced."""
     if output is None:
         return Path(tempfile.mkdtemp(prefix="clothsim-dress-"))
     if not isinstance(output, str | Path):
@@ -393,7 +394,7 @@ def _directory(output: str | Path | None, overwrite: bool, inputs: tuple[object,
 def _graded(
     pattern: Pattern, body: BodyMesh, made_for: Any, factors: Mapping[str, float], origin: str
 ) -> Grading | None:
-    """The pattern graded for a body; None where it is sewn as cut."""
+    """The pattern graded for a body; None if it is sewn as cut."""
     if made_for is None:
         return graded(pattern, body, body, origin, factors) if factors else None
     source = read_body_mesh(made_for, option="made_for") if isinstance(made_for, str | Path) else as_body_mesh(made_for)

@@ -66,15 +66,15 @@ class Fit:
     stages : tuple of Stage
         Stages in order, each with positions and penetration counts.
     answer : Stage
-        The one that is the result: the last; of a failed fit the one with the fewest intersections on the target.
+        The resulting stage: the last, or for a failed fit the one with the fewest intersections on the target.
     run : Run or None
-        Drape; None where none was started.
+        Drape; None if none was started.
     cost : Distortion
         Stretches and displacement of the garment.
     size : Size
-        Whether it is graded, and its factors of girths and lengths.
+        Whether the garment is graded, and its factors of girths and lengths.
     look : WearCheck
-        Measures of a garment that looks worn, and the fault of one that does not.
+        Checks of whether the garment looks worn, and the fault if it does not.
     notes : tuple of str
         Defaults used in reading and fitting.
     flypapered : (k,) int array
@@ -115,17 +115,17 @@ class Fit:
 
     @property
     def answer_number(self) -> int:
-        """Number of the stage that is the result, from 0."""
+        """Number of the resulting stage, from 0."""
         return next(number for number, stage in enumerate(self.stages) if stage is self.answer)
 
     @property
     def positions(self) -> Floats:
-        """Positions of the fitted garment, (n, 3) [m]: of its simulated pieces (`garment`)."""
+        """Positions of the simulated pieces of the fitted garment, (n, 3) [m]."""
         return self.answer.positions
 
     @property
     def complete_positions(self) -> Floats:
-        """Positions of all vertices of the garment's file, also of pieces that follow others [m]."""
+        """Positions of all vertices of the garment's file, including pieces that follow others [m]."""
         return self.garment.division.complete(self.positions)
 
     @property
@@ -156,34 +156,34 @@ def fit(
 ) -> Fit:
     """Fit a garment made for one body to another body.
 
-    The output directory holds the files of a run, `fitted.obj`, and the stages in summary.json.
+    The output directory contains the files of a run, `fitted.obj`, and the stages in summary.json.
 
     Parameters
     ----------
     garment : str, Path, Cloth or mesh object
-        A mesh file, MakeHuman clothes (.mhclo), a scene, whose first cloth it is, or a mesh in memory in metres.
+        A mesh file, MakeHuman clothes (.mhclo), a scene (its first cloth), or a mesh in memory in metres.
     to : str, Path, Body or mesh object
-        The body to wear it.
+        The body that will wear it.
     made_for : str, Path, Body or mesh object, optional
-        The body that it lies on; None: `to` itself, on which it is repaired. A scene gives it itself.
+        The body that the garment was made for; None: `to`, on which it is repaired. Not needed for a scene.
     output : str or Path, optional
-        Directory for what a run leaves, `fitted.obj`, and the stages in the summary; None: a new temporary one.
+        Directory for the files of a run and `fitted.obj`; None: a new temporary one.
     scale : float, optional
         Metres per unit of the files of garment and body; None: from the height of the body.
     scale_to : float, optional
-        Metres per unit of the file of the body to wear it; None: from its height, or `scale` where both bodies are one.
+        Metres per unit of the file of the target body; None: from its height, or `scale` if both bodies are the same.
     body_group : str or sequence of str, optional
         Group of the body files.
     part : (lo, hi), optional
         Vertices of the garment's file.
     weld : float
-        Borders closer than that are sewn [m].
+        Borders closer than this are sewn together [m].
     fabric : str, optional
         A named fabric; None: that of the `clothsim.Cloth`, else cotton.
     resize : bool
-        True: the garment is graded along the girths and lengths of the bodies; False: it keeps the size it was cut in.
+        True: grade the garment along the girths and lengths of the bodies; False: leave its size as cut.
     markers : str or Path, optional
-        File of corresponding points, six numbers a line; None: derived where the meshes of the bodies differ.
+        File of corresponding points, six numbers per line; None: derived if the meshes of the bodies differ.
     on_stage : callable
         Called with each `Stage` as it ends.
     progress : callable, optional
@@ -191,7 +191,7 @@ def fit(
     announce : callable, optional
         Callback of the drape, as in `simulate`.
     overwrite : bool
-        True: an earlier run or fit in `output` is replaced.
+        True: replace an earlier run or fit in `output`.
 
     Returns
     -------

@@ -77,24 +77,24 @@ class Outfit:
     Attributes
     ----------
     directory : Path
-        Directory of the run of all garments; each garment that was sewn has a folder of its name in it.
+        Directory of the run of all garments, with a folder for each garment that was sewn.
     status : str
         "completed" (all garments rest on the body, free of intersections), "sewn" (they still move at the end of the
-        drape of all) or "failed".
+        common drape) or "failed".
     reason : str
         Reason for the status, one sentence.
     body : BodyMesh
         Body that wears them.
     worn : tuple of Worn
-        Garments at the end, the innermost first, also those of the run that they were sewn over.
+        Final garments, the innermost first, including those of the run that they were sewn over.
     sewn : tuple of Dress
-        Garments that were sewn, each on the wrap of what is below it.
+        Garments that were sewn, each on the wrap of the garments below it.
     run : Run or None
-        Drape of all garments; None where none was started.
+        Drape of all garments; None if none was started.
     counts : Counts or None
         Penetration counts of all garments together by the exact check; None without a drape.
     notes : tuple of str
-        Defaults used and what was noticed.
+        Defaults used, and remarks.
     """
 
     directory: Path
@@ -127,19 +127,19 @@ def outfit(
     Parameters
     ----------
     patterns : sequence of str, Path or Pattern
-        Sewing patterns as of `dress`, the innermost garment first.
+        Sewing patterns as in `dress`, the innermost garment first.
     on : str, Path, Body or mesh object, optional
-        The body, as of `dress`; None: that of `over`.
+        The body, as in `dress`; None: that of `over`.
     output : str or Path, optional
         Directory for the run of all garments, with a folder for each; None: a new temporary one.
     over : str or Path, optional
-        Directory of a completed run of `dress` or `outfit`, whose garments are below those of the patterns.
+        Directory of a completed run of `dress` or `outfit`. Its garments lie below those of the patterns.
     scale, body_group
-        Of the body's file, as of `dress`.
+        Unit and group of the body's file, as in `dress`.
     overwrite : bool
         True: replace an earlier run in the directory.
     on_stage, progress, announce : callable, optional
-        As of `dress`; `announce` of the drape of all.
+        As in `dress`; `announce` is for the drape of all garments.
     **settings
         size, fabric, waistband and other arguments of `dress`, for each of the patterns; a budget is that of each, and
         of the drape of all.
@@ -147,12 +147,13 @@ def outfit(
     Returns
     -------
     Outfit
-        Its status is "completed", "sewn" where the garments still move at the end of the drape of all, or "failed".
+        Its status is "completed", "sewn" (the garments still move at the end of the common drape), or "failed".
 
     Raises
     ------
     InputError
-        Invalid files or arguments, two garments of one name, a run that did not complete or of another body.
+        Invalid files or arguments, two garments with the same name, a run that did not complete, or a run with another
+        body.
 
     Examples
     --------
@@ -348,7 +349,7 @@ def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[TriangleMes
     Raises
     ------
     InputError
-        Where the garments reach out of each wrap that was tried.
+        If the garments reach out of each wrap that was tried.
     """
     for number in range(ROUNDS):
         made = wrap(surface, garments, LAYER + number * GROWTH, CELL)
@@ -361,7 +362,7 @@ def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[TriangleMes
 
 
 def _holds(made: TriangleMesh, surface: BodySurface, garments: Sequence[TriangleMesh]) -> bool:
-    """True where body and garments lie inside a wrap: no vertex outside, no triangle through it."""
+    """True if body and garments lie inside a wrap: no vertex outside, no triangle through it."""
     positions, triangles = made
     try:
         outside = known_surface(positions, triangles)

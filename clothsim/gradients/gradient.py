@@ -87,7 +87,7 @@ def with_rest_positions(session: Session, rest: Floats) -> Session:
 
 
 def refuse_other_rest(world: World) -> None:
-    """InputError where the rest shape is not that of one cloth with rest positions."""
+    """InputError if the rest shape is not that of one cloth with rest positions."""
     if len(world.cloths) != 1 or world.cloths[0].flat:
         raise InputError("cloth.rest is for one cloth with rest positions.", "Use Gradient.rest_along for a field.")
 
@@ -119,7 +119,7 @@ ARRAYS = ("start", "velocity", "force", "pins")
 
 @dataclass(frozen=True, eq=False)
 class Gradient(Mapping[str, Floats]):
-    """Derivatives of a loss, by names.
+    """Derivatives of a loss, by name.
 
     | name | derivative by | shape |
     | --- | --- | --- |
@@ -138,7 +138,7 @@ class Gradient(Mapping[str, Floats]):
     value : float
         The loss.
     adjoints : Adjoints
-        Of all steps.
+        Adjoints of all steps.
 
     Examples
     --------
@@ -166,7 +166,7 @@ class Gradient(Mapping[str, Floats]):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The names of states, forces and bodies; numbers of the scene come besides."""
+        """The names of states, forces and bodies; in addition there are the numbers of the scene."""
         bodies = [body.name for body in self.run.session.built.world.bodies]
         parts = [f"body.{name}.{what}" for name in bodies for what in ("position", "turn", "vertices")]
         return (*(ARRAYS if len(self.pinned) else ARRAYS[:-1]), *parts)
@@ -178,9 +178,9 @@ class Gradient(Mapping[str, Floats]):
 
     @property
     def newton_error(self) -> float:
-        """L_converged - L = -sum a_k . G(x_k): what the loss would change by if every solve were exact.
+        """L_converged - L = -sum a_k . G(x_k): the change of the loss if every solve were exact.
 
-        Of first order, and round-off where the solves were polished. nan, not known, where that order does not hold:
+        An estimate of first order; round-off if the solves were polished. nan (not known) where that order fails:
         where one exact Newton step in each solve leaves more than KNOWN of it, as beside a buckling strip.
         """
         left = float(self.adjoints.newton.sum())
@@ -223,14 +223,14 @@ class Gradient(Mapping[str, Floats]):
         return scene_derivative(self.run, adjoints, full_path(name))
 
     def rest_along(self, field: Floats, cloth: str = "") -> float:
-        """Return the derivative along a displacement field of a cloth's rest shape, the start held.
+        """Return the derivative along a displacement field of a cloth's rest shape, with a fixed start.
 
         Parameters
         ----------
         field : (n, 3) array, or (m, 3, 2) of a flat pattern
             Displacements of the rest positions, or of the corners of the triangles in the plane of the pattern [m].
         cloth : str
-            Its name; not needed where there is one.
+            Name of the cloth; not needed if there is only one.
         """
         names = [each.name for each in self.run.session.built.world.cloths]
         if cloth not in names and (cloth or len(names) != 1):

@@ -19,22 +19,22 @@ def simulate(
     frames: Sequence[int] = (-1,),
     stiffness: Mapping[str, float] | None = None,
 ) -> Any:
-    """Run a scene with JAX arrays in place of some of its numbers; `jax.grad` and `jax.jit` go through it.
+    """Run a scene with JAX arrays in place of some of its numbers; compatible with `jax.grad` and `jax.jit`.
 
     Parameters
     ----------
     scene, values, frames, stiffness
-        As of `clothsim.gradients.torch_bridge.simulate`.
+        As in `clothsim.gradients.torch_bridge.simulate`.
 
     Returns
     -------
     array (f, n, 3)
-        Positions of all cloths [m], float64 where `jax_enable_x64` is set, else float32.
+        Positions of all cloths [m], float64 if `jax_enable_x64` is set, else float32.
 
     Raises
     ------
     ClothsimError
-        Where JAX is not installed, or the run fails.
+        If JAX is not installed, or the run fails.
     """
     function = _function(Bridge(scene, tuple(values), tuple(frames), stiffness))
     return function(*values.values())[0]
@@ -48,7 +48,7 @@ def rollout(
     Parameters
     ----------
     layer, x, v, parameters, k, by_step
-        As of `clothsim.gradients.torch_bridge.rollout`.
+        As in `clothsim.gradients.torch_bridge.rollout`.
 
     Returns
     -------

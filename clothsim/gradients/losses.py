@@ -1,4 +1,4 @@
-"""Losses: a number that rates a run, with its derivative by the positions of the cloth in one frame."""
+"""Losses: a number that rates a run, with its derivative with respect to the positions of the cloth in one frame."""
 
 import abc
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World
 
 Function = Callable[[Floats], tuple[float, Floats]]
-"""Positions (n, 3) [m] of all cloths to the loss and its derivative (n, 3)."""
+"""Maps the positions (n, 3) [m] of all cloths to the loss and its derivative (n, 3)."""
 
 
 class Loss(abc.ABC):
@@ -38,7 +38,7 @@ class Custom(Loss):
     frame: int = -1
 
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
-        """Return what the function returns. InputError where that is not a number with an array (n, 3)."""
+        """Return what the function returns. InputError if that is not a number with an array (n, 3)."""
         try:
             value, derivative = called("The loss", self.function, positions)
         except (TypeError, ValueError) as error:
@@ -56,9 +56,10 @@ class OfMotion(Loss):
     Parameters
     ----------
     function : callable
-        Positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives by both, (n, 3) each.
+        Maps the positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives with respect to
+        both, (n, 3) each.
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     function: Callable[[Floats, Floats], tuple[float, Floats, Floats]]
@@ -70,7 +71,7 @@ class OfMotion(Loss):
         return value, by_x
 
     def of_motion(self, positions: Floats, velocities: Floats) -> tuple[float, Floats, Floats]:
-        """Return what the function returns. InputError where that is not a number with two arrays (n, 3)."""
+        """Return what the function returns. InputError if that is not a number with two arrays (n, 3)."""
         try:
             value, *given = called("The loss", self.function, positions, velocities)
             by_x, by_v = (as_points("The derivative of the loss", each) for each in given)
@@ -90,7 +91,7 @@ class Distance(Loss):
     target : (n, 3) array
         Positions [m].
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     target: Floats
@@ -114,10 +115,11 @@ class Scan(Loss):
     points : (k, 3) array
         Measured points [m].
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     normals : (k, 3) array
-        Normals of the points, on the side of the cloth's own (its triangles counter-clockwise). A point whose closest
-        triangle faces more than 60 degrees off is left out: it lies on another layer, or on none. Empty: all count.
+        Normals of the points, on the same side as those of the cloth (counter-clockwise triangles). A point is left out
+        if its normal and that of the closest triangle differ by more than 60 degrees: it lies on another layer, or on
+        none. Empty: all points count.
     """
 
     points: Floats
@@ -140,7 +142,7 @@ class Scan(Loss):
 
 
 def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
-    """Points (k,) whose normals are those of their triangles (k, 3, 3) to 60 degrees. InputError where none is."""
+    """Points (k,) whose normals are those of their triangles (k, 3, 3) to 60 degrees. InputError if none is."""
     if normals.shape != points.shape:
         raise InputError(f"There are {len(points)} points and {len(normals)} normals.", "Give one for each point.")
     own = area_vectors(corners)
@@ -155,7 +157,7 @@ def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Height(Loss):
-    """Mean position of some vertices along a direction [m], as the height of a hem.
+    """Mean position of some vertices along a direction [m], such as the height of a hem.
 
     Parameters
     ----------
@@ -164,7 +166,7 @@ class Height(Loss):
     direction : (3,) array
         Unit vector.
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     vertices: Ints | tuple[int, ...] = ()
@@ -189,9 +191,9 @@ class Girth(Loss):
     Parameters
     ----------
     height : float
-        Of the plane [m].
+        Height of the plane [m].
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     height: float
@@ -235,14 +237,14 @@ def _crossing(positions: Floats, first: Ints, second: Ints, height: float) -> tu
 
 @dataclass(frozen=True)
 class Silhouette(Loss):
-    """Area within the projection of the cloth's border [m2], as the shadow of a Cusick drape.
+    """Area within the projection of the cloth's border [m2], such as the shadow of a Cusick drape.
 
     Parameters
     ----------
     direction : (3,) array
         Unit vector along which it is seen.
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -260,7 +262,7 @@ class Silhouette(Loss):
 
 
 def as_loss(loss: Loss | Function) -> Loss:
-    """Return a loss; a function of the positions of the last frame is made one."""
+    """Return a loss, also from a function of the positions of the last frame."""
     if isinstance(loss, Loss):
         return loss
     if isinstance(loss, type):
@@ -274,12 +276,12 @@ def as_loss(loss: Loss | Function) -> Loss:
 
 
 CORNER = np.pi / 4
-"""Turn of the border within the cloth from which a vertex is a corner [rad]."""
+"""Smallest turn of the border, within the cloth, at a vertex that is a corner [rad]."""
 
 
 @dataclass(frozen=True)
 class Hem(Loss):
-    """Mean height of the side of the border that is lowest [m].
+    """Mean height of the lowest side of the border [m].
 
     The border is cut into sides at its corners, where the angles of the triangles at a vertex sum to half a turn less
     or more than CORNER, whatever the shape of the cloth in space.
@@ -287,9 +289,9 @@ class Hem(Loss):
     Parameters
     ----------
     sides : tuple of (k,) int arrays
-        Vertices of the sides, as of `border_sides`.
+        Vertices of the sides, as in `border_sides`.
     frame : int
-        Number of the frame, below 0 from the last.
+        Number of the frame, counted from the last if negative.
     """
 
     sides: tuple[Ints, ...]

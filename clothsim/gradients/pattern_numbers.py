@@ -1,14 +1,14 @@
 """Numbers of a sewing pattern by name, and the displacement fields of its mesh that they cause.
 
-Numbers are width, height and flare of panels, vertices, and Bezier control points. The panels named together
-("front+back") are scaled alike, about their own centres; `flare` scales each level of a panel in x, the top (largest y)
-by 1 and the bottom by the flare. Vertices and control points are set first, in the unscaled panel. The mesh of the
-pattern keeps its triangles.
+Numbers are width, height and flare of panels, vertices, and Bezier control points. Panels named together ("front+back")
+are scaled by the same factor, each about its own centre. `flare` scales each level of a panel in x, from 1 at the top
+(largest y) to the flare at the bottom. Vertices and control points are set first, in the unscaled panel. The triangles
+of the mesh stay the same.
 
-In a field an edge moves as the similarity of the plane that takes its old ends to its new ones, as curves are given
-relative to their ends; where the control points of a Bezier edge move otherwise, its samples follow by Bernstein's
-weights, their parameters held. The inside follows by harmonic extension with cotangent weights (Pinkall & Polthier
-1993), which is exact for affine displacements. `Gradient.rest_along` takes such a field.
+In a displacement field, an edge moves by the similarity of the plane that maps its old ends to its new ones, because
+curves are given relative to their ends. If the control points of a Bezier edge move differently, its samples follow by
+Bernstein's weights at fixed parameters. The inside follows by harmonic extension with cotangent weights (Pinkall &
+Polthier 1993), which is exact for affine displacements. `Gradient.rest_along` takes such a field.
 """
 
 import re
@@ -45,7 +45,7 @@ def pattern_field(
     Raises
     ------
     InputError
-        For a panel that there is not, an edge that is not a Bezier curve, or an array of another shape.
+        For a missing panel, an edge that is not a Bezier curve, or an array of a wrong shape.
     """
     field, given = np.zeros_like(mesh.material_coordinates), dict(controls or {})
     for side, moves in given.items():
@@ -68,18 +68,18 @@ def pattern_field(
 
 
 def pattern_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, cloth: str = "") -> Floats:
-    """Return the derivative of a loss by the vertices of a panel, (k, 2) [loss / m]; the start is held.
+    """Return the derivative of a loss with respect to the vertices of a panel, (k, 2) [loss / m], with a fixed start.
 
     Parameters
     ----------
     gradient : Gradient
-        Of a run whose cloth has the triangles and material coordinates of `mesh`.
+        Gradient of a run whose cloth has the triangles and material coordinates of `mesh`.
     mesh : PatternMesh
         Mesh of its pattern.
     panel : str
         Name of a panel.
     cloth : str
-        Name of the cloth; not needed where there is one.
+        Name of the cloth; not needed if there is only one.
     """
     out = np.zeros_like(_panel(mesh, panel).vertices)
     for index in np.ndindex(out.shape):
@@ -90,12 +90,12 @@ def pattern_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, cloth: s
 
 
 def control_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, edge: int, cloth: str = "") -> Floats:
-    """Return the derivative of a loss by the control points of a Bezier edge, (1 or 2, 2) [loss / m].
+    """Return the derivative of a loss with respect to the control points of a Bezier edge, (1 or 2, 2) [loss / m].
 
     Parameters
     ----------
     gradient, mesh, panel, cloth
-        As of `pattern_gradient`.
+        As in `pattern_gradient`.
     edge : int
         Number of an edge of the panel in `mesh.pattern`.
 
@@ -114,7 +114,7 @@ def control_gradient(gradient: Gradient, mesh: PatternMesh, panel: str, edge: in
 
 
 def bezier_edge(mesh: PatternMesh, side: Side, shape: tuple[int, ...] | None = None) -> Bezier:
-    """Return the curve of an edge. InputError where it is not a Bezier curve, or has no `shape` of control points."""
+    """Return the curve of an edge. InputError if it is not a Bezier curve, or has no `shape` of control points."""
     edges = _panel(mesh, side.panel).edges
     curve = edges[side.edge].curve if 0 <= side.edge < len(edges) else None
     if not isinstance(curve, Bezier):
@@ -129,7 +129,7 @@ def bezier_edge(mesh: PatternMesh, side: Side, shape: tuple[int, ...] | None = N
 
 
 def follow(panel: Panel, edge: PatternEdge, moves: Floats, points: Floats) -> Floats:
-    """Return the displacements (k, 2) of points (k, 2) of an edge by those of the panel's vertices: a similarity."""
+    """Return the displacements (k, 2) of points (k, 2) of an edge that moves by a similarity with its vertices."""
     corners, along, at = panel.vertices @ [1, 1j], moves @ [1, 1j], points @ [1, 1j]
     turn = (along[edge.end] - along[edge.start]) / (corners[edge.end] - corners[edge.start])
     moved = along[edge.start] + turn * (at - corners[edge.start])
@@ -181,7 +181,7 @@ _PATH = re.compile(
     r"|(?:vertex\[(?P<vertex>\d+)\]|edge\[(?P<edge>\d+)\]\.control\[(?P<control>\d+)\])\.(?P<axis>[xy]))"
 )
 STEP = 1e-4
-"""Change of a number that differences of the material coordinates take, of itself or of the panel's extent."""
+"""Change of a number in differences of the material coordinates, relative to the number or to the panel's extent."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class PatternNumbers:
     mesh: PatternMesh
 
     def number(self, path: str) -> PatternNumber:
-        """Return what a path such as "pattern.front.width" names. InputError where it names nothing."""
+        """Return what a path such as "pattern.front.width" names. InputError if it names nothing."""
         found = _PATH.fullmatch(path)
         if found is None:
             raise InputError(
@@ -243,7 +243,7 @@ class PatternNumbers:
         return PatternNumber(panels, "", vertex, edge, control, "xy".index(number["axis"]))
 
     def value(self, path: str) -> float:
-        """Return the number in the pattern: a length or coordinate [m], of a flare 1."""
+        """Return the number in the pattern: a length or coordinate [m], or 1 for a flare."""
         number = self.number(path)
         if number.extent == "flare":
             return 1.0
@@ -252,7 +252,7 @@ class PatternNumbers:
         return float(self.point(number)[number.axis])
 
     def size(self, path: str) -> float:
-        """Return the length [m] that changes of a number are measured by; 1 for a flare."""
+        """Return the length [m] relative to which changes of a number are measured; 1 for a flare."""
         number = self.number(path)
         if number.extent:
             return self.value(path)
@@ -267,11 +267,11 @@ class PatternNumbers:
         return curve.points(panel.vertices[edge.start], panel.vertices[edge.end])[1 + number.control]
 
     def material_coordinates(self, values: Mapping[str, float]) -> Floats:
-        """Return the corners of the triangles at rest, (m, 3, 2) [m], with other numbers."""
+        """Return the corners of the triangles at rest, (m, 3, 2) [m], for other numbers."""
         return self.mesh.material_coordinates + pattern_field(self.mesh, *self._moves(values))
 
     def field(self, values: Mapping[str, float], path: str) -> Floats:
-        """Return the derivative of the material coordinates by one of the numbers, (m, 3, 2)."""
+        """Return the derivative of the material coordinates with respect to one of the numbers, (m, 3, 2)."""
         step = STEP * self.size(path)
         sides = [self.material_coordinates({**values, path: values[path] + sign * step}) for sign in (1, -1)]
         return (sides[0] - sides[1]) / (2 * step)
@@ -282,7 +282,7 @@ class PatternNumbers:
         return points.min(axis=0), np.ptp(points, axis=0)
 
     def pattern(self, values: Mapping[str, float]) -> Pattern:
-        """Return the pattern cut to other numbers, as it is written to a file."""
+        """Return the pattern cut to other numbers, for a file."""
         pattern, (moves, controls) = self.mesh.pattern, self._moves(values)
         panels = dict(pattern.panels)
         for name, moved in moves.items():

@@ -51,7 +51,7 @@ class Identifiability:
     Parameters
     ----------
     errors : mapping
-        Relative standard error of each number by path; inf where it is not determined, nan where the loss is not a sum
+        Relative standard error of each number by path; inf if it is not determined, nan if the loss is not a sum
         of squares or a run beside the minimum cannot be taken.
     undetermined : tuple of mapping
         Combinations of logarithms that the target does not determine: weights by path.
@@ -60,7 +60,7 @@ class Identifiability:
     runs : int
         Runs that it took.
     precision : (k, k) array
-        Inverse covariance of the logarithms; nan where it is not known.
+        Inverse covariance of the logarithms; nan if it is not known.
     """
 
     errors: Mapping[str, float]
@@ -154,9 +154,9 @@ class Recovery:
     values : mapping
         The numbers by path.
     errors : mapping
-        Relative standard error of each, as the misfit that is left tells (`Identifiability.errors`).
+        Relative standard error of each, from the remaining misfit (`Identifiability.errors`).
     ratios : tuple of Ratio
-        Ratios that are known of numbers that are not.
+        Known ratios of numbers that are not known themselves.
     undetermined : tuple of mapping
         Combinations of logarithms that the target does not determine: weights by path.
     at_limit : tuple of str
@@ -166,9 +166,9 @@ class Recovery:
     minima : tuple of float
         Least loss of each start.
     runs : int
-        All runs.
+        Number of all runs.
     prior : str
-        What was assumed of the numbers before, and by how much it moved them; empty without a prior.
+        Assumption about the numbers, and by how much it moved them; empty without a prior.
     """
 
     scene: Scene
@@ -194,38 +194,39 @@ def recover(
     pattern: PatternMesh | None = None,
     prior: bool = False,
 ) -> Recovery:
-    """Find the numbers of a scene that minimise a loss.
+    """Find the parameters of a scene that minimise a loss.
 
     Parameters
     ----------
     scene : Scene
-        Its numbers are the first start. Its contact stiffness is held at that of its own run.
+        Its parameters are the first start. The contact stiffness is held at that of its own run.
     loss : Loss
         `Distance` to positions with the numbering of the cloth, `Scan` of points, or another.
     free : sequence of str
-        Paths of positive numbers, as "effects.friction.coefficient"; keys of a fabric are meant of the cloth. Of a
+        Paths of positive numbers, such as "effects.friction.coefficient"; keys of a fabric refer to the cloth. For a
         cloth from a pattern also "pattern.front.width", "pattern.front+back.height", "pattern.front.flare"
-        (`pattern_numbers`), the start held.
+        (`pattern_numbers`), with a fixed start.
     starts : int
-        Number of starts; those after the first have numbers up to twice or half of the scene's, of the pattern's up to
-        5 % off.
+        Number of starts; those after the first differ from the scene by a factor of up to two, and numbers of the
+        pattern by up to 5 %.
     progress : callable, optional
         Called after each run with the number of the start, from 1.
     seed : int
         Chooses the further starts.
     pattern : PatternMesh, optional
-        The pattern of a cloth of arrays, where numbers of it are free.
+        The pattern of a cloth given by arrays, if numbers of the pattern are free.
     prior : bool
-        Weigh stiffnesses of bending with those of 618 measured fabrics of the cloth's weight (`bending_prior`), by the
-        normal distributions of their logarithms about the least loss. What the target does not tell is then theirs.
+        Combine the bending stiffnesses with those of 618 measured fabrics of the cloth's weight (`bending_prior`), by
+        normal distributions of their logarithms about the least loss. The prior then gives what the target does not
+        determine.
 
     Raises
     ------
     InputError
-        For a number that cannot be varied, a scene without a gradient, or a prior of no stiffness of bending or of a
-        loss that is not a sum of squares.
+        For a number that cannot be varied, a scene without a gradient, a prior without a free bending stiffness, or a
+        prior with a loss that is not a sum of squares.
     ClothsimError
-        Where the scene itself cannot be run.
+        If the scene itself cannot be run.
 
     Examples
     --------
@@ -274,7 +275,7 @@ def recover(
 
 
 def _refuse_no_prior(paths: Sequence[str], loss: Loss) -> None:
-    """InputError where the prior says nothing, or the loss does not tell how well it knows."""
+    """InputError if the prior says nothing, or the loss does not tell how well it knows."""
     bending_keys(paths)
     if residuals_of(loss) is None:
         raise InputError("The prior needs a loss that is a sum of squares.", "Use a target of points.")

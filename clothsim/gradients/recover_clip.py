@@ -56,9 +56,9 @@ Floor = float | Sequence[float] | Floats
 
 @dataclass(frozen=True)
 class ClipRecovery(Recovery):
-    """What explains edited frames.
+    """Parameters, and a rest shape, that explain edited frames.
 
-    `values` are factors by name of the number, `errors` standard errors of their logarithms, inf where the keys say
+    `values` are factors by name of the number, `errors` standard errors of their logarithms, inf if the keys say
     less than is known without them; `undetermined` combinations of numbers that the keys do not determine.
 
     Parameters
@@ -66,19 +66,19 @@ class ClipRecovery(Recovery):
     scene_of_numbers : Scene
         The scene with the numbers alone; `scene` has the rest shape too.
     noise : tuple of float
-        Root mean square distance that each key is known to [m]: its floor, or FINEST.
+        Root mean square uncertainty of each key [m]: its noise floor, or FINEST.
     misfits : tuple of float
         Root mean square distance at the keys, each by the inverse square of its noise, of the scene as it was, with the
         numbers, and with the rest shape [m].
     from_minimum : float
-        Largest change of a logarithm in the step that is left, by the gradient of the adjoint, over its standard error;
-        nan where the scene has no gradient.
+        Largest change of a logarithm in the remaining step, from the gradient of the adjoint, over its standard error;
+        nan if the scene has no gradient.
     no_gradient : str
-        Why it has none; empty where it has.
+        Why the scene has no gradient; empty if it has one.
     rest : RestPrice, optional
-        Of the residual rest shape; None where there is none.
+        Cost of the residual rest shape; None if there is none.
     no_rest : str
-        Why there is none; empty where there is one.
+        Why there is no residual rest shape; empty if there is one.
     """
 
     scene_of_numbers: Scene | None = None
@@ -98,31 +98,31 @@ def recover_clip(
     rest: bool = True,
     progress: Callable[[int, Evaluation], None] | None = None,
 ) -> ClipRecovery:
-    """Find the numbers of a scene, and a rest shape, with which its run passes through edited frames.
+    """Find the parameters of a scene, and a rest shape, with which its run passes through edited frames.
 
     Parameters
     ----------
     scene : Scene
-        Lengths and a rest shape are found where its cloths are given by arrays.
+        Its lengths and a rest shape can be found only if its cloths are given by arrays.
     keys : mapping of int to (n, 3) ndarray [m]
         Positions of all cloth vertices by the number of the frame, from 1.
     free : sequence of str
         Numbers: "stretch", "bending", "friction", "pressure", "damping", "width", "height", "hem". Empty: all that the
         scene has.
     floor : float, (f,) array_like or callable
-        Noise of a run [m], root mean square, of all frames or of each key in the order of time; or a function that
-        finds it, called when all else is checked.
+        Root mean square noise of a run [m], for all frames or for each key in the order of time; or a function that
+        finds it, called after all other checks.
     rest : bool
-        Find a residual rest shape where the numbers leave more than the noise.
+        Find a residual rest shape if the numbers leave more than the noise.
     progress : callable, optional
         Called after each run with 1 for numbers and 2 for the rest shape.
 
     Raises
     ------
     InputError
-        For a frame or a number that the scene has not.
+        For a frame or a number that the scene does not have.
     ClothsimError
-        Where the scene itself cannot be run.
+        If the scene itself cannot be run.
     """
     if isinstance(free, str):
         raise InputError(f"free is {free!r}.", f"Give a list of names: [{free!r}].")

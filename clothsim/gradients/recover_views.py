@@ -85,33 +85,34 @@ def recover_views(
     folds: int = 6,
     finer: bool = False,
 ) -> ViewRecovery:
-    """Find the numbers of a scene whose cloth ends as calibrated pictures show it.
+    """Find the parameters of a scene whose cloth ends as in calibrated pictures.
 
     Parameters
     ----------
     scene : Scene
-        Its numbers are the first start. Contact stiffness is held at that of its own run.
+        Its parameters are the first start. The contact stiffness is held at that of its own run.
     views : str, Path or sequence of View
         A TOML file of views (`gradients.views`), in the coordinates of the scene; or the views.
     free, starts, progress, seed, pattern
-        As of `recover`.
+        As in `recover`.
     prior : bool
-        Weigh stiffnesses of bending with those of 618 measured fabrics of the cloth's weight (`bending_prior`).
+        Combine the bending stiffnesses with those of 618 measured fabrics of the cloth's weight (`bending_prior`).
     twins : bool
         Run four other models at the end, for the model's own error (`Twin`): about ten runs more.
     folds : int
-        Drapes that the first start is chosen from by the normals: the scene's own, and others after seeded kicks.
+        Number of drapes from which the first start is chosen by their normals: the scene's own drape, and others after
+        seeded kicks.
     finer : bool
-        End with a few steps on a cloth with four triangles for one; each run costs five times as much there. The values
-        are of that cloth then.
+        End with a few steps on a cloth with four triangles for each; a run then costs five times as much. The values
+        are those of the finer cloth.
 
     Raises
     ------
     InputError
-        For a picture that is none, a number that cannot be varied, a cloth that no camera sees at the start, or one
+        For an unreadable picture, a number that cannot be varied, a cloth that no camera sees at the start, or a cloth
         that cannot be meshed more finely.
     ClothsimError
-        Where the scene itself cannot be run.
+        If the scene itself cannot be run.
     """
     began = process_time()
     paths = tuple(dict.fromkeys(full_path(name) for name in free))
@@ -225,7 +226,7 @@ def _with_prior(fit: ViewFit) -> tuple[ViewFit, str]:
 
 
 def _moves(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> Floats | None:
-    """Derivatives of the vertices by the logarithms, (3 n, k), by differences of runs; None where one fails."""
+    """Derivatives of the vertices by the logarithms, (3 n, k), by differences of runs; None if one fails."""
     steps = by_kind(fit.problem.paths, PATTERN_STEP, FABRIC_STEP)
     columns = []
     for k, step in enumerate(steps):
@@ -292,7 +293,7 @@ def _on_finer_cloth(finer: ViewFit, weights: csr_array, coarse: SearchEnd, tell:
 
 
 def _moves_at(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> Floats:
-    """As of `_moves`. ClothsimError where a run fails."""
+    """As in `_moves`. ClothsimError where a run fails."""
     moves = _moves(fit, seen, tell)
     if moves is None:
         raise ClothsimError(f"The runs beside {fit.problem.values(seen.at)} fail.", "Start from other numbers.")

@@ -91,7 +91,7 @@ class Trace:
         Raises
         ------
         NoMinimumError
-            Where a step did not end at a minimum of its energy.
+            If a step did not end at a minimum of its energy.
         InputError
             For a loss that does not fit the cloth.
         """
@@ -133,7 +133,7 @@ class DifferentiableRun(Run):
 
     Examples
     --------
-    The derivative of the mean height of a sheet that hangs from two corners, by its stiffness and by its start:
+    The derivative of the mean height of a sheet that hangs from two corners, with respect to its stiffness and start:
 
     >>> import clothsim
     >>> from clothsim.gradients.losses import Height
@@ -179,7 +179,7 @@ def traced(
     stiffness : mapping, optional
         Contact stiffnesses to hold [Pa], by effect; None: those of a pilot run.
     polish : int
-        As of `simulate_differentiably`.
+        As in `simulate_differentiably`.
     start : mapping, optional
         `start` and `velocity` of the cloth in place of those of the scene, (n, 3) [m], [m/s].
     """
@@ -216,7 +216,7 @@ def simulate_differentiably(
     Parameters
     ----------
     scene, output, progress, announce, on_step, message, overwrite
-        As of `clothsim.simulate`.
+        As in `clothsim.simulate`.
     polish : int
         Newton steps with the exact Hessian after each solve, at most; 0: none.
 
@@ -225,7 +225,7 @@ def simulate_differentiably(
     InputError
         For what has no gradient, by its name.
     ClothsimError
-        Where the run fails.
+        If the run fails.
     """
     started = Stopwatch()
     session = differentiable_session(prepare(scene, build(scene, affordable=True)), polish)

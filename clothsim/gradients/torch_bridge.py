@@ -24,8 +24,8 @@ def simulate(
     ----------
     scene : Scene
     values : mapping of str to tensor
-        Numbers by their path in the scene, as "cloth.youngs_modulus", and `start` and `velocity` of the cloth, (n, 3);
-        those that require a gradient get one.
+        Numbers by their path in the scene, such as "cloth.youngs_modulus", and `start` and `velocity` of the cloth,
+        (n, 3); those that require a gradient get one.
     frames : sequence of int
         Frames whose positions are returned.
     stiffness : mapping, optional
@@ -39,7 +39,7 @@ def simulate(
     Raises
     ------
     ClothsimError
-        Where PyTorch is not installed, or the run fails.
+        If PyTorch is not installed, or the run fails.
     """
     bridge = Bridge(scene, tuple(values), tuple(frames), stiffness)
     return _function().apply(bridge, *values.values())[0]
@@ -57,7 +57,7 @@ def rollout(
     x, v : tensor (n, 3)
         Positions [m] and velocities [m/s] of the cloth, without a past.
     parameters : mapping of str to tensor
-        As of `Layer.rollout`, held over the steps.
+        As in `Layer.rollout`, held over the steps.
     k : int
         Number of steps.
     by_step : sequence of str

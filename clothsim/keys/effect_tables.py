@@ -9,7 +9,7 @@ from clothsim.keys.schema import Key, OverTime, Selection, Table, Vector
 
 SELECT = Key("Vertices by side, by number or in a box at the start [m]")
 CURVE = Key("A line of edges: a side, a box at the start [m], an edge or label of a pattern, or numbers in order")
-CLOTH = Key("Name of the cloth, where there are several", shown="the only one")
+CLOTH = Key("Name of the cloth, if there are several", shown="the only one")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class Motion(KeyTable):
 
     velocity: Annotated[Vector, Key("Velocity", "m/s", length=3)] = (0.0, 0.0, 0.0)
     rotate_degrees_per_second: Annotated[
-        Vector, Key("Angular velocity about each axis, along the axis of rotation", "degrees/s", length=3)
+        Vector, Key("Angular velocity, as a vector along the axis of rotation", "degrees/s", length=3)
     ] = (0.0, 0.0, 0.0)
     centre: Annotated[
         Vector | None, Key("Point on the axis of rotation", "m", length=3, shown="the object's own position")
@@ -34,7 +34,7 @@ class PinGroup(KeyTable):
     section: ClassVar[str] = "effects.pins.group"
 
     select: Annotated[Selection, SELECT]
-    clamp: Annotated[bool, Key("Hold the rest direction of the cloth at the pinned edge too")] = False
+    clamp: Annotated[bool, Key("Also hold the direction of the cloth at the pinned edge")] = False
     motion: Annotated[Motion | Table | None, Key("Rigid motion of the group", tables=(Motion,), shown="none")] = None
 
 
@@ -47,9 +47,11 @@ class Spring(KeyTable):
     select: Annotated[Selection, SELECT]
     stiffness: Annotated[OverTime, Key("Stiffness of each vertex's spring", "N/m", least=0)]
     to: Annotated[Vector | None, Key("One point for all springs", "m", length=3, shown="see offset")] = None
-    offset: Annotated[Vector, Key("From the start of each vertex to its own point", "m", length=3)] = (0.0, 0.0, 0.0)
+    offset: Annotated[
+        Vector, Key("Displacement from the start of each vertex to the point of its spring", "m", length=3)
+    ] = (0.0, 0.0, 0.0)
     rest_length: Annotated[float | None, Key("Rest length", "m", least=0, shown="as at the start")] = None
-    slack: Annotated[bool, Key("A tether: no force where it is shorter than its rest length")] = False
+    slack: Annotated[bool, Key("A tether: no force while it is shorter than its rest length")] = False
     motion: Annotated[Motion | Table | None, Key("Rigid motion of the points", tables=(Motion,), shown="none")] = None
     path: Annotated[
         Sequence[Sequence[float]], Key("Key frames [[time, dx, dy, dz], ...] of a displacement of the points", "s, m")
@@ -101,13 +103,15 @@ class SeamLine(KeyTable):
         Key("A side of the cloth; left and right run upwards, bottom and top to the right", shown="none"),
     ] = None
     through: Annotated[
-        Sequence[Sequence[float]], Key("Points [[x, y, z], ...] along the border of the unplaced mesh", "m")
+        Sequence[Sequence[float]], Key("Points [[x, y, z], ...] along the border of the mesh before it is placed", "m")
     ] = ()
     vertices: Annotated[Sequence[int], Key("Vertex numbers in order", "1")] = ()
     panel: Annotated[str | None, Key("A panel of a sewing pattern, with `edge`", shown="none")] = None
-    edge: Annotated[int | None, Key("Edge of the panel as meshed, counted from 0", "1", least=0, shown="none")] = None
+    edge: Annotated[
+        int | None, Key("Number of the edge of the panel as meshed, from 0", "1", least=0, shown="none")
+    ] = None
     nearest: Annotated[
-        bool, Key("Of `to` alone: the edge of another piece that is nearest to each vertex of `from` at rest")
+        bool, Key("Only in `to`: the edge of another piece that is nearest to each vertex of `from` at rest")
     ] = False  # fmt: skip
 
 
@@ -142,9 +146,9 @@ class Zip(KeyTable):
     ]
     to: Annotated[SeamLine | Table, Key("Second border", tables=(SeamLine,))]
     flip: Annotated[bool, Key("Reverse the order of the second border")] = False
-    closed: Annotated[OverTime, Key("Fraction of the border that is closed: the slider", "1", least=0, most=1)] = 1.0
+    closed: Annotated[OverTime, Key("Closed fraction of the border", "1", least=0, most=1)] = 1.0
     gap: Annotated[
-        OverTime, Key("Distance of the closed borders; self_contact adds the gap of zero force", "m", least=0)
+        OverTime, Key("Distance between the closed borders; self_contact adds the gap of zero force", "m", least=0)
     ] = 0.0  # fmt: skip
     stiffness: Annotated[
         OverTime | None, Key("Stiffness of each stitch", "N/m", least=0, shown="100 times the fabric's")
@@ -157,12 +161,12 @@ class Buttons(Zip):
 
     section: ClassVar[str] = "effects.closures.buttons"
 
-    count: Annotated[int, Key("Buttons, evenly along the borders from end to end", "1", least=1, most=1000)] = 5
+    count: Annotated[int, Key("Number of buttons, evenly spaced from end to end", "1", least=1, most=1000)] = 5
 
 
 @dataclass(frozen=True, kw_only=True)
 class PatternSeams(KeyTable):
-    """All seams of sewing patterns that are open as placed: effects.seams.pattern."""
+    """Settings for all seams of sewing patterns that are open as placed: effects.seams.pattern."""
 
     section: ClassVar[str] = "effects.seams.pattern"
 
@@ -181,11 +185,13 @@ class Crease(KeyTable):
     section: ClassVar[str] = "effects.rest_angle.crease"
 
     angle_degrees: Annotated[OverTime, Key("Rest angle; 0 is flat, positive folds to the back", "degrees")]
-    through: Annotated[Sequence[Sequence[float]], Key("Points [[x, y, z], ...] on the unplaced mesh", "m")] = ()
+    through: Annotated[
+        Sequence[Sequence[float]], Key("Points [[x, y, z], ...] on the mesh before it is placed", "m")
+    ] = ()
     vertices: Annotated[Sequence[int], Key("Vertex numbers: all inner edges with both ends among them", "1")] = ()
     panel: Annotated[str | None, Key("A panel of a sewing pattern, with `edge`", shown="none")] = None
     edge: Annotated[
-        int | None, Key("Edge of the panel as meshed, counted from 0, that is welded", "1", least=0, shown="none")
+        int | None, Key("Number of the welded edge of the panel as meshed, from 0", "1", least=0, shown="none")
     ] = None  # fmt: skip
     label: Annotated[str | None, Key("All welded edges of a sewing pattern with this label", shown="none")] = None
     cloth: Annotated[str | None, CLOTH] = None
@@ -212,7 +218,7 @@ class Vortex(KeyTable):
 
     kind: Annotated[Literal["vortex"], Key("Kind of wind")] = field(default="vortex", init=False)
     circulation: Annotated[float, Key("Circulation", "m2/s")]
-    core: Annotated[float, Key("Radius of the largest velocity", "m", above=0)]
+    core: Annotated[float, Key("Radius at which the velocity is largest", "m", above=0)]
     centre: Annotated[Vector, Key("Point on the line", "m", length=3)] = (0, 0, 0)
     axis: Annotated[Vector, Key("Direction of the line", "1", length=3)] = (0.0, 0.0, 1.0)
     velocity: Annotated[Vector, Key("Wind that advects the vortex", "m/s", length=3)] = (0, 0, 0)

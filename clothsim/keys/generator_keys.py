@@ -54,7 +54,7 @@ class Pillow(KeyTable):
 
     radius: Annotated[float, Key("Radius", "m", above=0)] = 0.5
     cells: Annotated[int, Key("Number of rings", "1", least=1, most=1024)] = 20
-    gap: Annotated[float, Key("Distance of the disks in the middle", "m", above=0)] = 0.002
+    gap: Annotated[float, Key("Distance between the disks in the middle", "m", above=0)] = 0.002
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +64,9 @@ class Sphere(KeyTable):
     section: ClassVar[str] = "sphere"
 
     radius: Annotated[float, Key("Radius", "m", above=0)] = 0.3
-    subdivisions: Annotated[int, Key("Times that each triangle is cut in four", "1", least=0, most=8)] = 4
+    subdivisions: Annotated[
+        int, Key("Number of times that each triangle is divided into four", "1", least=0, most=8)
+    ] = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +92,7 @@ class Capsule(KeyTable):
 
 @dataclass(frozen=True, kw_only=True)
 class Ring(KeyTable):
-    """A ring about z of a round bar; with a stretch the link of a chain."""
+    """A ring of a round bar about z; with a stretch, the link of a chain."""
 
     section: ClassVar[str] = "ring"
 
@@ -130,15 +132,17 @@ class Proportions(KeyTable):
     limb_girth: Annotated[float, Key("Factor of the girths of arms and legs", "1", least=0.75, most=1.2)] = 1.0
     neck: Annotated[float, Key("Factor of the neck girth", "1", least=0.85, most=1.25)] = 1.0
     arm_girth: Annotated[
-        float, Key("Factor of the girths of the upper arms, beside limb_girth", "1", least=0.8, most=1.3)
+        float, Key("Factor of the girths of the upper arms, in addition to limb_girth", "1", least=0.8, most=1.3)
     ] = 1.0
     arm_length: Annotated[float, Key("Factor of the length from shoulder to wrist", "1", least=0.85, most=1.15)] = 1.0
     leg_length: Annotated[float, Key("Factor of the height of the crotch", "1", least=0.9, most=1.12)] = 1.0
     waist_height: Annotated[
-        float, Key("Factor of the height of the waist, beside leg_length", "1", least=0.93, most=1.05)
+        float, Key("Factor of the height of the waist, in addition to leg_length", "1", least=0.93, most=1.05)
     ] = 1.0
-    thigh: Annotated[float, Key("Factor of the thigh girth, beside limb_girth", "1", least=0.85, most=1.2)] = 1.0
-    calf: Annotated[float, Key("Factor of the calf girth, beside limb_girth", "1", least=0.8, most=1.3)] = 1.0
+    thigh: Annotated[float, Key("Factor of the thigh girth, in addition to limb_girth", "1", least=0.85, most=1.2)] = (
+        1.0
+    )
+    calf: Annotated[float, Key("Factor of the calf girth, in addition to limb_girth", "1", least=0.8, most=1.3)] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +151,8 @@ class Mannequin(Proportions):
 
     pose: Annotated[Literal["a", "t", "walk", "reach", "arms_down"], Key("Named pose")] = "a"
     joints_degrees: Annotated[
-        Mapping[str, Any] | None, Key("Rotation vectors by joint, in place of the pose's", "degrees", shown="none")
+        Mapping[str, Any] | None,
+        Key("Rotation vectors by joint, in place of those of the pose", "degrees", shown="none"),
     ] = None
 
 
@@ -166,9 +171,11 @@ class Shirt(GarmentKeys):
     section: ClassVar[str] = "shirt"
 
     ease: Annotated[float, Key("Smallest distance from the body", "m", above=0)] = 0.012
-    sleeve: Annotated[float, Key("Sleeve from shoulder joint to cuff at 1.7 m", "m", least=0.13, most=0.46)] = 0.20
-    opening: Annotated[float, Key("Gap down its front; 0 is closed", "m", least=0, most=0.2)] = 0.0
-    hood: Annotated[bool, Key("With a hood over the head")] = False
+    sleeve: Annotated[
+        float, Key("Length from shoulder joint to cuff, for a height of 1.7 m", "m", least=0.13, most=0.46)
+    ] = 0.20
+    opening: Annotated[float, Key("Width of the opening down the front; 0: closed", "m", least=0, most=0.2)] = 0.0
+    hood: Annotated[bool, Key("Add a hood over the head")] = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +184,9 @@ class Skirt(GarmentKeys):
 
     section: ClassVar[str] = "skirt"
 
-    hem: Annotated[float, Key("Height of the hem above the ground at 1.7 m", "m", least=0.15, most=0.75)] = 0.50
+    hem: Annotated[
+        float, Key("Height of the hem above the ground, for a height of 1.7 m", "m", least=0.15, most=0.75)
+    ] = 0.50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +195,9 @@ class Trousers(GarmentKeys):
 
     section: ClassVar[str] = "trousers"
 
-    hem: Annotated[float, Key("Height of the hem above the ground at 1.7 m", "m", least=0.10, most=0.60)] = 0.12
+    hem: Annotated[
+        float, Key("Height of the hem above the ground, for a height of 1.7 m", "m", least=0.10, most=0.60)
+    ] = 0.12
 
 
 GENERATOR_KEYS: dict[str, type[KeyTable]] = {

@@ -20,7 +20,7 @@ class PlacedKeys(KeyTable):
     """Name, position and unit of a mesh."""
 
     name: Annotated[str | None, Key("Name in messages, tables and the trajectory", shown="the section's")] = None
-    position: Annotated[Vector, Key("Displacement from where the mesh is", "m", length=3)] = (0.0, 0.0, 0.0)
+    position: Annotated[Vector, Key("Displacement of the mesh", "m", length=3)] = (0.0, 0.0, 0.0)
     rotation_degrees: Annotated[
         Vector, Key("Rotation about x, then y, then z, before the displacement", "degrees", length=3)
     ] = (0.0, 0.0, 0.0)
@@ -39,24 +39,27 @@ class ClipKeys(KeyTable):
     clip: Annotated[
         str,
         Key(
-            'A clip: "walk" or "turn"; a drawn one, such as "squat:3"; a .bvh file, an AMASS .npz file; or "own", the '
+            'A clip: "walk" or "turn"; a random one, such as "squat:3"; a .bvh file, an AMASS .npz file; or "own", the '
             "animation of the model's file"
         ),
     ]
     animation: Annotated[str | None, Key("Name of the animation, with `own`", shown="the first")] = None
     scale: Annotated[
-        float | None, Key("Metres for a unit of the clip", "m", above=0, shown="the ratio of the thighs")
+        float | None, Key("Metres per unit of the clip", "m", above=0, shown="the ratio of the thighs")
     ] = None
     start: Annotated[float, Key("First time of the clip that is used", "s", least=0)] = 0.0
     end: Annotated[float | None, Key("Last time of the clip that is used", "s", above=0, shown="its end")] = None
-    loop: Annotated[bool, Key("Repeat that part; the body continues from where it is")] = False
+    loop: Annotated[bool, Key("Repeat this part of the clip; the body continues from where it is")] = False
     lead_in: Annotated[float, Key("Time from the pose of the body to the start of the clip", "s", least=0)] = 0.7
     keep_apart: Annotated[
         bool, Key("Turn shoulders and hips by the least angles that leave 1.2 % of the height between limbs and trunk")
     ] = False
     place: Annotated[
         Literal["start", "clip"] | None,
-        Key("Begin where the body stands and looks, or where the clip begins", shown='"clip" with `own`, else "start"'),
+        Key(
+            "Begin at the position and heading of the body, or at those of the clip",
+            shown='"clip" with `own`, else "start"',
+        ),
     ] = None
 
 
@@ -77,7 +80,7 @@ class ModelTable(PlacedKeys):
     pose: Annotated[
         str | Mapping[str, Any] | None,
         Key(
-            "Pose at the start: of the mannequin a name; else rotation vectors by joint from rest",
+            "Pose at the start: a name for the mannequin, otherwise rotation vectors by joint from the rest pose",
             "degrees",
             shown="the rest pose",
         ),
@@ -89,11 +92,11 @@ class ModelTable(PlacedKeys):
     group: Annotated[str | None, Key("Only this skinned node of a .glb", shown="all")] = None
     up: Annotated[
         Literal["z", "y"] | None,
-        Key("Axis of the model that points up; y is turned onto z", shown="z of the mannequin, else y"),
+        Key("Axis of the model that points up; y is turned onto z", shown="z for the mannequin, else y"),
     ] = None  # type: ignore[assignment]
 
 
-MESH = Key("A generator, one of the sections of these names; a mesh file; or in Python arrays or a mesh object")
+MESH = Key("A generator (the sections mesh = ...), a mesh file, or in Python arrays or a mesh object")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +109,7 @@ class ClothKeys(PlacedKeys):
     fabric: Annotated[str, Key("Named fabric; keys such as density override it; see `clothsim fabrics`")] = "cotton"
     fabric_of: Annotated[
         Mapping[str, Any] | None,
-        Key("Named fabrics of panels (groups of a file, panels of a pattern), by name; * stands for any letters",
+        Key("Named fabrics of panels (groups of a file, panels of a pattern), by name; * stands for any characters",
             shown="none"),
     ] = None  # fmt: skip
     density: Annotated[float | None, Key("Area density", "kg/m2", above=0, shown="the fabric's")] = None
@@ -133,17 +136,17 @@ class ClothKeys(PlacedKeys):
     ] = None
     bending_slope: Annotated[
         float | None,
-        Key("Slope s of the moment D k + s k^2 at curvature k: below 0 bending softens, to 0.2 D at most",
+        Key("Slope s of the moment D k + s k^2 at curvature k; a negative s softens bending, down to 0.2 D",
             "N m2", shown="the fabric's"),
     ] = None  # fmt: skip
     bending_slope_warp: Annotated[
-        float | None, Key("Slope bending_slope along warp", "N m2", shown="bending_slope")
+        float | None, Key("Value of bending_slope along warp", "N m2", shown="bending_slope")
     ] = None  # fmt: skip
     bending_slope_weft: Annotated[
-        float | None, Key("Slope bending_slope along weft", "N m2", shown="bending_slope")
+        float | None, Key("Value of bending_slope along weft", "N m2", shown="bending_slope")
     ] = None  # fmt: skip
     bending_slope_bias: Annotated[
-        float | None, Key("Slope bending_slope at 45 degrees to warp and weft", "N m2", shown="by warp and weft")
+        float | None, Key("Value of bending_slope at 45 degrees to warp and weft", "N m2", shown="from warp and weft")
     ] = None  # fmt: skip
     rest_curvature_warp: Annotated[
         OverTime | None, Key("Curvature at rest (curl) along warp, above 0 towards the front", "1/m",
@@ -154,7 +157,8 @@ class ClothKeys(PlacedKeys):
                           shown="the fabric's")
     ] = None  # fmt: skip
     bending_hysteresis: Annotated[
-        float | None, Key("Width 2HB of the loop of moment over curvature", "N m/m", least=0, shown="the fabric's")
+        float | None,
+        Key("Width 2HB of the hysteresis loop of moment over curvature", "N m/m", least=0, shown="the fabric's"),
     ] = None
     bending_hysteresis_warp: Annotated[
         float | None, Key("Width 2HB along warp", "N m/m", least=0, shown="bending_hysteresis")
@@ -164,7 +168,7 @@ class ClothKeys(PlacedKeys):
     ] = None
     hysteresis_curvature: Annotated[
         float | None,
-        Key("Change of curvature in which the friction of bending grows to its limit", "1/m", above=0,
+        Key("Change of curvature over which the friction of bending grows to its limit", "1/m", above=0,
             shown="the fabric's"),
     ] = None  # fmt: skip
     warp_stiffness: Annotated[OverTime | None, Key("Stiffness along warp", "N/m", least=0, shown="the fabric's")] = None
@@ -172,7 +176,7 @@ class ClothKeys(PlacedKeys):
     shear_stiffness: Annotated[OverTime | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None
     thread_poisson_ratio: Annotated[
         float | None,
-        Key("Geometric mean of both Poisson's ratios of the threads", "1", above=-1, below=1, shown="the fabric's"),
+        Key("Geometric mean of the Poisson's ratios along warp and weft", "1", above=-1, below=1, shown="the fabric's"),
     ] = None  # fmt: skip
     warp_extension: Annotated[
         float | None, Key("Strain under 490 N/m along warp, for strain_limit", "1", above=0, shown="the fabric's")
@@ -186,20 +190,20 @@ class ClothKeys(PlacedKeys):
     shrinkage_weft: Annotated[
         OverTime, Key("Fraction by which the rest shape is shorter along weft; below 0 it is longer", "1", below=1)
     ] = 0.0
-    weld: Annotated[float, Key("Border vertices closer than this are sewn; 0 is none", "m", least=0)] = 0.0
-    sewn: Annotated[bool, Key("The mesh is sewn already: seams of three layers are no fault")] = False
+    weld: Annotated[float, Key("Border vertices closer than this are sewn together; 0: none", "m", least=0)] = 0.0
+    sewn: Annotated[bool, Key("The mesh is sewn already: seams where three layers meet are no fault")] = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class FilePart(KeyTable):
-    """A part of a mesh file: one of group, parts, component and vertices."""
+    """A part of a mesh file, chosen by one of group, parts, component and vertices."""
 
     section: ClassVar[str] = "a file"
 
-    group: Annotated[str | None, Key("A group or object of an OBJ file, a node of a glb", shown="all")] = None
+    group: Annotated[str | None, Key("A group or object of an OBJ file, or a node of a .glb", shown="all")] = None
     parts: Annotated[
         Sequence[str],
-        Key("Several such groups that together make the body, such as skin and shoes; others are left out",
+        Key("Several such groups that together form the body, such as skin and shoes; the others are left out",
             shown="all"),
     ] = ()  # fmt: skip
     component: Annotated[
@@ -212,13 +216,14 @@ class FilePart(KeyTable):
 
 @dataclass(frozen=True, kw_only=True)
 class PatternFile(KeyTable):
-    """Mesh of a sewing pattern (`specification.json`), as cloth."""
+    """A cloth meshed from a sewing pattern (`specification.json`)."""
 
     section: ClassVar[str] = "a sewing pattern"
 
-    size: Annotated[float, Key("Distance of neighbouring vertices", "m", above=0)] = 0.02
+    size: Annotated[float, Key("Distance between neighbouring vertices", "m", above=0)] = 0.02
     rotation_order: Annotated[
-        Literal["zyx", "xyz"], Key('Rotation of a panel: "zyx" is Rz Ry Rx; "xyz" as GarmentCode from 2.0 on writes it')
+        Literal["zyx", "xyz"],
+        Key('Order of panel rotations: "zyx" for Rz Ry Rx; "xyz" for files of GarmentCode from 2.0 on'),
     ] = "zyx"
 
 
@@ -256,7 +261,7 @@ class FrameRate(KeyTable):
 
     section: ClassVar[str] = "frames"
 
-    frames_per_second: Annotated[float, Key("Frames for each second of the animation", "1/s", above=0)] = 25.0
+    frames_per_second: Annotated[float, Key("Frames per second of the animation", "1/s", above=0)] = 25.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +270,7 @@ class FramesTable(PlacedKeys, FrameRate):
 
     section: ClassVar[str] = "body"
 
-    frames: Annotated[str, Key("Pattern of the mesh files of the frames, in place of mesh")]
+    frames: Annotated[str, Key("Mesh files of the frames, as a pattern with *, in place of mesh")]
 
 
 def check_cloth(where: str, keys: Any) -> ClothTable:
@@ -329,7 +334,7 @@ def section_of(
 
 @dataclass(frozen=True, kw_only=True)
 class JointKeys(KeyTable):
-    """A joint of a rigid body to the world: a ball joint, or with an axis a hinge."""
+    """A joint between a rigid body and the world: a ball joint, or a hinge if it has an axis."""
 
     section: ClassVar[str] = "rigid.joint"
 
@@ -341,7 +346,7 @@ class JointKeys(KeyTable):
 
 @dataclass(frozen=True, kw_only=True)
 class TieKeys(KeyTable):
-    """Cloth tied to a rigid body, as a button or a hanger is."""
+    """Cloth tied to a rigid body, such as a button or a hanger."""
 
     section: ClassVar[str] = "rigid.tie"
 
@@ -360,7 +365,7 @@ class RigidKeys(PlacedKeys):
     density: Annotated[float, Key("Density of the solid inside the mesh", "kg/m3", above=0)] = 1000.0
     velocity: Annotated[Vector, Key("Velocity of the centre of mass at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
     spin_degrees_per_second: Annotated[
-        Vector, Key("Angular velocity at the start, along the axis of rotation", "degrees/s", length=3)
+        Vector, Key("Angular velocity at the start, as a vector along the axis of rotation", "degrees/s", length=3)
     ] = (0.0, 0.0, 0.0)
     joint: Annotated[
         JointKeys | Mapping[str, Any] | None, Key("Joint to the world", tables=(JointKeys,), shown="none")
@@ -373,7 +378,7 @@ class RigidKeys(PlacedKeys):
 
 @dataclass(frozen=True, kw_only=True)
 class RigidTable(RigidKeys):
-    """A rigid body that weight, contact and cloth move: a closed mesh, generated, of a file or in memory."""
+    """A rigid body moved by weight, contact and cloth: a closed mesh from a generator, a file or memory."""
 
     mesh: Annotated[str | Any, MESH]
 
@@ -396,10 +401,10 @@ class RodTable(PlacedKeys):
 
     points: Annotated[Sequence[Sequence[float]], Key("Points [[x, y, z], ...] of its centre line at the start", "m")]
     edge: Annotated[
-        float | None, Key("Length of its edges, into which the line is cut", "m", above=0, shown="one for each point")
+        float | None, Key("Length of the edges that divide the line", "m", above=0, shown="as the points")
     ] = None  # fmt: skip
     loop: Annotated[bool, Key("Join its ends")] = False
-    radius: Annotated[float, Key("Radius of its section", "m", above=0)]
+    radius: Annotated[float, Key("Radius of its cross-section", "m", above=0)]
     density: Annotated[float, Key("Density", "kg/m3", above=0)] = 1000.0
     youngs_modulus: Annotated[float, Key("Young's modulus: EA = E pi r^2, EI = E pi r^4/4", "Pa", above=0)]
     velocity: Annotated[Vector, Key("Velocity at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)

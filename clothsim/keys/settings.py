@@ -31,17 +31,17 @@ class Solver(KeyTable):
     dt: Annotated[float, Key("Length of a time step", "s", above=0)] = 0.01
     newton_error_fraction: Annotated[
         float,
-        Key("Newton's method stops where its error is below this fraction of the time step's own", "1", above=0,
+        Key("Newton's method stops when its error is below this fraction of the error of the time step", "1", above=0,
             most=1, shown="0.3; 0.1 with converge or error"),
     ] = 0.0  # fmt: skip
     converge: Annotated[
         bool,
-        Key("Each step is solved until forces balance and the fastest vertex, too, is within newton_error_fraction; "
-            "else the motion of each body decides"),
+        Key("Solve each step until forces balance and even the fastest vertex is within newton_error_fraction; "
+            "otherwise the root mean square over each cloth and body decides"),
     ] = False  # fmt: skip
     tolerance: Annotated[
         float,
-        Key("In place of newton_error_fraction: Newton's method stops where |dx|_inf / dt is below it", "m/s", above=0,
+        Key("In place of newton_error_fraction: Newton's method stops when |dx|_inf / dt is below this", "m/s", above=0,
             shown="none: newton_error_fraction is used"),
     ] = 0.0  # fmt: skip
     integrator: Annotated[
@@ -55,10 +55,11 @@ class Solver(KeyTable):
     ] = "auto"
     threads: Annotated[
         int,
-        Key("Threads of a step; 1 repeats every bit; 0: one, or up to 4 from 20,000 vertices on", "1", least=0),
+        Key("Threads of a step; 0: one, or up to 4 from 20,000 vertices on; 1 gives identical results in every run",
+            "1", least=0),
     ] = 0  # fmt: skip
     repeatable: Annotated[
-        bool, Key("The same bits at every number of threads, for 1.05 to 1.2 of the time of a factorisation")
+        bool, Key("Results do not depend on the number of threads; a factorisation takes 1.05 to 1.2 times as long")
     ] = False
     max_iterations: Annotated[
         int, Key("Newton iterations of a step before dt is halved; without inertia ten times as many", "1", least=1)
@@ -68,7 +69,7 @@ class Solver(KeyTable):
         Key("Leave unstable equilibria along their lowest mode, or only record them"),
     ] = "leave"
     perturbation_seed: Annotated[
-        int, Key("Side to which an unstable equilibrium is left; 2 k and 2 k + 1 take opposite ones", "1", least=0)
+        int, Key("Side to which an unstable equilibrium is left; 2 k and 2 k + 1 take opposite sides", "1", least=0)
     ] = 0
     error: Annotated[
         float,
@@ -79,11 +80,11 @@ class Solver(KeyTable):
         bool,
         Key("Estimate the error by two more runs, with dt, cells of generated meshes and d_hat coarser by 2 and 4"),
     ] = False
-    budget: Annotated[float, Key("Processor time that all runs for error may take", "s", above=0)] = 600.0
+    budget: Annotated[float, Key("CPU time that all runs for error may take", "s", above=0)] = 600.0
 
     @property
     def longest_step(self) -> float:
-        """dt [s]; inf where the steps are chosen by their error."""
+        """dt [s]; inf if the steps are chosen by their error."""
         return math.inf if self.error else self.dt
 
     @property
@@ -93,7 +94,7 @@ class Solver(KeyTable):
 
     @property
     def balanced(self) -> bool:
-        """True where Newton's method stops by the time error, False where a tolerance is given."""
+        """True if Newton's method stops by the time error, False if a tolerance is given."""
         return not self.tolerance
 
     @classmethod
@@ -115,7 +116,8 @@ class Contact(KeyTable):
     section: ClassVar[str] = "contact"
 
     backend: Annotated[
-        Literal["auto", "numba", "ipctk"], Key("Contact implementation; all use numba, ipctk is deprecated")
+        Literal["auto", "numba", "ipctk"],
+        Key("Contact implementation; every value uses numba, and ipctk is deprecated"),
     ] = "auto"
     pinch: Annotated[
         Literal["stop", "carry"],
@@ -159,18 +161,19 @@ class RunSettings(KeyTable):
     ] = "time"
     rest_speed: Annotated[
         float,
-        Key("At rest: no vertex is faster for 10 steps, nor farther from equilibrium than this times 1 s", "m/s",
+        Key("Limit for rest: for 10 steps no vertex is faster, nor farther from equilibrium than this times 1 s", "m/s",
             above=0),
     ] = 1e-3  # fmt: skip
     fields: Annotated[
-        Sequence[FieldName], Key("Fields written with each frame, beside the positions and the principal stretches")
+        Sequence[FieldName],
+        Key("Fields written with each frame, in addition to the positions and the principal stretches"),
     ] = ()
     forces: Annotated[
         bool, Key("Record at each step the contact force on each body and the reaction of each group of pins")
     ] = False
     budget: Annotated[
         float | None,
-        Key("CPU time of its steps after which a run ends as failed, with a checkpoint to resume from", "s", above=0,
+        Key("CPU time of the steps after which a run ends as failed, with a checkpoint to resume from", "s", above=0,
             shown="none"),
     ] = None  # fmt: skip
     allow_inside: Annotated[
@@ -191,7 +194,9 @@ class Seed(KeyTable):
             "`clothsim fit` transfers garments"
         ),
     ] = "rest"
-    file: Annotated[str, Key("Mesh file with a position for each vertex of the cloths before weld, or model")] = ""
+    file: Annotated[
+        str, Key("Mesh file with a position for each vertex of the cloths before welding, or a learned model")
+    ] = ""
     vertices: Annotated[
         Sequence[int] | None, Key("Range [lo, hi) of the file's vertices", "1", least=0, length=2, shown="all")
     ] = None

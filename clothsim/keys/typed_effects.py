@@ -1,9 +1,10 @@
 """Effects as frozen dataclasses: the keys of each effect with default, unit, range and meaning.
 
 `effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` is the same as
-`effects={"gravity": {}, "bending": {"model": "midedge"}}`. The one place of a key: the table `scene.effects` names the
-class, a scene is checked by it, and the builder takes an object of it. Importing this module imports no effect. Of an
-effect that a user registers the class is the one that its builder names, or one made of the builder's keywords.
+`effects={"gravity": {}, "bending": {"model": "midedge"}}`. Each key is declared only here. The table `scene.effects`
+names the class, a scene is checked against it, and the builder takes an object of it. Importing this module imports no
+effect. For an effect that a user registers, the class is the one that its builder names, or is made from the keywords
+of the builder.
 """
 
 import inspect
@@ -55,7 +56,7 @@ class Pins(EffectKeys):
     section: ClassVar[str] = "effects.pins"
 
     select: Annotated[Selection, SELECT] = ()
-    clamp: Annotated[bool, Key("Hold the rest direction of the cloth at the pinned edge too")] = False
+    clamp: Annotated[bool, Key("Also hold the direction of the cloth at the pinned edge")] = False
     motion: Annotated[
         Motion | Table | None, Key("Rigid motion of the pinned vertices", tables=(Motion,), shown="none")
     ] = None
@@ -80,7 +81,7 @@ class Membrane(EffectKeys):
 
     material: Annotated[
         Literal["auto", "neo_hookean", "orthotropic", "measured"],
-        Key("Law; auto: orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
+        Key("Material law; auto: orthotropic if a fabric has a warp, weft or shear stiffness, else isotropic"),
     ] = "auto"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
     warp: Annotated[CurveTable, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
@@ -90,22 +91,25 @@ class Membrane(EffectKeys):
     ] = ()
     narrowing_warp: Annotated[
         CurveTable,
-        Key("Measured narrowing along the warp: rows of a strain and the strain by which the width then shrinks", "1"),
+        Key(
+            "Measured narrowing along the warp: rows of strain and of the strain by which the width shrinks",
+            "1",
+        ),
     ] = ()
-    narrowing_weft: Annotated[CurveTable, Key("The same along the weft", "1")] = ()
+    narrowing_weft: Annotated[CurveTable, Key("Measured narrowing along the weft", "1")] = ()
     elements: Annotated[
-        Literal["triangles", "pairs"], Key("Constant strain per triangle, or per pair of them, which lock less")
+        Literal["triangles", "pairs"], Key("Constant strain per triangle, or per pair of triangles, which locks less")
     ] = "triangles"
     compression: Annotated[
         float,
-        Key("Fraction of the stiffness left in compression: 0.05 for coarse cloth that `clothsim wrinkle` refines", "1",
+        Key("Fraction of the stiffness left in compression; 0.05 for cloth that `clothsim wrinkle` refines", "1",
             above=0, most=1),
     ] = 1.0  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fibres(EffectKeys):
-    """Stiffness of warp and weft beside the membrane."""
+    """Stiffness of warp and weft in addition to the membrane."""
 
     section: ClassVar[str] = "effects.fibres"
 
@@ -124,14 +128,14 @@ class StrainLimit(EffectKeys):
     limit: Annotated[
         OverCloth,
         Key(
-            "Largest principal stretch, 1.1 for 10 %; 0 is none; fabric: the extension of the fabric along warp and"
-            " weft under 490 N/m, 1.1 where it has none",
+            "Largest principal stretch: 1.1 for 10 %; 0: none; fabric: the extension of the fabric along warp and"
+            " weft under 490 N/m, or 1.1 if it has none",
             "1",
             least=0,
         ),
     ] = "fabric"
-    limit_warp: Annotated[OverCloth, Key("Largest stretch along the warp; 0 is none", "1", least=0)] = 0.0
-    limit_weft: Annotated[OverCloth, Key("Largest stretch along the weft; 0 is none", "1", least=0)] = 0.0
+    limit_warp: Annotated[OverCloth, Key("Largest stretch along the warp; 0: none", "1", least=0)] = 0.0
+    limit_weft: Annotated[OverCloth, Key("Largest stretch along the weft; 0: none", "1", least=0)] = 0.0
     begins: Annotated[
         float, Key("Fraction of the range from 1 to the limit at which the barrier starts", "1", least=0, below=1)
     ] = 0.5
@@ -147,13 +151,14 @@ class Bending(EffectKeys):
 
     model: Annotated[
         Literal["midedge", "hinge", "quadratic"],
-        Key("Curvature by triangle, which converges on any mesh; hinge angles; or a constant Hessian"),
+        Key("Curvature per triangle, which converges on any mesh; angles of hinges; or a constant Hessian"),
     ] = "midedge"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
     short_waves: Annotated[
         float,
         Key(
-            "Weight of the bending of waves of a few cells that the mean of curvature loses: 1 restores it",
+            "Weight of the bending of waves a few cells long, which averaged curvature loses; 1 restores it",
+            "1",
             least=0,
             most=10,
         ),
@@ -184,7 +189,7 @@ class Springs(EffectKeys):
 
     section: ClassVar[str] = "effects.springs"
 
-    spring: Annotated[Sequence[Spring | Table], Key("Springs of several vertices", tables=(Spring,))] = ()
+    spring: Annotated[Sequence[Spring | Table], Key("Springs for groups of vertices", tables=(Spring,))] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +205,7 @@ class Targets(EffectKeys):
     frames_per_second: Annotated[float, Key("Frame rate of the displacements", "1/s", above=0)] = 25.0
     rate: Annotated[
         float,
-        Key("Rate at which the cloth is drawn to its targets, the root of the stiffness for each mass; 0 is none",
+        Key("Rate at which the cloth is drawn to its targets: square root of stiffness per mass; 0: none",
             "1/s", least=0),
     ] = 100.0  # fmt: skip
 
@@ -304,7 +309,7 @@ class Seams(EffectKeys):
     seam: Annotated[Sequence[Seam | Table], Key("Seams between two borders", tables=(Seam,))] = ()
     pattern: Annotated[
         PatternSeams | Table | bool,
-        Key("All seams of sewing patterns that are open as placed: true, or a table", tables=(PatternSeams,)),
+        Key("Close all seams of sewing patterns that are open as placed: true, or a table", tables=(PatternSeams,)),
     ] = False  # fmt: skip
 
 
@@ -324,9 +329,9 @@ class PlasticBending(EffectKeys):
 
     section: ClassVar[str] = "effects.plastic_bending"
 
-    yield_angle_degrees: Annotated[float, Key("Yield angle of a hinge; 0 is none", "degrees", least=0)] = 0.0
-    yield_curvature: Annotated[float, Key("Yield curvature, in place of the angle; 0 is none", "1/m", least=0)] = 0.0
-    hardening: Annotated[float, Key("Kinematic hardening as fraction of the bending stiffness", "1", least=0)] = 0.0
+    yield_angle_degrees: Annotated[float, Key("Yield angle of a hinge; 0: none", "degrees", least=0)] = 0.0
+    yield_curvature: Annotated[float, Key("Yield curvature, in place of the angle; 0: none", "1/m", least=0)] = 0.0
+    hardening: Annotated[float, Key("Kinematic hardening as a fraction of the bending stiffness", "1", least=0)] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -335,7 +340,7 @@ class Friction(EffectKeys):
 
     section: ClassVar[str] = "effects.friction"
 
-    coefficient: Annotated[float, Key("Coefficient of friction of all other pairs", "1", least=0)] = 0.3
+    coefficient: Annotated[float, Key("Coefficient of friction of the pairs that are not in pairs", "1", least=0)] = 0.3
     mu_static: Annotated[float | AUTO, Key("Coefficient of contacts that stick; auto: coefficient", "1", least=0)] = (
         "auto"
     )
@@ -353,7 +358,7 @@ class Friction(EffectKeys):
         float | AUTO, Key("Speed below which a contact creeps; auto: contacts stick", "m/s", above=0)
     ] = "auto"  # fmt: skip
     iterations: Annotated[
-        int, Key("Solves of a step, each with the contact forces of the one before", "1", least=1)
+        int, Key("Number of solves per step, each with the contact forces of the one before", "1", least=1)
     ] = 1
 
 
@@ -368,7 +373,7 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
 
 
 def effects_by_name(effects: Any) -> Any:
-    """Effects by name, of typed effects or as they are in a table; anything else as it is.
+    """Effects by name, from typed effects or a table; anything else is returned unchanged.
 
     InputError for an entry of the list that is not an effect, and for an effect that is given twice.
     """
@@ -392,25 +397,25 @@ def effects_by_name(effects: Any) -> Any:
 
 
 SUPPLIED = ("contacts", "built")
-"""Keywords of builders that no scene gives: the names of the contacts that are on, and the energies built so far, by
-name."""
+"""Keywords of builders that a scene cannot set: the names of the contacts that are on, and the energies built so far,
+by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeywordKeys(EffectKeys):
-    """The keywords of a builder: their names are checked, their values are for the builder to check."""
+    """The keywords of a builder. Only their names are checked; the builder checks their values."""
 
     def __post_init__(self) -> None:
         """Take every value as it is."""
 
     @classmethod
     def of_known_keys(cls, where: str, keys: Mapping[str, Any]) -> Self:
-        """The section of a table whose keys it has."""
+        """The section that has the keys of a table."""
         return cls(**{f"{name}_": frozen(value) for name, value in keys.items()})
 
 
 def signature_of(builder: Callable[..., Any]) -> inspect.Signature:
-    """The signature of a builder, with annotations that are texts evaluated where they can be."""
+    """The signature of a builder; annotations that are texts are evaluated if possible."""
     try:
         return inspect.signature(builder, eval_str=True)
     except NameError:  # a name for type checkers alone

@@ -123,7 +123,7 @@ class Stitch:
     first, second : Side
         The edges: the start of the first meets the end of the second.
     right_wrong : bool
-        True where start meets start: the right side of the one fabric lies on the wrong side of the other.
+        True if start meets start: the right side of the one fabric lies on the wrong side of the other.
     """
 
     first: Side
@@ -154,7 +154,7 @@ class Pattern:
     Raises
     ------
     InputError
-        An open loop, an edge of no length, a stitch to a missing edge, an edge in two stitches.
+        An open loop, an edge of zero length, a stitch to a missing edge, or an edge in two stitches.
     """
 
     panels: Mapping[str, Panel]
@@ -257,7 +257,7 @@ def turned_panels(pattern: Pattern) -> Mapping[str, bool]:
 
 
 def _piece(first: str, beside: Mapping[str, list[tuple[str, bool, int]]]) -> dict[str, bool]:
-    """Panels sewn to `first`, True where their front is opposite to its own."""
+    """Panels sewn to `first`, True if their front is opposite to its own."""
     piece, waiting = {first: False}, deque([first])
     while waiting:
         name = waiting.popleft()

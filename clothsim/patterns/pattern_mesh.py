@@ -54,7 +54,7 @@ def mesh_panel(border: Floats, spacing: float, graded: bool = False) -> PanelMes
     border : (k, 2) array
         Simple polygon of either sense [m].
     spacing : float
-        Distance of neighbouring inner vertices [m].
+        Distance between neighbouring inner vertices [m].
     graded : bool
         True: circumcentres of sharp triangles are inserted between a border with short sides and the lattice.
 
@@ -287,12 +287,12 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     pattern : Pattern
         Panels and stitches.
     spacing : float
-        Distance of neighbouring vertices [m].
+        Distance between neighbouring vertices [m].
 
     Raises
     ------
     InputError
-        A panel that crosses itself; stitches that give the garment one side only; a seam whose two sides share a
+        A panel that crosses itself, stitches that make the garment one-sided, or a seam whose two sides share a
         triangle.
     """
     spacing = as_positive("The size of the mesh", spacing)
@@ -371,7 +371,7 @@ def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
 def wound_for_front(points: Floats, triangles: Ints, follows: bool) -> tuple[Ints, Floats]:
     """Triangles wound for the front of the garment, and their corners in the material plane, (m, 3, 2) [m].
 
-    follows: True where the front of the sewn garment is the side from which the panel's x, y are right-handed; else the
+    follows: True if the front of the sewn garment is the side from which the panel's x, y are right-handed; else the
     triangles are reversed, and the material is seen from its other side: x is mirrored, the warp stays along y.
     """
     across = -points[:, 0] if follows else points[:, 0]
@@ -424,7 +424,7 @@ def joined_vertices(mesh: PatternMesh, pairs: Ints | None = None) -> Ints:
 
 
 def largest_gap(positions: Floats, seam: MeshedSeam) -> float:
-    """Largest distance of the two sides of a seam [m]; 0 where they are one vertex throughout."""
+    """Largest distance of the two sides of a seam [m]; 0 if they are one vertex throughout."""
     if not len(seam.pairs):
         return 0.0
     ends = positions[seam.pairs]

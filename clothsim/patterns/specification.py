@@ -50,7 +50,7 @@ def read_specification(path: str | Path, rotation_order: str = "zyx") -> Pattern
     Raises
     ------
     InputError
-        A file that is not a pattern, naming its panel, edge or stitch.
+        For a file that is not a pattern; the message names the panel, edge or stitch.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def pattern_of(entries: Any, rotation_order: str = "zyx") -> Pattern:
 
 
 def _name(name: Any) -> str:
-    """The name of a panel, which reports print as it is. InputError where it would steer a terminal."""
+    """The name of a panel, which reports print as it is. InputError if it would steer a terminal."""
     if not str(name).isprintable():
         raise InputError(f"The panel {str(name)!r} has control characters in its name.", "Name it in letters.")
     return str(name)

@@ -7,12 +7,11 @@ also sees the colour and the normal of what a pixel shows.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
@@ -20,6 +19,7 @@ from clothsim.base.linalg import unit
 from clothsim.base.srgb import linear_rgb, srgb
 from clothsim.base.triangles import area_vectors
 from clothsim.render.camera import Viewpoint
+from clothsim.render.cloth_kinds import KINDS, fuzz_of, material
 from clothsim.render.colour_scale import Scale
 from clothsim.render.surface_look import THREAD, Surface, cloth_shell, creased_normals, rounded, vertex_values
 
@@ -28,21 +28,12 @@ PALETTE = np.array(
 )
 """Linear RGB of cloths without a field or dyes: indigo, ochre, bottle green, madder, ecru."""
 BACKDROP = np.array([0.76, 0.755, 0.745])
-RIBS, TEXELS, RIB_PIXELS = 48, 768, 2.4
-"""Ribs and texels of a tile of the weave, and the least width of a rib in a picture [pixels]."""
-RIB, RELIEF = 1.6e-3, 0.25
-"""Width of a rib [m], and how much darker the cloth is between two."""
-MELANGE, SLUB = 0.025, 3.0
-"""Variation of the brightness of the threads, which changes along a thread after so many ribs: threads that were the
-same all along would be seen as a plaid."""
 DEPTH = 5
 """Bounces of light."""
 PATHS = 3
 """Paths of a pixel for each of the picture's samples squared."""
 STITCHED, LINE = 0.6, 0.75
 """Brightness of stitches relative to the cloth's, and of the line that they are from afar."""
-CHECKS = 4
-"""Pairs of bands along a tile of a cloth that is woven of two dyes."""
 
 
 def render(
@@ -123,16 +114,24 @@ def _mitsuba() -> Any:
 
 
 def _mesh(
-    mi: Any, corners: Floats, normals: Floats, material: dict[str, Any], uv: Floats | None = None, colour: Any = None
+    mi: Any,
+    corners: Floats,
+    normals: Floats,
+    drawn_as: dict[str, Any],
+    uv: Floats | None = None,
+    attributes: Mapping[str, Floats] | None = None,
 ) -> Any:
-    """A mesh of triangles with corners of their own, (k, 3, 3) each."""
+    """A mesh of triangles with corners of their own, (k, 3, 3) each.
+
+    drawn_as: its material; attributes: numbers at its corners, by name.
+    """
     properties = mi.Properties()
-    properties["mesh_bsdf"] = mi.load_dict(material)
+    properties["mesh_bsdf"] = mi.load_dict(drawn_as)
     count = 3 * len(corners)
     has = {"has_vertex_normals": True, "has_vertex_texcoords": uv is not None}
     mesh = mi.Mesh("", count, len(corners), props=properties, **has)
-    if colour is not None:
-        mesh.add_attribute("vertex_colour", 3, np.ascontiguousarray(colour, np.float32).ravel())
+    for name, values in (attributes or {}).items():
+        mesh.add_attribute(name, values.size // count, np.ascontiguousarray(values, np.float32).ravel())
     data = mi.traverse(mesh)
     data["vertex_positions"] = np.ascontiguousarray(corners, np.float32).ravel()
     data["vertex_normals"] = np.ascontiguousarray(normals, np.float32).ravel()
@@ -161,20 +160,23 @@ def _cloth(mi: Any, surface: Surface, dyes: Floats, scale: Scale | None, pixel: 
 
     dyes: (2, 3) linear RGB of its threads; pixel: its width on the cloth [m].
     """
-    rib = max(RIB, RIB_PIXELS * pixel)
-    shell, stitches = cloth_shell(surface, pixel)
+    kind = KINDS[surface.kind]
+    shell, stitches = cloth_shell(surface, pixel, kind.hem)
     normals = _facing(shell.corners, shell.normals, camera)
     values = vertex_values(surface)
     if scale is not None and len(values):
-        painted = linear_rgb(scale.colours(values)[shell.source]).reshape(-1, 3)
-        made = [_mesh(mi, shell.corners, normals, _woven(mi, None, rib), shell.uv, painted)]
+        colour = linear_rgb(scale.colours(values)[shell.source]).reshape(-1, 3)
+        made = [_mesh(mi, shell.corners, normals, material(mi, kind, None, pixel), shell.uv, {"vertex_colour": colour})]
     else:
-        made = [_mesh(mi, shell.corners, normals, _woven(mi, dyes, rib), shell.uv)]
+        towards = unit(camera.position - shell.corners)
+        fuzz = fuzz_of(kind, np.einsum("ijk,ijk->ij", shell.normals, towards))
+        made = [_mesh(mi, shell.corners, normals, material(mi, kind, dyes, pixel), shell.uv, {"vertex_fuzz": fuzz})]
     if len(stitches):
         facing = unit(area_vectors(stitches))
         normals = np.broadcast_to(facing[:, None], stitches.shape)
         shade = STITCHED if pixel < 2.0 * THREAD else LINE
-        made.append(_mesh(mi, stitches, normals, _diffuse(shade * dyes.mean(axis=0))))
+        thread = shade * dyes.mean(axis=0) if kind.thread is None else np.array(kind.thread)
+        made.append(_mesh(mi, stitches, normals, _diffuse(thread)))
     return made
 
 
@@ -192,35 +194,6 @@ _LACQUER = {
     },
 }
 """Satin lacquer of a shop's mannequin."""
-
-
-def _woven(mi: Any, dyes: Floats | None, rib: float) -> dict[str, Any]:
-    """Matt threads in a twill, with the sheen of fibres seen at a grazing angle; None: in the colours of the mesh."""
-    height, threads = _twill()
-    place = {"raw": True, "to_uv": mi.ScalarTransform4f().scale([1.0 / (RIBS * rib), 1.0 / (RIBS * rib), 1.0])}
-    base: dict[str, Any] = {"type": "mesh_attribute", "name": "vertex_colour"}
-    if dyes is not None:
-        band = np.arange(TEXELS) * 2 * CHECKS // TEXELS % 2
-        both = 0.5 * (dyes[band][None, :] + dyes[band][:, None])
-        tile = np.clip(threads[..., None] * both, 0.0, 1.0).astype(np.float32)
-        base = {"type": "bitmap", "bitmap": mi.Bitmap(tile), **place}
-    fibres = {"roughness": 0.9, "specular": 0.12, "sheen": 0.7, "sheen_tint": 0.5}
-    bump = {"type": "bitmap", "bitmap": mi.Bitmap(height[..., None].astype(np.float32)), **place}
-    cloth = {"type": "principled", "base_color": base, **fibres}
-    return {"type": "twosided", "bsdf": {"type": "bumpmap", "scale": 0.22 * rib, "texture": bump, "cloth": cloth}}
-
-
-def _twill() -> tuple[Floats, Floats]:
-    """A tile of a 2/1 twill: its height in 0..1, and the brightness of its threads about 1, (TEXELS, TEXELS) each."""
-    u, v = np.meshgrid(np.arange(TEXELS) / TEXELS, np.arange(TEXELS) / TEXELS)
-    phase = 2.0 * np.pi * RIBS * (u + v)
-    height = (0.5 + 0.5 * np.cos(phase)) * (0.85 + 0.15 * np.cos(2.0 * np.pi * RIBS * (u - v)))
-    random = np.random.default_rng(11)
-    warp, weft = gaussian_filter1d(random.normal(size=(2, 2 * RIBS, TEXELS)), SLUB * TEXELS / RIBS, mode="wrap")
-    at = np.arange(TEXELS) * 2 * RIBS // TEXELS
-    threads = 1.0 + MELANGE * (warp[at].T + weft[at]) / warp.std()
-    threads *= 1.0 - RELIEF * (1.0 - height)
-    return height, np.clip(threads / threads.mean(), 0.3, 1.5)
 
 
 KEY, FILL, RIM, SKY = 1.12, 0.16, 0.30, 0.16

@@ -92,7 +92,7 @@ class Surface:
     where they are not known, which draws the cloth in its plain colour; values: (n,) that colour the cloth instead, or
     empty; strokes: (k, 2, 2, 3) ends of crosses drawn on it [m], `spacing` [m] apart; fabrics: (m,) number of the
     fabric of each triangle, which has a plain colour of its own, or empty; material: (n, 3) positions of the
-    undeformed cloth that a weave is fixed to [m], or empty.
+    undeformed cloth that a weave is fixed to [m], or empty; kind: of cloth, a key of `cloth_kinds.KINDS`.
     """
 
     name: str
@@ -105,6 +105,7 @@ class Surface:
     spacing: float = 0.0
     fabrics: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     material: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    kind: str = "plain"
 
 
 @dataclass(frozen=True)
@@ -298,17 +299,18 @@ class Shell:
     source: Ints
 
 
-def cloth_shell(surface: Surface, pixel: float = 0.0) -> tuple[Shell, Floats]:
+def cloth_shell(surface: Surface, pixel: float = 0.0, hem: bool = True) -> tuple[Shell, Floats]:
     """The faces, rims and hems of a cloth, and the triangles (k, 3, 3) of its stitches [m].
 
-    pixel: width of one on the cloth [m]; stitches that are narrower are a line as wide as it.
+    pixel: width of one on the cloth [m]; stitches that are narrower are a line as wide as it; hem: False for a cloth
+    that is cut.
     """
     triangles = surface.triangles
     x = faired(surface.positions, triangles)
     normals = vertex_normals(x, triangles)
     distance, along = _border_distance(surface)
     size = float(np.ptp(x, axis=0).max())
-    hemmed = WIDEST_HEM * size > HEM_WIDTH
+    hemmed = hem and WIDEST_HEM * size > HEM_WIDTH
     layers = 1.0 + (HEM_LAYERS - 1.0) * np.clip((HEM_WIDTH - distance) / HEM_SLOPE, 0.0, 1.0) * hemmed
     offset = 0.5 * min(THICKNESS, THICKEST * size) * layers[:, None] * normals
     front, back = x + offset, x - offset

@@ -74,29 +74,29 @@ class Examination:
 
 
 def check(what: Any, role: Role | None = None) -> list[Finding]:
-    """Examine a mesh; a scene, which is built and its start tested for intersections; or the frames of a run.
+    """Examine a mesh, the start of a scene, or the frames of a run.
 
-    `clothsim check` prints the same findings. At the start of a scene an intersection is an error where a run would
-    refuse it, which contact is on for; without contact a run goes on with a warning, and so it is one here. In the
-    frames of a run each is an error, but those that the scene allows.
+    `clothsim check` prints the same findings. A scene is built, and its start is tested for intersections. An
+    intersection there is an error if contact is on, since a run would refuse it; without contact it is a warning, as in
+    a run. In the frames of a run, each intersection is an error unless the scene allows it.
 
     Parameters
     ----------
     what : Scene, Cloth, Body, mesh object, (vertices, triangles), str or Path
         A path names a scene (.toml), a mesh file or the directory of a run.
     role : {"cloth", "sewn cloth", "body"}, optional
-        What a mesh is to be: fewer faults matter in a body. None: a body for a `clothsim.Body`, else a cloth.
+        Use of a mesh; fewer faults matter in a body. None: a body for a `clothsim.Body`, else a cloth.
 
     Returns
     -------
     list of Finding
-        Errors first; empty where there is no fault. Each has severity, kind, sentence, remedy and indices (of the
+        Errors first; empty if there is no fault. Each has severity, kind, sentence, remedy and indices (of the
         vertices or triangles).
 
     Raises
     ------
     InputError
-        Where `what` is none of these, or its file cannot be read.
+        If `what` is none of these, or its file cannot be read.
 
     Examples
     --------

@@ -46,19 +46,19 @@ class Exported:
     Attributes
     ----------
     files : tuple of Path
-        All files, that of the target first where there is one.
+        All files; the target comes first if it is one of them.
     frames : int
         Number of frames.
     rate : float
-        Frames a second.
+        Frames per second.
     interpolated : int
-        Frames between two of the run, at positions linear in time: they were not simulated.
+        Number of frames that were interpolated linearly in time, not simulated.
     up : str
         Axis against gravity.
     unit : float
         Metres per unit.
     notes : tuple of str
-        What is missing, and why.
+        What the files lack, and why.
     """
 
     files: tuple[Path, ...]
@@ -89,18 +89,19 @@ def export(
     target : str or Path
         The file; its ending is one of `clothsim.files.exchange.formats.FORMATS`.
     frame : int, optional
-        This frame only; negative ones count from the end. Default: all; of a garment that was fitted or dressed its
-        last, as it is worn, unless `fps` asks for the frames of its drape.
+        This frame only; negative numbers count from the end. Default: all frames; for a fitted or sewn garment only the
+        last, as worn, unless `fps` asks for the frames of its drape.
     fps : float, optional
-        Frames a second; those between two frames of the run are linear in time. Default: the run's own frames.
+        Frames per second; frames between two frames of the run are interpolated linearly. Default: the frames of the
+        run.
     scale : float
-        Units of the file in a metre: 100 for centimetres.
+        Units of the file per metre: 100 for centimetres.
     up : "y" or "z", optional
-        Axis against gravity. Default: the format's own (y of .glb), else the scene's.
+        Axis against gravity. Default: y for .glb, otherwise that of the scene.
     colour : "stretch" or "plain"
         Colours of the cloth's vertices.
     overwrite : bool
-        True to replace files.
+        True: replace existing files.
 
     Returns
     -------
@@ -109,7 +110,7 @@ def export(
     Raises
     ------
     InputError
-        Unknown ending, no frame, a file that exists, a setting that the format does not take.
+        Unknown ending, no frame, an existing file, or a setting that the format does not accept.
     MissingPackageError
         USD without usd-core.
 
@@ -339,7 +340,7 @@ def _refuse_contents(file: Path, archive: zipfile.ZipFile) -> None:
 
 
 def _refuse_large(checkpoint: Path) -> None:
-    """InputError where the checkpoint, an archive too, has too large a content."""
+    """InputError if the checkpoint, an archive too, has too large a content."""
     with _opened(checkpoint) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
             raise InputError(f"The checkpoint would unpack to more than {MOST_BYTES:,} bytes.")

@@ -31,7 +31,7 @@ def to_trimesh(run: "Run", frame: int = -1) -> "trimesh.Scene":
     Raises
     ------
     InputError
-        For a frame that is not there, or what is not a run.
+        For a missing frame, or for something other than a run.
     MissingPackageError
         Without trimesh.
 
@@ -67,7 +67,7 @@ def to_pyvista(run: "Run", frame: int = -1) -> "pyvista.MultiBlock":
     Raises
     ------
     InputError
-        For a frame that is not there, or what is not a run.
+        For a missing frame, or for something other than a run.
     MissingPackageError
         Without PyVista.
 
@@ -96,7 +96,7 @@ def _surfaces(run: "Run", frame: int) -> list[Surface]:
 
 
 def _package(name: str) -> Any:
-    """A package that is loaded where it is used alone. MissingPackageError where it is not installed."""
+    """A package that is loaded where it is used alone. MissingPackageError if it is not installed."""
     try:
         return import_module(name)
     except ImportError as error:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -24,11 +24,13 @@ from clothsim.base.record import (
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import SurfaceRows, World, world_surfaces
+from clothsim.render.cloth_kinds import kind_of
 from clothsim.render.colour_scale import Quantity, per_vertex
 from clothsim.render.surface_look import Surface, crosses, evenly_spaced, spacing_of
 from clothsim.render.tubes import tube
 from clothsim.run.fields import FIELDS, known_field, world_stretches
-from clothsim.scene.scene import scene_from_text
+from clothsim.scene.assembly.meshes import fabric_of
+from clothsim.scene.scene import Scene, scene_from_text
 
 if TYPE_CHECKING:
     from clothsim.run.results import Run
@@ -53,10 +55,11 @@ def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     ]
 
 
-def studio_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
-    """The surfaces of a frame, the mannequin among them with the hands of a shop's dummy."""
+def studio_surfaces(trajectory: Trajectory, frame: int, kinds: Sequence[str] = ()) -> list[Surface]:
+    """The surfaces of a frame, cloths of the `kinds`, the mannequin among them with the hands of a shop's dummy."""
     hands = import_module("clothsim.mesh.generators.mannequin.dummy_hands")  # a run without pictures loads no template
     made = frame_surfaces(trajectory, frame)
+    made[: len(kinds)] = [replace(each, kind=kind) for each, kind in zip(made, kinds, strict=False)]
     cloths = np.concatenate([np.zeros((0, 3)), *(each.positions for each in made if each.role == "cloth")])
     return [
         replace(each, positions=hands.with_dummy_hands(each.positions, each.triangles, cloths))
@@ -64,6 +67,19 @@ def studio_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
         else each
         for each in made
     ]
+
+
+def kinds_of(scene: Scene) -> list[str]:
+    """The kind of cloth, a key of `cloth_kinds.KINDS`, of each cloth of a scene.
+
+    That of its named fabric, or by its numbers where it has its own weight or thickness.
+    """
+    kinds = []
+    for table in scene.cloths:
+        fabric, _ = fabric_of(table, "cloth")
+        name = "" if "density" in table or "thickness" in table else fabric.name
+        kinds.append(kind_of(name, fabric.density, fabric.thickness, fabric.bending_stiffness))
+    return kinds
 
 
 def state_surfaces(world: World, x: Floats, stretches: Floats) -> list[Surface]:
@@ -201,7 +217,7 @@ def draw_run(
     field: what colours the cloths; progress: of a movie; settings: PICTURE_SETTINGS, MOVIE_SETTINGS, dots_per_inch; the
     axis against gravity is that of the scene where none is given.
     """
-    given = {"up": run.up, **settings, **({} if field is None else field_settings(run, field))}
+    given = settings_of(run, field, settings)
     if target.suffix.lower() == ".png":
         return draw_frame(run.trajectory, target, frame, **given)
     return draw_movie(run.trajectory, target, progress, **given)
@@ -244,6 +260,22 @@ def draw_pictures(
     if jobs and run.summary:  # a picture takes more than the run of a small scene
         run.summary["peak_memory_bytes"] = record_peak_memory(directory / SUMMARY_NAME)
     return trouble
+
+
+def settings_of(run: "Run", field: str | None, settings: dict[str, Any]) -> dict[str, Any]:
+    """The settings of `draw_frame` and `draw_movie` that a run adds to those that are given."""
+    given = {"up": run.up, **settings, **({} if field is None else field_settings(run, field))}
+    if given.get("style") == "studio" and "surfaces_of" not in given:
+        given["surfaces_of"] = partial(studio_surfaces, kinds=_kinds_of_run(run.directory))
+    return given
+
+
+def _kinds_of_run(directory: Path) -> list[str]:
+    """The kinds of the cloths of a run's scene; none where its checkpoint gives none."""
+    try:
+        return kinds_of(scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text))
+    except InputError:
+        return []
 
 
 def _surfaces_of(settings: dict[str, Any]) -> Drawing:

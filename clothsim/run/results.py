@@ -28,8 +28,8 @@ from clothsim.run.pictures import (
     PICTURE_NAME,
     PICTURE_SETTINGS,
     draw_run,
-    field_settings,
     frame_picture,
+    settings_of,
     up_of_run,
 )
 from clothsim.run.step_reports import forces_of
@@ -95,11 +95,11 @@ class Run(Sequence[Frame]):
     Attributes
     ----------
     directory : Path
-        Where its files are.
+        Directory of the files of the run.
     trajectory : Trajectory
         The file of the frames.
     summary : dict
-        The content of summary.json; empty where the run did not come to its end.
+        The content of summary.json; empty if the run did not come to its end.
 
     Examples
     --------
@@ -172,14 +172,14 @@ class Run(Sequence[Frame]):
 
     @property
     def reason(self) -> str:
-        """The reason for the status, a sentence."""
+        """The reason for the status, as a sentence."""
         return str((self.summary or _INTERRUPTED).get("reason", ""))
 
     @property
     def intersection_free(self) -> bool | None:
-        """True where all pairs of cloths, and of cloth and body, were checked at every step and none intersects.
+        """True if all pairs of cloths, and of cloth and body, were checked at every step and none intersects.
 
-        False where some do; None where it is not known: of a run without a summary, or one that was not checked whole.
+        False if some do; None if it is not known, for a run without a summary or one that was not checked completely.
         """
         free = (self.summary.get("certificate") or {}).get("intersection_free")
         return free if self.intersections or free is False else None  # older runs did not check cloth with cloth
@@ -191,7 +191,7 @@ class Run(Sequence[Frame]):
 
     @property
     def up(self) -> tuple[float, ...] | str:
-        """The direction against the gravity of the scene; "z" where the run's checkpoint gives none."""
+        """The direction against gravity in the scene; "z" if the run's checkpoint has none."""
         return up_of_run(self.directory)
 
     @property
@@ -219,11 +219,11 @@ class Run(Sequence[Frame]):
         return self.trajectory.bodies(frame)
 
     def stretches(self, frame: int) -> NDArray[np.float32]:
-        """The principal stretches of the triangles in a frame, (m, 2); InputError where none were written."""
+        """The principal stretches of the triangles in a frame, (m, 2); InputError if none were written."""
         return self.trajectory.stretches(frame)
 
     def field(self, name: str, frame: int = -1) -> NDArray[np.floating]:
-        """Values of a field in a frame: those that the run wrote, else computed from the positions.
+        """Values of a field in a frame, as written by the run or else computed from the positions.
 
         Parameters
         ----------
@@ -231,19 +231,19 @@ class Run(Sequence[Frame]):
             A key of `clothsim.run.fields.FIELDS`: "stress", "contact_pressure", "body_pressure", ...; "carried" in
             a run with ``contact.pinch = "carry"``: 1 for a vertex that a body carries through a pinch.
         frame : int
-            Its number; negative ones count from the end.
+            Number of the frame; negative numbers count from the end.
 
         Returns
         -------
         ndarray
             (m, ...) for a field of the triangles, (n, ...) of the vertices, (b, ...) of the bodies', in SI units;
-            float32 where the run wrote it (``run.fields`` of the scene), else float64.
+            float32 if the run wrote the field (``run.fields`` of the scene), else float64.
 
         Raises
         ------
         InputError
-            For an unknown name, for a field of contact that the run did not write, or where the scene in the
-            checkpoint cannot be built again.
+            For an unknown name, for a contact field that the run did not write, or if the scene in the checkpoint
+            cannot be built again.
 
         Examples
         --------
@@ -278,21 +278,21 @@ class Run(Sequence[Frame]):
 
     @property
     def scene(self) -> Scene:
-        """The scene of the run, from its checkpoint. InputError where there is none."""
+        """The scene of the run, from its checkpoint. InputError if there is none."""
         return scene_from_text(read_checkpoint(self.directory / CHECKPOINT_NAME).scene_text, self.directory)
 
     @property
     def certificate_rows(self) -> list[tuple[str, str]]:
-        """Names and texts of what the run certifies at its end, with its warnings; none before."""
+        """Names and texts of the certificate, with the warnings; empty until the run has ended."""
         return certificate_rows(self.summary) if self.summary else []
 
     def record(self) -> list[dict[str, Any]]:
-        """The entries of the record, one a step; none where the run has no record."""
+        """The entries of the record, one per step; none if the run has no record."""
         path = self.directory / RECORD_NAME
         return read_record(path) if path.is_file() else []
 
     def forces(self) -> "Forces":
-        """Contact force on each body and reaction of each group of pins at each step; needs ``run.forces``."""
+        """Contact force on each body and reaction of each group of pins, at each step; needs ``run.forces``."""
         return forces_of(self.record(), str(self.directory))
 
     def plot(
@@ -308,13 +308,13 @@ class Run(Sequence[Frame]):
         Parameters
         ----------
         frame : int
-            Its number; negative ones count from the end.
+            Number of the frame; negative numbers count from the end.
         path : str or Path, optional
-            A PNG file to be written.
+            PNG file to write.
         field : str, optional
-            A name as of `field`; tensors are drawn by their norm, rotations by their angle, directions as strokes.
+            A name as in `field`; tensors are drawn by their norm, rotations by their angle, directions as strokes.
         overwrite : bool
-            Replace the file of that name; else it is an InputError where there is one.
+            Replace an existing file; otherwise it is an InputError.
         **settings
             size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions (view also
             "front", "back", "left", "right", "top"), renderer "vtk", "ray" or "auto", style "fields", "print" or
@@ -327,8 +327,7 @@ class Run(Sequence[Frame]):
         """
         refuse_unknown_key("Run.plot", settings, PICTURE_SETTINGS)
         if path is None:
-            colours = {} if field is None else field_settings(self, field)
-            return frame_picture(self.trajectory, frame, **{"up": self.up, **settings, **colours})
+            return frame_picture(self.trajectory, frame, **settings_of(self, field, settings))
         refuse_replacing([Path(path)], overwrite)
         draw_run(self, Path(path), frame, field, **settings)
         return Path(path)
@@ -348,19 +347,19 @@ class Run(Sequence[Frame]):
         path : str or Path
             A file that ends in .mp4, .webp or .gif.
         progress : callable, optional
-            Called with the frames drawn and all frames after each of them.
+            Called after each frame with the number of drawn frames and of all frames.
         field : str, optional
-            As of `plot`.
+            As in `plot`.
         overwrite : bool
-            As of `plot`.
+            As in `plot`.
         **settings
-            As of `plot`, frames_per_second, samples (per pixel and direction; 1 is faster and rougher), and follow
+            As in `plot`, frames_per_second, samples (per pixel and direction; 1 is faster and rougher), and follow
             (the camera moves with the cloth).
 
         Returns
         -------
         Path
-            The file. MissingPackageError for a .mp4 where ffmpeg is not installed.
+            The file. MissingPackageError for a .mp4 file if ffmpeg is not installed.
         """
         refuse_unknown_key("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
@@ -369,7 +368,7 @@ class Run(Sequence[Frame]):
         return target
 
     def gradient(self, loss: Any) -> Any:
-        """InputError: the steps of this run were not recorded; those of `simulate(scene, differentiable=True)` are."""
+        """Raise an InputError: only `simulate(scene, differentiable=True)` records the steps of a run."""
         raise InputError(f"The run {self.directory} did not record its steps, and has no gradient.", NO_GRADIENT)
 
     def export(self, path: str | Path, **settings: Any) -> "Exported":
@@ -380,7 +379,7 @@ class Run(Sequence[Frame]):
         path : str or Path
             .obj, .ply, .pc2, .mdd, .glb, .usd, .usda, .usdc (with ``clothsim[usd]``) or .vtkhdf.
         **settings
-            frame, fps, scale, up, colour and overwrite, as of `clothsim.run.export.export`.
+            frame, fps, scale, up, colour and overwrite, as in `clothsim.run.export.export`.
 
         Returns
         -------
@@ -409,7 +408,7 @@ def open_run(path: str | Path) -> Run:
     Raises
     ------
     InputError
-        The directory is missing, holds no run, or a file of it is broken.
+        The directory is missing or has no run, or a file of the run is broken.
     """
     directory = Path(path)
     if os.path.isfile(directory):

@@ -38,7 +38,7 @@ RUN_FILES = (TRAJECTORY_NAME, RECORD_NAME, SUMMARY_NAME, CHECKPOINT_NAME)
 def new_output(directory: Path, overwrite: bool) -> Iterator[None]:
     """Make and lock a directory for a new run; a link among its files is replaced, not followed.
 
-    InputError where it cannot be made, another run writes there, or it holds an earlier run without `overwrite`.
+    InputError if it cannot be made, another run writes there, or it holds an earlier run without `overwrite`.
     """
     make_directory(directory)
     with locked(directory):
@@ -50,7 +50,7 @@ def new_output(directory: Path, overwrite: bool) -> Iterator[None]:
 
 @contextmanager
 def continued_output(directory: Path) -> Iterator[None]:
-    """Lock the directory of a run that goes on. InputError where another run writes there, or a file is a link."""
+    """Lock the directory of a run that goes on. InputError if another run writes there, or a file is a link."""
     with locked(directory):
         for file in (directory / name for name in RUN_FILES):
             if file.is_symlink():
@@ -61,7 +61,7 @@ def continued_output(directory: Path) -> Iterator[None]:
 def refuse_earlier_run(
     directory: Path, overwrite: bool, names: Iterable[str] = (), inputs: Iterable[object] = ()
 ) -> None:
-    """InputError where a command would replace an earlier run, or a file that no run wrote, without `overwrite`.
+    """InputError if a command would replace an earlier run, or a file that no run wrote, without `overwrite`.
 
     names: the files that the command writes besides those of a run; inputs: what it reads: files, the directories of
     runs, and scenes with the files that they name, none of which is ever replaced.
@@ -135,14 +135,14 @@ def resume(
     """Continue a run from the checkpoint in its directory.
 
     With ``threads = 1`` the frames equal those of a run that was not stopped, bit for bit. A failed run fails again,
-    from its last good state. A directory without a trajectory gets one that starts there.
+    from its last good state. If the directory has no trajectory, a new one starts at the checkpoint.
 
     Parameters
     ----------
     directory : str or Path
         The output directory of `simulate` or ``clothsim run``.
     progress, announce, dump_iterates, on_step
-        As of `simulate`.
+        As in `simulate`.
 
     Returns
     -------
@@ -153,7 +153,7 @@ def resume(
     ------
     InputError
         The directory has no checkpoint, another run writes to it, a file of it is a link, its mesh files have changed,
-        or it is a finished fit, which is more than its drape.
+        or it contains a finished fit.
     """
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step)
     folder = Path(directory)
@@ -225,7 +225,7 @@ def _refuse_another_state(state: State, scene: Scene) -> None:
 
 
 def _refuse_another_memory(state: State, energies: Mapping[str, Energy]) -> None:
-    """InputError where an effect carries over other numbers than those of the scene, as those of an earlier version."""
+    """InputError if an effect carries over other numbers than those of the scene, as those of an earlier version."""
     for name, energy in energies.items():
         if not isinstance(energy, History) or name not in state.memory:
             continue

@@ -45,7 +45,7 @@ def simulate(
     Parameters
     ----------
     scene : Scene
-        From `clothsim.load_scene`, or made of tables or arrays.
+        Scene from `clothsim.load_scene`, or from tables or arrays.
     output : str or Path, optional
         Directory for trajectory, record, summary and checkpoint; None: a new temporary one.
     progress : callable, optional
@@ -53,38 +53,39 @@ def simulate(
     announce : callable, optional
         Called once with the session, before the first step.
     dump_iterates : int, optional
-        A step, from 1, whose Newton iterates are written too.
+        Number of a step, from 1, whose Newton iterates are written too.
     on_step : callable, optional
         Called with the `clothsim.SimulationState` after each step.
     message : callable, optional
-        Called with a line where the run is expected to take long or much, and before each of the runs that solver.error
-        takes. Each but the pilot runs is announced, shown and written to the directory; the last one stays there.
+        Called with a line of text if the run is expected to need much time or memory, and before each run that
+        solver.error needs. All these runs except the pilot runs are announced, shown and written to the directory; the
+        last one stays there.
     overwrite : bool
-        True: an earlier run in the directory is replaced.
+        True: replace an earlier run in the directory.
     force : bool
-        True: a run is begun whatever it is expected to cost, however far something moves in a step, and with cloth
-        that starts inside a body (run.allow_inside).
+        True: start the run at any expected cost, with motions of any length in a step, and with cloth that starts
+        inside a body (run.allow_inside).
     differentiable : bool
-        True: the run keeps its steps and has a method `gradient` (docs/howto/gradients.md).
+        True: the run stores its steps and has a method `gradient` (docs/howto/gradients.md).
     budget : float, optional
-        CPU time [s] of the steps of a run that is written, in place of run.budget; not of one that resumes it.
+        CPU time [s] of the steps, in place of run.budget; it does not apply to a run that resumes this one.
 
     Returns
     -------
     Run
-        A run that cannot go on has the status "failed" and a reason, and keeps its frames and its last good state.
-        With `differentiable` a `clothsim.gradients.run.DifferentiableRun`.
+        A run that cannot continue has the status "failed" and a reason; its frames and its last good state remain.
+        With `differentiable`, it is a `clothsim.gradients.run.DifferentiableRun`.
 
     Raises
     ------
     InputError
         For a scene that cannot be built, or a directory that cannot be written, that another run writes to, or that
-        holds an earlier run without `overwrite`; for a cost beyond what a machine can do without `force`.
+        holds an earlier run without `overwrite`; without `force`, also for a cost beyond the capacity of the machine.
 
     Warns
     -----
     IntersectionWarning
-        Where cloth intersects cloth or a body in a step, without the contact effect that would prevent it.
+        If cloth intersects cloth or a body in a step, and the contact effect that would prevent this is off.
 
     Examples
     --------
@@ -146,7 +147,7 @@ def _loaded(kind: str) -> Any:
 
 
 def _tell_cost(scene: Scene, message: Callable[[str], None] | None, force: bool) -> None:
-    """Report a cost that is notable. InputError where it is too much, without `force`."""
+    """Report a cost that is notable. InputError if it is too much, without `force`."""
     if not force:
         refuse_costly(scene)
     cost = expected_cost(scene)

@@ -44,29 +44,29 @@ from clothsim.solve.stepping.time_loop import finished, next_step
 class Simulation:
     """A scene that is stepped by hand.
 
-    Iterating takes one step at a time until the duration of the scene; `step` goes on beyond it. Between two steps
-    wind, gravity, the keys of effects, fabrics, pins and bodies can be read and changed. A change acts from the next
-    step on and is exact: the steps after it are those, bit for bit with ``threads = 1``, of a scene that had the value
-    from the start and came to the same state. Steps without changes are those of `clothsim.simulate`.
+    Iteration takes one step at a time until the duration of the scene; `step` also continues beyond it. Between two
+    steps wind, gravity, the keys of effects, fabrics, pins and bodies can be read and changed. A change acts from the
+    next step on and is exact: with ``threads = 1``, the steps after it equal, bit for bit, those of a scene that had
+    the value from the start and reached the same state. Steps without changes are those of `clothsim.simulate`.
 
-    A step that cannot be taken raises `SimulationError`. The simulation stays at its last good state, so that it can
-    go on after a change (a pin moved back, a body slowed down), or be saved.
+    A step that fails raises `SimulationError`. The simulation stays at its last good state. It can continue after a
+    change (a pin moved back, a body slowed down), or be saved.
 
     Parameters
     ----------
     scene : Scene
-        From `clothsim.load_scene`, or made of tables or arrays.
+        Scene from `clothsim.load_scene`, or from tables or arrays.
 
     Attributes
     ----------
     state : SimulationState
         The end of the last step.
     failure : Failure or None
-        Of the last step, None where it was taken.
+        Failure of the last step; None if it succeeded.
 
     Examples
     --------
-    A trimesh cloth falls on a pyvista body; half way through, wind begins to blow along x:
+    A trimesh cloth falls on a pyvista body; halfway through, wind begins to blow along x:
 
     >>> import clothsim, numpy, pyvista, trimesh
     >>> x, y = 0.125 * numpy.indices((9, 9)).reshape(2, 81) - 0.5
@@ -121,7 +121,7 @@ class Simulation:
 
     @property
     def scene(self) -> Scene:
-        """The scene with the changes that it can express."""
+        """The scene with those changes that a scene can express."""
         return self._session.scene
 
     @property
@@ -131,7 +131,7 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """True where the duration of the scene is simulated, or with ``until = "rest"`` the cloth is at rest."""
+        """True if the duration of the scene is over or, with ``until = "rest"``, the cloth is at rest."""
         run = self.scene.run_settings
         return finished(self._state, run.duration, run.frames_per_second, run.until)
 
@@ -142,7 +142,7 @@ class Simulation:
 
     @with_remedies()
     def step(self) -> SimulationState:
-        """Take one step, beyond the duration of the scene too.
+        """Take one step, even beyond the duration of the scene.
 
         Returns
         -------
@@ -152,7 +152,7 @@ class Simulation:
         Raises
         ------
         SimulationError
-            The step cannot be taken, or its end intersects; the state is then the one before it.
+            The step failed, or its end intersects; the simulation is then at the state before it.
         """
         integrator, run = self._session.integrator, self.scene.run_settings
         if integrator.control is not None and self.finished:
@@ -176,7 +176,7 @@ class Simulation:
         Parameters
         ----------
         name : str
-            As of `Run.field`.
+            As in `Run.field`.
 
         Returns
         -------
@@ -202,12 +202,12 @@ class Simulation:
 
     @property
     def intersection_free(self) -> bool | None:
-        """As in the certificate of a run, of all states so far."""
+        """As in the certificate of a run, for all states so far."""
         return self._history.intersection_free
 
     @property
     def intersections(self) -> dict[str, Any]:
-        """As in the certificate of a run, of all states so far."""
+        """As in the certificate of a run, for all states so far."""
         return self._history.as_dict()
 
     # --- changes of effects and fabrics ---
@@ -231,7 +231,7 @@ class Simulation:
         self.change("gravity", acceleration=value)
 
     def change(self, effect: str, **keys: Any) -> None:
-        """Change keys of an effect; those that are not given stay.
+        """Change keys of an effect; the other keys stay the same.
 
         Parameters
         ----------
@@ -254,14 +254,14 @@ class Simulation:
         return getattr(self.scene.effects[effect], key)
 
     def set_fabric(self, fabric: str | None = None, *, cloth: str | None = None, **keys: float) -> None:
-        """Give a cloth another fabric: its masses and all energies are made again, its shape at rest stays.
+        """Give a cloth another fabric. Its masses and all energies are computed again; its rest shape stays the same.
 
         Parameters
         ----------
         fabric : str, optional
-            A named fabric; that of the scene where it is not given.
+            A named fabric; default: that of the scene.
         cloth : str, optional
-            The name of the cloth; not needed where there is one.
+            The name of the cloth; not needed if there is only one.
         **keys
             Keys of the cloth that override the fabric: ``density``, ``bending_stiffness``, ...
         """
@@ -277,14 +277,14 @@ class Simulation:
         return {group.name: x[group.vertices[group.vertices < n]] for group in pin_groups(self._session.built)}
 
     def move_pins(self, positions: ArrayLike, group: str = "pins") -> None:
-        """Prescribe where the vertices of a group are at the end of the next step and after it.
+        """Prescribe the positions of the vertices of a group at the end of the next step and after it.
 
         Parameters
         ----------
         positions : (k, 3) array
             In the order of ``simulation.pins[group]`` [m].
         group : str
-            A name of `pins`. A clamped group holds directions too and is moved by `drive_pins` only.
+            A name of `pins`. A clamped group also holds directions; only `drive_pins` can move it.
         """
         pinned = pins_at(self._session.built, self._state, group, positions)
         self._set_motions(self._by_hand.with_pins(group, pinned))
@@ -304,7 +304,7 @@ class Simulation:
         group : str
             A name of `pins`.
         velocity, rotate_degrees_per_second, centre : (3,) array
-            As in the motion of a scene [m/s], [degrees/s], [m]; centre: the mean of the group where it is not given.
+            As in the motion of a scene [m/s], [degrees/s], [m]. Default centre: the mean of the group.
         """
         keys = {"velocity": velocity, "rotate_degrees_per_second": rotate_degrees_per_second}
         rows = pinned_rows(self._session.built, group)
@@ -321,13 +321,13 @@ class Simulation:
         vertices : sequence of int
             Vertices of the cloth, none of them pinned yet.
         cloth : str, optional
-            The name of the cloth; not needed where there is one.
+            The name of the cloth; not needed if there is only one.
         """
         pinned = new_pins(self._session.built, self._state, group, vertices, cloth)
         self._set_motions(self._by_hand.with_pins(group, pinned))
 
     def release_pins(self, group: str = "pins") -> None:
-        """Let a group of pins go: its vertices move freely from the next step on."""
+        """Release a group of pins: its vertices move freely from the next step on."""
         if (pinned_rows(self._session.built, group) >= self._session.built.world.n_cloth).any():
             raise InputError(f"{group} is clamped and cannot be released.", "Use clamp = false in the scene.")
         self._set_motions(self._by_hand.with_pins(group, None))
@@ -335,7 +335,7 @@ class Simulation:
     # --- bodies ---
 
     def move_body(self, name: str, positions: ArrayLike) -> None:
-        """Prescribe where the vertices of a body are at the end of the next step and after it; (n, 3) [m]."""
+        """Prescribe the positions of the vertices of a body at the end of the next step and after it, (n, 3) [m]."""
         motion = body_at(self._session.built.world, self._state, name, positions)
         self._set_motions(self._by_hand.with_body(name, motion))
 
@@ -347,7 +347,7 @@ class Simulation:
         rotate_degrees_per_second: ArrayLike = (0.0, 0.0, 0.0),
         centre: ArrayLike | None = None,
     ) -> None:
-        """Move a body rigidly from where it is now; without arguments it stops. Parameters as of `drive_pins`."""
+        """Move a body rigidly from where it is now; without arguments it stops. Parameters as in `drive_pins`."""
         keys = {"velocity": velocity, "rotate_degrees_per_second": rotate_degrees_per_second}
         world = self._session.built.world
         motion = driven(world, self._state, name, rows_of_moved_body(world, name), keys, centre)
@@ -367,9 +367,9 @@ class Simulation:
         self._session, self._state = session, replace(self._state, slow_steps=0, rest=Rest.MOVING)
 
     def branch(self) -> "Simulation":
-        """A second simulation at the same state, which goes its own way; no array is copied.
+        """A second, independent simulation at the same state; no array is copied.
 
-        Both share the scene's energies and the linear solver, so that they are not for use in two threads at a time.
+        Both share the scene's energies and the linear solver, so do not use them in two threads at the same time.
         """
         other = object.__new__(Simulation)
         other.__dict__.update(self.__dict__)
@@ -378,7 +378,7 @@ class Simulation:
     def save(self, path: str | Path) -> None:
         """Write the state, the scene with its mesh files, and all changes to a file (.npz), for `restore`.
 
-        InputError where a key of an effect is a Python function, which no file holds.
+        InputError if a key of an effect is a Python function, which cannot be stored.
         """
         write_checkpoint(path, saved_simulation(self._session, self._state, self._by_hand, self._history))
 
@@ -394,7 +394,7 @@ class Simulation:
         Returns
         -------
         Simulation
-            Its steps are those that the saved one would have taken, bit for bit with ``threads = 1``.
+            A simulation that takes the same steps as the saved one, bit for bit with ``threads = 1``.
         """
         file = Path(path) / CHECKPOINT_NAME if Path(path).is_dir() else Path(path)
         simulation = object.__new__(cls)

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 class SimulationError(ClothsimError):
-    """A step that cannot be taken.
+    """A step that failed.
 
     Attributes
     ----------
     failure : Failure
-        The cause, the element by its name, its position, and the remedy, as in the summary of a failed run.
+        Cause, name and position of the element, and remedy, as in the summary of a failed run.
     """
 
     def __init__(self, failure: Failure) -> None:
@@ -47,7 +47,7 @@ class SimulationState:
     dt : float
         Length of the step [s]; 0 at the start.
     step, frame : int
-        Number of steps and of frames that are done.
+        Number of completed steps and frames.
     positions, velocities : dict of str to (n, 3) array
         Vertices of each cloth by its name [m], [m/s].
     bodies : dict of str to (n, 3) array
@@ -55,13 +55,14 @@ class SimulationState:
     newton_iterations : int
         Newton iterations of the step.
     minimum_gap : float
-        Smallest distance in contact that is below d_hat [m]; inf where nothing is that close.
+        Smallest contact distance below d_hat [m]; inf if nothing is that close.
     kinetic_energy : float
-        Of all cloths [J]; 0 where the scene has no inertia.
+        Kinetic energy of all cloths [J]; 0 if the scene has no inertia.
     at_rest : bool
-        True where the cloth was at rest at the end of the last frame, and slow since then.
+        True if the cloth was at rest at the end of the last frame and has been slow since then.
     unstable : tuple of Switch
-        Unstable equilibria in which the step ended: growth rate, vertex and displacement by which each was left.
+        Unstable equilibria in which the step ended, with the growth rate, the vertex and the displacement by which the
+        step left each.
     energies : dict of str to float
         Value of each energy of the step [J]; that of "inertia", "damping", "air" and "friction" belongs to the step
         and is not a stored energy. Empty at the start.
@@ -136,7 +137,7 @@ class Progress:
     step, newton_iterations : int
         Number of the step, and its iterations.
     minimum_gap : float
-        Smallest distance in contact [m], inf where nothing is closer than d_hat.
+        Smallest distance in contact [m], inf if nothing is closer than d_hat.
     fastest : float
         Largest speed of a cloth vertex [m/s].
     verdict : {"moving", "slow", "stalled", "unstable"}
@@ -147,7 +148,7 @@ class Progress:
     stage : str
         Of a command of several runs the stage and round that the run is: "close, round 2 of at most 7".
     until_rest : bool
-        True where the run may end before its duration.
+        True if the run may end before its duration.
     """
 
     time: float
@@ -225,7 +226,7 @@ class Forces:
     bodies : mapping of str to (k, 3) ndarray
         Force of contact and friction on each body [N].
     pins : mapping of str to (k, 3) ndarray
-        Force of each group of pins ("pins", "pins.group[1]") on the cloth [N]: what holds it there.
+        Force of each group of pins ("pins", "pins.group[1]") on the cloth [N].
     """
 
     times: Floats
@@ -256,7 +257,7 @@ def step_forces(built: "Built", report: "StepReport") -> dict[str, dict[str, lis
 
 
 def forces_of(record: Sequence[Mapping[str, Any]], where: str) -> Forces:
-    """The forces in the record of a run. InputError where it holds none."""
+    """The forces in the record of a run. InputError if it holds none."""
     entries = [entry for entry in record if "forces" in entry]
     if not entries:
         raise InputError(f"{where} has no forces.", "Ask for them before the run: [run] forces = true.")

@@ -39,19 +39,19 @@ class Cloth(_Arrays, ClothKeys):
         Positions at the start, before `scale`, `rotation_degrees` and `position`; or a trimesh.Trimesh,
         pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
     triangles : (m, 3) array_like, optional
-        Vertex numbers; left out where `vertices` is a mesh object.
+        Vertex numbers; omitted if `vertices` is a mesh object.
     rest : (n, 2), (n, 3) or (m, 3, 2) array_like [m], optional
         Rest shape: coordinates in the material plane by vertex or by corner of a triangle, or positions in space.
         None: the vertices are the rest shape.
     groups : mapping of str to (k,) array_like, optional
-        Triangles of each panel, none in two: `fabric_of` and values by panel name them.
+        Triangles of each panel, none in two panels. `fabric_of` and values by panel refer to the names.
     fabric : str
         Named fabric; density and the other keys of a fabric override its values.
 
     Raises
     ------
     InputError
-        For another shape, a number that is not finite or an index out of range: it names array and index.
+        For a wrong shape, a number that is not finite or an index out of range; the message names array and index.
 
     Examples
     --------
@@ -89,9 +89,9 @@ class Body(_Arrays, BodyKeys, FrameRate):
         Positions at time 0, before `scale`, `rotation_degrees` and `position`; or a trimesh.Trimesh,
         pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
     triangles : (m, 3) array_like, optional
-        Vertex numbers; left out where `vertices` is a mesh object.
+        Vertex numbers; omitted if `vertices` is a mesh object.
     frames : (k, n, 3) array_like [m], optional
-        Positions in each frame of an animation, the first at time 0 in place of `vertices`.
+        Positions in each frame of an animation, in place of `vertices`; the first frame is at time 0.
     frames_per_second : float [1/s]
         Frame rate of `frames`.
     motion : Motion or dict, optional
@@ -100,7 +100,7 @@ class Body(_Arrays, BodyKeys, FrameRate):
     Raises
     ------
     InputError
-        For another shape, a number that is not finite or an index out of range: it names array and index.
+        For a wrong shape, a number that is not finite or an index out of range; the message names array and index.
 
     Examples
     --------
@@ -138,9 +138,9 @@ class Rigid(_Arrays, RigidKeys):
         Positions at the start, before `scale`, `rotation_degrees` and `position`, of a closed surface; or a
         trimesh.Trimesh, pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
     triangles : (m, 3) array_like, optional
-        Vertex numbers; left out where `vertices` is a mesh object.
+        Vertex numbers; omitted if `vertices` is a mesh object.
     density : float [kg/m3]
-        Of the solid inside.
+        Density of the solid inside.
     velocity, spin_degrees_per_second : (3,) array_like [m/s, degrees/s]
         At the start.
     joint : dict, optional
@@ -149,7 +149,7 @@ class Rigid(_Arrays, RigidKeys):
     Raises
     ------
     InputError
-        For another shape, a number that is not finite or an index out of range: it names array and index.
+        For a wrong shape, a number that is not finite or an index out of range; the message names array and index.
 
     Examples
     --------

@@ -53,7 +53,7 @@ class Effect:
         return found
 
     def example(self) -> Any:
-        """The `EXAMPLE` beside the builder, for tests; one of default keys where there is none."""
+        """The `EXAMPLE` beside the builder, for tests; one of default keys if there is none."""
         own = getattr(importlib.import_module(self.load().__module__), "EXAMPLE", None)
         return own or importlib.import_module("clothsim.physics.energies.example").Example()
 
@@ -64,7 +64,7 @@ class Effect:
 
     @property
     def sees_others(self) -> bool:
-        """True where the builder looks at the effects built before it."""
+        """True if the builder looks at the effects built before it."""
         return not {"contacts", "built"}.isdisjoint(inspect.signature(self.load()).parameters)
 
     def build(self, world: Any, keys: EffectKeys, supplied: Mapping[str, Any]) -> Any:

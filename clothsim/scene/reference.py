@@ -84,7 +84,11 @@ def row(key: SceneKey) -> tuple[str, ...]:
 
 def markdown() -> str:
     """The reference page: a table of the keys for each section."""
-    parts = ["# Scene reference", "Every key that a scene takes; `clothsim keys SECTION` prints the same."]
+    parts = [
+        "# Scene reference",
+        "This page lists every key of a scene. `clothsim keys SECTION` prints the keys of one section. The unit 1 "
+        "marks a number without a unit, and - a value that is not a number.",
+    ]
     for section in sections().values():
         title = section.name if section.name.startswith("mesh") else f"[{section.name}]"
         parts.append(f"## {title}\n\n{section.summary}")

@@ -41,7 +41,7 @@ BodyKind = BodyTable | FramesTable | ModelTable
 
 @dataclass(frozen=True, init=False, eq=False)
 class Scene:
-    """Data of a simulation, with the names of a scene file.
+    """The data of a simulation, with the same names as in a scene file.
 
     Parameters
     ----------
@@ -58,15 +58,15 @@ class Scene:
     solver, contact, run, seed : dict or Solver, Contact, RunSettings, Seed
         Keys of the sections of these names.
     directory : path
-        Folder at which relative file names start.
+        Folder that relative file names start from.
 
     Attributes
     ----------
     cloth, body, rigid, rod, effects[...], solver, contact, run, seed
-        Sections: each key is an attribute, with its default where it was not given; as a mapping a section has the keys
-        that were given.
+        Sections. Each key is an attribute, with its default if it was not given. As a mapping, a section has only the
+        given keys.
     cloths, bodies, rigid_bodies, rods
-        The sections of all of them, also of the only one.
+        All sections of each kind, even if there is only one.
 
     Raises
     ------
@@ -164,13 +164,13 @@ class Scene:
 
     @property
     def file_names(self) -> tuple[str, ...]:
-        """The files that it names, as it names them; of an animation the pattern."""
+        """Names of the files of the scene, as given; for an animation, the pattern."""
         data = json.loads(self.to_text(names_of_functions=True))
         return tuple(str(table[key]) for _, table, key in named_keys(data))
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that it names, in its directory."""
+        """Paths of the files of the scene."""
         return tuple(self.directory / name for name in self.file_names)
 
     @property
@@ -204,43 +204,43 @@ class Scene:
         return self.contact
 
     def refuse_without_cloth(self, what: str) -> None:
-        """InputError for a scene of rigid bodies alone, where `what` is a measure of cloth."""
+        """Raise an InputError for a scene of rigid bodies alone, if `what` is a measure of cloth."""
         if not self.cloths:
             raise InputError(f"The scene has no cloth, and {what} needs one.", "Add a [cloth], or leave it out.")
 
     @property
     def up(self) -> tuple[float, ...]:
-        """Unit vector against gravity; z where there is none."""
+        """Unit vector against gravity; z if there is none."""
         acceleration = np.array(self.effects["gravity"].acceleration if "gravity" in self.effects else (), np.float64)
         length = float(np.linalg.norm(acceleration))
         return tuple((-acceleration / length).tolist()) if length else (0.0, 0.0, 1.0)
 
     @staticmethod
     def from_text(text: str, here: Path = Path()) -> "Scene":
-        """The scene that `to_text` wrote; a relative directory, as in an archive, starts at `here`.
+        """The scene that `to_text` wrote. A relative directory, as in an archive, starts at `here`.
 
         Raises
         ------
         InputError
-            Where the text is none of a scene.
+            If the text is not that of a scene.
         """
         return scene_from_text(text, here)
 
     def to_text(self, names_of_functions: bool = False, here: Path | None = None) -> str:
-        """The scene as JSON text, which `from_text` reads back; meshes in memory are in it.
+        """The scene as JSON text, which `from_text` reads back. The text contains meshes in memory.
 
         Parameters
         ----------
         names_of_functions : bool
-            True: of a Python function its name is written, for the record of a run; a scene that is read back has lost
-            it, and says so when its effect is built.
+            True: write only the name of a Python function, for the record of a run. A scene that is read back has lost
+            the function, and says so when its effect is built.
         here : Path, optional
-            Folder where the text will be: a scene whose file names start there may be moved with it.
+            Folder of the text. A scene whose file names start there can be moved with it.
 
         Raises
         ------
         InputError
-            For a scene with a Python function otherwise.
+            For a scene with a Python function, if only its name could be written.
         """
         sections = {
             name: getattr(self, name) for name in SECTIONS if name not in ("rigid", "rod") or getattr(self, name)
@@ -273,7 +273,7 @@ class Scene:
         return tomli_w.dumps({name: _without_none(keys) for name, keys in sections.items() if name != "directory"})
 
     def starting_at(self, directory: Path) -> "Scene":
-        """The scene with another folder at which its file names start; the files that it names keep their places.
+        """The scene with file names that start at another folder; the files themselves are the same.
 
         Raises
         ------
@@ -305,7 +305,7 @@ def make_scene(data: Table, directory: Path) -> Scene:
 def scene_from_text(text: str, here: Path = Path()) -> Scene:
     """The scene that `Scene.to_text` wrote; a relative directory, as in an archive, starts at `here`.
 
-    InputError where the text is none of a scene.
+    InputError if the text is none of a scene.
     """
     try:
         data = json.loads(text)

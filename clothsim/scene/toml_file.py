@@ -43,8 +43,8 @@ def example_file(path: Any, ending: str = ".toml", what: str = "") -> Any:
 
     ending: ".toml" of the scenes, PATTERN of the sewing patterns. InputError for the name of a scene with its ending.
 
-    what: what the file must be, for the remedy. With it a directory, as of an earlier run of that name, is not a file,
-    and InputError where there is none, with the nearest installed name; what is neither text nor a path is returned.
+    what: what the file must be, for the remedy. With it a directory, such as an earlier run of that name, is not a
+    file, and InputError if there is none, with the nearest installed name; what is neither text nor a path is returned.
     """
     if what and not isinstance(path, str | Path):
         return path
@@ -63,7 +63,7 @@ def example_file(path: Any, ending: str = ".toml", what: str = "") -> Any:
 
 
 def installed(path: Path, ending: str = ".toml") -> Path | None:
-    """The installed file whose name without its ending is `path`; None where there is none."""
+    """The installed file whose name without its ending is `path`; None if there is none."""
     if path.suffix or len(path.parts) != 1:
         return None
     return next((file for folder in folders() if os.path.isfile(file := folder / f"{path.name}{ending}")), None)
@@ -114,7 +114,7 @@ def example_scenes() -> list[ExampleScene]:
 
 
 def examples() -> dict[str, str]:
-    """Names of the example scenes, which `load_scene` takes, and what each shows.
+    """Names of the example scenes, which `load_scene` accepts, and what each shows.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def examples() -> dict[str, str]:
     Raises
     ------
     InputError
-        For a name that is none of them, by ``examples()[name]``.
+        For an unknown name, by ``examples()[name]``.
     """
     files = sorted(scenes_folder().glob("*.toml"))
     return _Examples((file.stem, first_comment(file.read_text(encoding="utf-8"))) for file in files)
@@ -160,7 +160,7 @@ def load_scene(path: str | Path) -> Scene:
     Parameters
     ----------
     path : path
-        The file, or where there is none the name of an example, as "sphere"; relative file names in it start at its own
+        The file or, if there is no such file, the name of an example, such as "sphere". File names in it start at its
         folder.
 
     Returns
@@ -170,7 +170,7 @@ def load_scene(path: str | Path) -> Scene:
     Raises
     ------
     InputError
-        Where the file is missing, is not a TOML file (with the line), or has an unknown key or a bad value.
+        If the file is missing, is not a TOML file (with the line), or has an unknown key or a bad value.
     """
     if not isinstance(path, str | Path):
         kind = type(path).__name__

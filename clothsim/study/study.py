@@ -46,7 +46,7 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
 
     A scene without solver.error stays as it is, without a statement; what was found in the directory of the study
     before for the same scene is taken again. Settings: dt, cells, d_hat and Newton's stop; statement: asked, total [m],
-    known, met, seconds. InputError where the run with these settings does not come to its end.
+    known, met, seconds. InputError if the run with these settings does not come to its end.
     """
     if not scene.solver_settings.error:
         return scene, None
@@ -133,30 +133,30 @@ def study_accuracy(
     A scene with solver.error is searched once; its settings are then the base.
 
     The error is the area-weighted RMS distance of the base mesh's material points at the last frame to the reference;
-    for a chaotic scene that of its histogram of heights.
+    for a chaotic scene, it is the distance of its histogram of heights.
 
     Parameters
     ----------
     scene : Scene
     output : str or Path, optional
-        Directory of the results; points of an earlier study of the same scene there are reused. None: a new temporary
+        Directory of the results; results of an earlier study of the same scene are reused. None: a new temporary
         directory.
     parameters : sequence of str, optional
         Names of `parameters.PARAMETERS`; None: all that the scene has.
     budget : float
-        CPU seconds of the whole study, of all its processes together [s]: what else the machine does is not counted.
+        CPU seconds of all processes of the study together [s]; other processes of the machine do not count.
     workers : int, optional
-        Number of processes; None: one a core.
+        Number of processes; None: one per core.
     progress : callable
         Called with a `StudyProgress` at the start and the end of each run.
     runners : callable
-        Context manager of a runner of jobs, given the number of processes and what counts their CPU seconds.
+        Context manager of a runner of jobs, from the number of processes and a counter of their CPU seconds.
     name : str
-        Name of the scene in the reports.
+        Name of the scene in reports.
     stopped : callable
-        Asked while the study runs; once it returns True the workers end, and the study with what it has.
+        Called while the study runs; once it returns True, the workers and the study end with the results so far.
     goal : NamedGoal, optional
-        A number of the drape, whose difference to the finest cells is attributed to triangles; quasi-static scenes.
+        A number of the drape. Its difference from the finest cells is attributed to triangles. For quasi-static scenes.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def study_accuracy(
     Raises
     ------
     InputError
-        Invalid input, or a scene that fails itself.
+        Invalid input, or a scene whose own run fails.
 
     Examples
     --------

@@ -38,7 +38,7 @@ class Page(Served):
     run : Run
         The run; read again while it is still going.
     colouring : Colouring
-        What colours the cloth.
+        Quantity that colours the cloth.
     frame : int
         Frame that is shown.
     picked : int or None
@@ -77,14 +77,14 @@ class Page(Served):
             self.show(self.frame)
 
     def fade(self, opacity: float) -> None:
-        """Let bodies be seen through; none is drawn where colours lie on them."""
+        """Draw the bodies transparent; they are hidden if the colours lie on them."""
         for name, node in self.nodes.items():
             if name.startswith("body/"):
                 node.visible = opacity > 0 and not self.colouring.of_bodies
                 node.opacity = None if opacity == 1 else opacity
 
     def pick(self, origin: Floats, direction: Floats) -> int | None:
-        """Pick the vertex that a ray meets first; its number."""
+        """Pick the vertex nearest to the first hit of a ray; return its number."""
         mesh = self.colouring.mesh(self.frame)
         vertex = picked_vertex(mesh.positions, mesh.triangles, origin, direction)
         with self._lock:
@@ -93,7 +93,7 @@ class Page(Served):
         return vertex
 
     def refresh(self) -> bool:
-        """Read the run again; True where it has more frames or has ended."""
+        """Read the run again; True if it has more frames or has ended."""
         with self._lock:
             again = open_run(self.run.directory)
             if len(again) == len(self.run) and again.summary == self.run.summary:
@@ -112,7 +112,7 @@ class Page(Served):
             return True
 
     def glb(self, frame: int) -> bytes:
-        """The cloths of a frame as binary glTF; cached, as playing repeats frames."""
+        """The cloths of a frame as binary glTF; cached, because playback repeats frames."""
         key = (self.colouring.name, frame)
         if key not in self._ready:
             mesh = self.colouring.mesh(frame)
@@ -176,7 +176,7 @@ def as_glb(positions: Floats, triangles: Ints, colours: Floats) -> bytes:
 
 
 def picked_vertex(positions: Floats, triangles: Ints, origin: Floats, direction: Floats) -> int | None:
-    """Number of the vertex nearest to where a ray first meets the triangles; None where it meets none.
+    """Number of the vertex nearest to where a ray first meets the triangles; None if it meets none.
 
     Moller and Trumbore 1997, from both sides.
 
@@ -268,7 +268,7 @@ def first_view(points: Floats, up: Floats, fov: float, width: float, height: flo
     fov : float
         Vertical angle of view [rad].
     width, height : float
-        Of the window [px]; one without an area, as of a page that is not shown yet, is taken as WINDOW.
+        Of the window [px]; one without an area, as in a page that is not shown yet, is taken as WINDOW.
     """
     width, height = (width, height) if width > 0.0 and height > 0.0 else WINDOW
     across = np.cross(up, [0.0, 1.0, 0.0] if abs(up[1]) < 0.9 else [1.0, 0.0, 0.0])
@@ -352,25 +352,25 @@ def view(
     colour: str | None = None,
     trusted: Sequence[str] = (),
 ) -> Page:
-    """Serve the page of a run, also of one in progress: turn, scrub, play, colour by a field, pick a vertex.
+    """Serve a page to turn, scrub and play a run, also one in progress, to colour it by a field and to pick a vertex.
 
     Parameters
     ----------
     run : Run, str or Path
         The run, or its directory.
     port : int
-        Port, or the next one that is free.
+        First port to try; the next free one is used.
     host : str
-        Address on which it is served; another than the loopback address opens it to the network.
+        Address on which the page is served; an address other than the loopback opens it to the network.
     colour : str, optional
-        Quantity that colours the cloth; by default the stretch where the run kept it.
+        Quantity that colours the cloth; by default the stretch, if the run stored it.
     trusted : sequence of str
-        Further names by which browsers reach it, such as "localhost:9000" of a tunnel.
+        Further names by which browsers may reach the page, such as "localhost:9000" for a tunnel.
 
     Returns
     -------
     Page
-        Its `url`, which has a token: who has it can read the run. `close()` ends it. A notebook shows it in its cell.
+        Its `url` has a token, with which anyone can read the run. `close()` ends it. A notebook shows it in its cell.
 
     Raises
     ------

@@ -40,7 +40,10 @@ SEED = 7
 """Of the figure in pieces."""
 FLARE, LENGTH, ROWS = 0.5, 0.36, 13
 """Skirt of the dress: widening of its hem over that of the shirt, its length [m], its rows."""
-HEADER = ("garment", "body", "status", "edges, 1st to 99th %", "hem %", "pairs", "stages", "too tight", "CPU s")
+HEADER = (
+    *("garment", "body", "status", "edge ratios: percentiles 1 to 99", "hem shift [%]", "intersecting pairs"),
+    *("stages", "parts too tight", "CPU s"),
+)
 
 
 def dress() -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +128,9 @@ def table(rows: list[dict[str, Any]]) -> str:
     order = sorted(rows, key=lambda row: ([*GARMENTS].index(row["garment"]), BODIES.index(row["body"])))
     worn = sum(row["status"] == "completed" for row in rows)
     seconds = np.array([row["cpu_seconds"] for row in rows])
-    sums = f"{worn} of {len(rows)} completed; CPU s: median {np.median(seconds):.0f}, most {seconds.max():.0f}"
+    sums = (
+        f"{worn} of {len(rows)} completed. CPU time: median {np.median(seconds):.0f} s, largest {seconds.max():.0f} s"
+    )
     return f"{markdown_table(HEADER, map(line, order))}\n\n{sums} (measured {when(row['date'] for row in rows)})."
 
 

@@ -36,9 +36,9 @@ HEADER = (
     "body",
     "status",
     "seams welded",
-    "worst gap [mm]",
+    "widest gap [mm]",
     "vertices",
-    "stretch, 1 / 50 / 99 %",
+    "stretch: percentiles 1 / 50 / 99",
     "ease of chest, waist, hip, hem [cm]",
     "CPU s",
 )
@@ -131,7 +131,7 @@ def run_one(name: str, size: str, output: Path, limit: int, second: str = "") ->
         code = subprocess.run(limited, env={**os.environ, **ONE_THREAD}, stdout=log, stderr=log, check=False).returncode
     if code:
         last = (folder / "log.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
-        reason = f"The process ended with {code} (limit {limit} CPU s): {' '.join(last)}"
+        reason = ": ".join([f"The process ended with exit code {code} (limit {limit} CPU s)", *last])
         row = {
             "pattern": name,
             "body": second or file_and_body(name)[1],
@@ -164,7 +164,7 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         *head,
         said,
         f"{row['welded']} of {row['seams']}",
-        f"{1e3 * row['worst_gap']:.2g}",
+        f"{1e3 * row['worst_gap']:{'.0f' if row['worst_gap'] > 0.01 else '.2g'}}",
         f"{row['vertices']:,}",
         " / ".join(f"{value:.2f}" for value in row["stretch"]),
         ", ".join(f"{100 * row['ease'][name]:.0f}" if name in row["ease"] else "-" for name in GIRTHS),
@@ -173,14 +173,14 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> str:
-    """One line on all rows: how many are completed with every seam closed, median and 95th percentile of CPU time."""
+    """One line on all rows: how many are completed with every seam welded, median and 95th percentile of CPU time."""
     closed = sum(row["status"] == "completed" and row["welded"] == row["seams"] for row in rows)
     seconds = [row["cpu_seconds"] for row in rows if "cpu_seconds" in row]
     median, high = np.percentile(seconds, (50, 95)) if seconds else (np.nan, np.nan)
     size = ", ".join(sorted({f"{100 * row['size']:g} cm" for row in rows}))
     return (
-        f"{closed} of {len(rows)} completed with every seam closed, at {size}; "
-        f"CPU time: median {median:.0f} s, 95 % below {high:.0f} s."
+        f"{closed} of {len(rows)} completed with every seam welded, at a mesh size of {size}. "
+        f"CPU time: median {median:.0f} s, 95th percentile {high:.0f} s."
     )
 
 

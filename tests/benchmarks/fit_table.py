@@ -34,8 +34,8 @@ FILES = ("mean_all", "mean_all_tpose", "mean_female", "f_smpl_average_A40")
 BODIES = (*FILES, "makehuman", "mannequin", "mannequin_large")
 LARGE = {"height": 1.82, "chest": 1.15, "waist": 1.2, "hips": 1.12}
 HEADER = (
-    *("garment", "body", "status", "edges, 1st to 99th %", "doubled or halved %", "hem %", "inside"),
-    *("size: chest, waist, hips, trunk length", "stages", "CPU s"),
+    *("garment", "body", "status", "edge ratios: percentiles 1 to 99", "doubled or halved [%]", "hem shift [%]"),
+    *("vertices inside", "size factors: chest, waist, hips, trunk length", "stages", "CPU s"),
 )
 SHOWN = ("chest", "waist", "hips", "trunk_length")
 DOCS = Path(__file__).parents[2] / "docs" / "results" / "fit.md"

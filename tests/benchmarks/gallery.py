@@ -84,7 +84,7 @@ EXAMPLES = (
         "run table --set cloth.cells=[100,100] --set cloth.fabric=cotton",
         "--colour #b03a2e/linen --view=-0.7,-1,0.55",
     ),
-    Example("fit", "A shirt on a larger figure", "fit shirt --to shirt_large", "--colour #3f5f8f/#eef0f4"),
+    Example("fit", "A shirt on a larger figure", "fit shirt --to shirt_large", "--colour #3f5f8f"),
     Example(
         "flag",
         "A flag in gusts",
@@ -99,13 +99,13 @@ EXAMPLES = (
     ),
     Example(
         "tunic",
-        "Six panels, sewn and worn",
+        "A tunic sewn from six panels",
         "dress tunic --on shirt --size 15mm",
         "--colour #9c4a36 --view=0.45,-1,0.15",
     ),
     Example(
         "spin",
-        "A cloth that a turning ball drags round",
+        "A turning ball drags a cloth round",
         "run spin --set cloth.cells=[80,80] --set run.duration=0.8",
         "--colour teal/linen",
     ),

@@ -112,7 +112,7 @@ def _rungs(cells: int) -> tuple[list[str], dict[str, str]]:
         if name in built.energies:
             names.append(name)
         else:
-            left_out[name] = built.off.get(name, "it holds vertices")
+            left_out[name] = built.off.get(name, "a constraint on vertices")
     return names, left_out
 
 
@@ -152,11 +152,11 @@ def _booked(session: Session) -> dict[str, float]:
 
 HEADER = (
     "effects",
-    "ms a step",
-    "of which the last effect",
-    "Newton iterations a step",
-    "ms an iteration",
-    "non-zeros",
+    "ms per step",
+    "of which the added effect",
+    "Newton iterations per step",
+    "ms per iteration",
+    "non-zeros of the matrix",
 )
 
 
@@ -181,16 +181,14 @@ def lines(ladder: Ladder) -> list[list[str]]:
 def markdown(ladder: Ladder, picture: str = "") -> str:
     """Section of the README: the picture, where there is one, and the table."""
     left = ", ".join(f"{name} ({why})" for name, why in ladder.left_out.items())
-    said = (
-        f"{ladder.day}, a sheet of {ladder.cells}x{ladder.cells} cells on a ball, one thread, every row from the same"
-    )
+    scene = f"a sheet of {ladder.cells}x{ladder.cells} cells on a ball, one thread"
     return "\n".join(
         [
             "<details><summary>Cost ladder: cost that each effect adds to a step</summary>",
             "",
             *([f"![Milliseconds a step, effect by effect]({picture})", ""] if picture else []),
-            f"{said} state;",
-            f"made by `python -m tests.benchmarks.ladder`.{f' Left out: {left}.' if left else ''}",
+            f"Measured on {ladder.day} with `python -m tests.benchmarks.ladder`: {scene}.",
+            f"Every row starts from the same state.{f' Not in the table: {left}.' if left else ''}",
             "",
             markdown_table(HEADER, lines(ladder)),
             "",

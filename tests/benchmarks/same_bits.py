@@ -30,10 +30,10 @@ MARK = "same-bits"
 HEADER = (
     "scene",
     "vertices",
-    "steps, of them in contact",
+    "steps, of which in contact",
     "iterations + on patches",
-    "same bits",
-    "CPU s on 1, 2, 2 threads",
+    "bitwise identical",
+    "CPU s with 1, 2 and 2 threads",
 )
 
 

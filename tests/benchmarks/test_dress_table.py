@@ -40,6 +40,7 @@ def test_cells_of_rows():
     assert row[2:7] == ("completed", "8 of 8", "0", "1,133", "0.99 / 1.00 / 1.02")
     assert row[7:] == ("-, 7, -, 16", "27")
     assert cells(REFUSED)[2] == "refused: No panel."
+    assert [cells({**SEWN, "worst_gap": gap})[4] for gap in (0.00053, 0.0997, 0.2081)] == ["0.53", "100", "208"]
 
 
 def test_summary_counts_what_is_completed_and_closed():

@@ -32,19 +32,19 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
         obj_text(flat([*SQUARE, (0.5, 0.5)]), [(0, 1, 2), (0, 4, 3), (4, 2, 3), (0, 2, 4)]),
         ("no area", "triangle 3"),
     ),
-    "triangle twice": (obj_text(flat(SQUARE), [*HALVES, (1, 2, 0)]), ("given twice", "triangle 2")),
-    "triangle twice, turned over": (
+    "duplicate triangle": (obj_text(flat(SQUARE), [*HALVES, (1, 2, 0)]), ("given twice", "triangle 2")),
+    "duplicate triangle, reversed": (
         obj_text(flat(SQUARE), [*HALVES, (2, 1, 0)]),
         ("given twice with opposite winding", "triangle 2"),
     ),
-    "corner repeated": (obj_text(flat(SQUARE), [*HALVES, (1, 2, 2)]), ("same vertex twice", "triangle 2")),
+    "repeated corner": (obj_text(flat(SQUARE), [*HALVES, (1, 2, 2)]), ("same vertex twice", "triangle 2")),
     "negative index": (OFF_FACES.format(bad=-3), ("face 1", "vertex -3")),
     "index out of range": (OFF_FACES.format(bad=4), ("face 1", "vertex 4")),
     "NaN": (OFF_POINTS.format(bad="nan"), ("nan", "vertex 2")),
     "infinity": (OFF_POINTS.format(bad="inf"), ("inf", "vertex 2")),
-    "empty": (obj_text(flat(SQUARE), [])[:-1], ("no faces", "4 vertices")),
+    "no triangles": (obj_text(flat(SQUARE), [])[:-1], ("no faces", "4 vertices")),
     "isolated vertex": (obj_text(flat([*SQUARE, (3, 3)]), HALVES), ("in no triangle", "vertex 4")),
-    "fin": (
+    "three triangles at an edge": (
         obj_text([*flat(SQUARE).tolist(), (0.5, 0.5, 1)], [*HALVES, (0, 2, 4)]),
         ("three or more triangles at one edge", "edge 0-2"),
     ),

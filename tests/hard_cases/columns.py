@@ -83,7 +83,7 @@ def stands_out(load: float) -> Check:
 def case(name: str, load: float, dynamic: bool = True) -> Case:
     """The case of a strip under so many critical loads."""
     check = all_of(energy_falls, stands_out(load)) if load > 1.5 else energy_falls
-    title = f"flat strip under {load:g} Euler loads" + ("" if dynamic else ", without inertia")
+    title = f"flat strip under {load:g} times its Euler load" + ("" if dynamic else ", without inertia")
     return Case(name, title, lambda small: column(dynamic), check, files=lambda small: files(small, load))
 
 

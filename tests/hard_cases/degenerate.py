@@ -129,5 +129,5 @@ CASES = (
     Case("B25a", "cone on a spike, tip on tip", spike, all_of(over_needles, never_thrown, energy_falls)),
     Case("B25b", "cube in a wedge, edge on edge", wedge, all_of(in_groove, never_thrown, energy_falls)),
     Case("B25c", "cube over a cliff's edge", cliff, all_of(outside_cliff, never_thrown, energy_falls)),
-    Case("B25d", "ball at 67 m/s onto a wall", golf, all_of(rebounds, energy_falls)),
+    Case("B25d", "ball hits a wall at 67 m/s", golf, all_of(rebounds, energy_falls)),
 )

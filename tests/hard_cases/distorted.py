@@ -59,8 +59,8 @@ def case(name: str, title: str, *factors: float) -> Case:
 
 
 CASES = (
-    case("B17a", "starts squeezed to 1e-6", 1e-6, 1e-6, 1.0),
-    case("B17b", "starts squeezed to 1e-6 along x", 1e-6, 1.0, 1.0),
-    case("B17c", "starts stretched threefold", 3.0, 3.0, 1.0),
-    case("B17d", "starts mirrored", -1.0, 1.0, 1.0),
+    case("B17a", "sheet starts squeezed to 1e-6 of its size", 1e-6, 1e-6, 1.0),
+    case("B17b", "sheet starts squeezed to 1e-6 of its size along x", 1e-6, 1.0, 1.0),
+    case("B17c", "sheet starts stretched to 3 times its size", 3.0, 3.0, 1.0),
+    case("B17d", "sheet starts mirrored", -1.0, 1.0, 1.0),
 )

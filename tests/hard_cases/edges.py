@@ -106,6 +106,6 @@ def edge_onto_edge(small: bool) -> Scene:
 CASES = (
     Case("B2", "cloth on nine knife edges", knives, all_of(over_edges(KNIVES, 0.0, -1.0), energy_falls)),
     Case("B3a", "cloth pulled over needles at 1 m/s", pulled_over_needles, over_needles),
-    Case("B3b", "face onto a point at 5 m/s", face_onto_point, all_of(over_needles, energy_falls)),
-    Case("B3c", "edge onto an edge at 5 m/s", edge_onto_edge, all_of(over_edges((0.0,), 0.0, -1.0), energy_falls)),
+    Case("B3b", "face hits a needle at 5 m/s", face_onto_point, all_of(over_needles, energy_falls)),
+    Case("B3c", "edge hits a knife edge at 5 m/s", edge_onto_edge, all_of(over_edges((0.0,), 0.0, -1.0), energy_falls)),
 )

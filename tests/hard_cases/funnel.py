@@ -59,4 +59,4 @@ def through(run: Run) -> str:
     return f"cloth is left {left:.2g} m above the neck's end" if left > 0 else ""
 
 
-CASES = (Case("B4", "pulled through a funnel, mu 0.4", pulled_through, through),)
+CASES = (Case("B4", "cloth pulled through a funnel, mu 0.4", pulled_through, through),)

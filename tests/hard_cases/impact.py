@@ -44,7 +44,7 @@ def cases() -> tuple[Case, ...]:
     ]
     pairs = [(speed, *body) for body in bodies for speed in (30.0, 100.0)]
     return tuple(
-        Case(f"B6{letter}", f"{speed:g} m/s onto {name}", thrown(speed, body), all_of(check, energy_falls))
+        Case(f"B6{letter}", f"impact on {name} at {speed:g} m/s", thrown(speed, body), all_of(check, energy_falls))
         for letter, (speed, name, body, check) in zip("abcd", pairs, strict=True)
     )
 

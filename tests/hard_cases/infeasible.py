@@ -92,10 +92,16 @@ CASES = (
         before_the_ball,
         files=leap,
     ),
-    Case("B20c", "ball starts inside the sheet", inside, refused=("cloth intersects ball",), jitters=False),
+    Case(
+        "B20c",
+        "ball starts across the sheet: must be refused",
+        inside,
+        refused=("cloth intersects ball",),
+        jitters=False,
+    ),
     Case(
         "B21",
-        "pinned ends driven into one another",
+        "pinned ends driven into each other: must fail",
         driven_together,
         fails=("prescribed motion", "vertex", "pins.group", "infeasible"),
     ),

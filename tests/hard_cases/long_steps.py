@@ -26,6 +26,6 @@ def draped(dt: float) -> Callable[[bool], Scene]:
 
 
 CASES = tuple(
-    Case(f"B7{letter}", f"a sheet on a ball, dt {dt:g} s", draped(dt), steps_descend)
+    Case(f"B7{letter}", f"sheet draped on a ball, dt {dt:g} s", draped(dt), steps_descend)
     for letter, dt in zip("abcdef", STEPS, strict=True)
 )

@@ -52,6 +52,6 @@ def between(run: Run) -> str:
 SAYS = ("pinched", "upper jaw", "lower jaw", ") m")
 
 CASES = (
-    Case("B9a", "two bodies close on the cloth to 0.5 d_hat", closing(D_HAT / 2), between),
-    Case("B9b", "two bodies close through the cloth", closing(-D_HAT), fails=SAYS),
+    Case("B9a", "two bodies close on the cloth to a gap of 0.5 d_hat", closing(D_HAT / 2), between),
+    Case("B9b", "two bodies close through the cloth: must fail", closing(-D_HAT), fails=SAYS),
 )

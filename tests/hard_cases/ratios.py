@@ -117,9 +117,9 @@ def touched(built: Built, x: Floats) -> np.ndarray:
 
 
 CASES = (
-    Case("B8a", "stiffness ratio 1e6: stiff cloth on soft", stiff_on_soft(1e6), balanced),
-    Case("B8b", "stiffness ratio 1e8: stiff cloth on soft", stiff_on_soft(1e8), balanced),
-    Case("B8e", "stiffness ratio 1e6 in the membrane alone", stiff_on_soft(1e6, bends=False), balanced, slow=True),
-    Case("B8c", "area density 1e-3 kg/m2", hung(1e-3), balanced),
-    Case("B8d", "area density 1e2 kg/m2", hung(1e2), balanced),
+    Case("B8a", "stiff sheet on a soft one, stiffness ratio 1e6", stiff_on_soft(1e6), balanced),
+    Case("B8b", "stiff sheet on a soft one, stiffness ratio 1e8", stiff_on_soft(1e8), balanced),
+    Case("B8e", "the same, ratio 1e6 in the membrane only", stiff_on_soft(1e6, bends=False), balanced, slow=True),
+    Case("B8c", "hanging sheet of 1e-3 kg/m2", hung(1e-3), balanced),
+    Case("B8d", "hanging sheet of 100 kg/m2", hung(1e2), balanced),
 )

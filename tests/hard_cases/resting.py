@@ -110,20 +110,24 @@ AT_REST = all_of(at_most_one_iteration, stays(1e-12), same_bits, energy_falls)
 CASES = (
     Case("B13a", "sheet at rest, no load", weightless, AT_REST, jitters=False),
     Case(
-        "B13b", "card above a table, g = 0, mu = 0", lambda small: weightless(small, 2 * D_HAT), AT_REST, jitters=False
+        "B13b",
+        "card above a table, no gravity, no friction",
+        lambda small: weightless(small, 2 * D_HAT),
+        AT_REST,
+        jitters=False,
     ),
     Case(
         "B13c",
-        "the same within d_hat",
+        "the same, starting within d_hat",
         lambda small: weightless(small, D_HAT / 2),
         all_of(same_bits, energy_falls),
     ),
     *(
         Case(name, title, partial(quiet, place=place), all_of(no_drift, no_growth, energy_falls))
         for name, title, place in (
-            ("B23a", "hangs at rest", "hangs"),
-            ("B23b", "lies at rest on a face", "face"),
-            ("B23c", "lies at rest across a flat edge of the table", "edge"),
+            ("B23a", "hanging sheet, at rest", "hangs"),
+            ("B23b", "sheet at rest on one triangle of a table", "face"),
+            ("B23c", "sheet at rest across the edge between two triangles of a table", "edge"),
         )
     ),
 )

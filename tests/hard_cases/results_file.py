@@ -11,7 +11,7 @@ from tests.hard_cases.case import Case, Result
 FORMS = ("small", "full")
 """The form that the tests run, and the one of real size."""
 
-COLUMNS = ("passed", "smallest gap", "Newton", "CPU s")
+COLUMNS = ("passed", "smallest gap", "Newton iterations", "CPU s")
 
 
 def summary(results: Sequence[Result]) -> dict[str, Any]:
@@ -46,10 +46,10 @@ def keep(file: Path, case: str, form: str, results: Sequence[Result]) -> None:
 
 def markdown(cases: Iterable[Case], record: Record) -> str:
     """The table of all cases in Markdown, dated: a row a case, COLUMNS for each form."""
-    header = ("case", "what", *(f"{form}: {column}" for form in FORMS for column in COLUMNS))
+    header = ("case", "scene", *(f"{form}: {column}" for form in FORMS for column in COLUMNS))
     rows = []
     for case in cases:
         seen = record.get(case.name, {})
         rows.append((case.name, case.title, *(cell for form in FORMS for cell in cells(seen.get(form)))))
     dates = [seen["date"] for forms in record.values() for seen in forms.values()]
-    return f"{when(dates)}; made by `python -m tests.hard_cases`.\n\n{markdown_table(header, rows)}"
+    return f"Measured {when(dates)} with `python -m tests.hard_cases`.\n\n{markdown_table(header, rows)}"

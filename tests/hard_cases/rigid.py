@@ -91,6 +91,6 @@ def moves(name: str, least: float) -> Check:
 
 CASES: tuple[Case, ...] = (
     Case("B24a", "heavy ball caught by a held sheet", caught, all_of(stays_rigid, moves("ball", 0.02))),
-    Case("B24b", "heavy bob hung on a strip", hung, all_of(stays_rigid, moves("bob", 0.1))),
+    Case("B24b", "heavy bob hanging from a strip", hung, all_of(stays_rigid, moves("bob", 0.1))),
     Case("B24c", "chain of rigid links over a sheet", chained, all_of(stays_rigid, moves("link3", 0.01))),
 )

@@ -212,7 +212,7 @@ CASES = (
     *(
         Case(
             f"B12{letter}",
-            f"table cloth pulled at {speed:g} m/s",
+            f"tablecloth pulled at {speed:g} m/s",
             partial(pulled, speed=speed),
             all_of(stays_above, slides_by_coulomb),
             slow=speed > 4,
@@ -221,21 +221,28 @@ CASES = (
         for letter, speed in zip("abcd", (1.0, 2.0, 4.0, 8.0), strict=True)
     ),
     Case(
-        "B12e", "card on a wall, tan = mu: creeps", partial(on_wall, mu=0.5), all_of(stands, creeps(0.5), energy_falls)
+        "B12e",
+        "card leans on a wall, tan(angle) = mu: creeps",
+        partial(on_wall, mu=0.5),
+        all_of(stands, creeps(0.5), energy_falls),
     ),
-    Case("B12f", "card on a wall, tan = 5 mu: falls", partial(on_wall, mu=0.1), all_of(falls, energy_falls)),
-    Case("B12g", "two cards lean, tan = mu: stand", partial(pair, mu=0.5), all_of(stands, energy_falls)),
-    Case("B12h", "two cards lean, tan = 5 mu: fall", partial(pair, mu=0.1), all_of(falls, energy_falls)),
-    Case("B12i", "card on a slope of 0.9 mu holds", partial(on_slope, tangent=0.9 * MU), all_of(holds(), energy_falls)),
+    Case(
+        "B12f", "card leans on a wall, tan(angle) = 5 mu: falls", partial(on_wall, mu=0.1), all_of(falls, energy_falls)
+    ),
+    Case("B12g", "two leaning cards, tan(angle) = mu: stand", partial(pair, mu=0.5), all_of(stands, energy_falls)),
+    Case("B12h", "two leaning cards, tan(angle) = 5 mu: fall", partial(pair, mu=0.1), all_of(falls, energy_falls)),
+    Case(
+        "B12i", "card on a slope of 0.9 mu: holds", partial(on_slope, tangent=0.9 * MU), all_of(holds(), energy_falls)
+    ),
     Case(
         "B12j",
-        "card on a table that turns by 30 degrees/s holds",
+        "card on a table that turns at 30 degrees/s: holds",
         partial(on_slope, tangent=0.0, motion={"rotate_degrees_per_second": [0, 0, 30]}),
         holds(30.0),
     ),
     Case(
         "B12k",
-        "two cards lean, tan = mu: hold",
+        "two leaning cards that stick, tan(angle) = mu: hold",
         partial(pair, mu=0.5, held=True),
         all_of(stands, holds(), energy_falls),
     ),

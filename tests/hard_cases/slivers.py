@@ -106,9 +106,9 @@ def case(name: str, title: str, aspect: float, *kinds: str) -> Case:
 
 CASES = (
     *(
-        case(f"B16{letter}", f"slivers of aspect 1e{power}", 10.0**power, "cap", "needle")
+        case(f"B16{letter}", f"patch test with slivers of aspect ratio 1e{power}", 10.0**power, "cap", "needle")
         for letter, power in zip("abcd", range(2, 6), strict=True)
     ),
-    case("B16e", "cap of 1e-7", 1e7, "cap"),
-    case("B16f", "needle of 1e-7", 1e7, "needle"),
+    case("B16e", "patch test with a cap of aspect ratio 1e7", 1e7, "cap"),
+    case("B16f", "patch test with a needle of aspect ratio 1e7", 1e7, "needle"),
 )

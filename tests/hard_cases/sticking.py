@@ -166,7 +166,7 @@ def shuffled(small: bool) -> Scene:
 
 
 CASES = (
-    Case("B27a", "strip pressed down slips as the elastica", pressed_down, slips_as_elastica, slow=True),
-    Case("B27b", "card on a tilting table slips at mu", tilting, slips_at_mu, slow=True),
-    Case("B27c", "cards shuffled into one another", shuffled, order_kept),
+    Case("B27a", "strip pressed down slips as the elastica predicts", pressed_down, slips_as_elastica, slow=True),
+    Case("B27b", "card on a tilting table slips at its friction angle", tilting, slips_at_mu, slow=True),
+    Case("B27c", "cards shuffled into each other", shuffled, order_kept),
 )

@@ -94,7 +94,13 @@ def not_thrown(run: Run) -> str:
 def starts(number: int, gap: float) -> Case:
     """The case of a sheet so far above a slab. Jitter goes sideways only: it is larger than the gap."""
     check = all_of(stays_on_top, not_thrown, steps_descend)
-    return Case(f"B14{'abcdefgh'[number]}", f"starts {gap:g} m off", lambda small: above(small, gap), check, **SIDEWAYS)
+    return Case(
+        f"B14{'abcdefgh'[number]}",
+        f"sheet starts {gap:g} m above a slab",
+        lambda small: above(small, gap),
+        check,
+        **SIDEWAYS,
+    )
 
 
 SIDEWAYS: dict[str, Any] = {"jitter_axes": (1.0, 1.0, 0.0)}
@@ -103,17 +109,25 @@ ALIGNED = all_of(derivatives_finite, steps_descend)
 """The total energy may rise: by .6 % in a step where coplanar sheets buckle, by .02 % in B10d, at any tolerance."""
 
 CASES = (
-    Case("B10a", "sheet over a slab of the same grid", lambda small: above(small, D_HAT / 2), ALIGNED),
-    Case("B10b", "its edges over the slab's, shifted", lambda small: above(small, D_HAT / 2, [SIZE / 16, 0]), ALIGNED),
-    Case("B10c", "its edge on a parallel ridge", lambda small: above(small, D_HAT / 2, slab_turn=45), ALIGNED),
+    Case("B10a", "sheet over a slab with the same grid", lambda small: above(small, D_HAT / 2), ALIGNED),
+    Case("B10b", "the same, shifted along x", lambda small: above(small, D_HAT / 2, [SIZE / 16, 0]), ALIGNED),
+    Case(
+        "B10c", "sheet over a ridge along its middle edge", lambda small: above(small, D_HAT / 2, slab_turn=45), ALIGNED
+    ),
     Case(
         "B10d",
-        "points on a ridge",
+        "the same, shifted by half a cell",
         lambda small: above(small, D_HAT / 2, [SIZE / 2 / cells(small)[0], 0], slab_turn=45),
         ALIGNED,
     ),
-    Case("B10e", "coplanar sheets, edge to edge", lambda small: side_by_side(small, 0.0), ALIGNED),
-    Case("B10f", "coplanar sheets, point to edge", lambda small: side_by_side(small, SIZE / 32), ALIGNED),
+    Case("B10e", "coplanar sheets collide edge to edge", lambda small: side_by_side(small, 0.0), ALIGNED),
+    Case("B10f", "the same, shifted along the edge", lambda small: side_by_side(small, SIZE / 32), ALIGNED),
     *(starts(number, gap) for number, gap in enumerate(GAPS)),
-    Case("B14h", "starts at gap 0", lambda small: above(small, 0.0), refused=("cloth", "table"), **SIDEWAYS),
+    Case(
+        "B14h",
+        "sheet starts in contact with a slab: must be refused",
+        lambda small: above(small, 0.0),
+        refused=("cloth", "table"),
+        **SIDEWAYS,
+    ),
 )

@@ -63,7 +63,7 @@ def same_in(name: str, unit: float) -> Case:
         off = float(np.abs(run.positions(-1) / unit - metres).max())
         return f"positions/k differ by {off:.2g} m" if off > 1e-8 else ""
 
-    return Case(name, f"all lengths times {unit:g}", lambda small: draped(8, unit), check, jitters=False)
+    return Case(name, f"drape with all lengths times {unit:g}", lambda small: draped(8, unit), check, jitters=False)
 
 
 def same_elsewhere(run: Run) -> str:
@@ -77,5 +77,5 @@ def same_elsewhere(run: Run) -> str:
 CASES = (
     same_in("B18a", 1e-3),
     same_in("B18b", 1e3),
-    Case("B19", "1e6 m from the origin", lambda small: draped(8, 1.0, PLACE), same_elsewhere, jitters=False),
+    Case("B19", "drape 1e6 m from the origin", lambda small: draped(8, 1.0, PLACE), same_elsewhere, jitters=False),
 )

@@ -113,11 +113,11 @@ def _sliding() -> Outcome:
 
 
 ROWS = (
-    Row("A10a", "ball that spins: angle after 0.1 s, dt 0.0025 [degrees]", _spin),
-    Row("A10b", "bar on a hinge, from 10 degrees, dt 0.005: period [s]", _pendulum),
-    Row("A10c", "top on a ball joint, dt 0.0005: precession [rad/s]", _precession),
-    Row("A10d", "two balls collide: change of the momentum", partial(_collision, angular=False)),
-    Row("A10e", "two balls collide: change of the angular momentum, dt 0.002", partial(_collision, angular=True)),
-    Row("A10f", "ball of 2,562 vertices rolls down 10 degrees: acceleration [m/s2]", _rolling),
-    Row("A10g", "the same ball slides until it rolls: speed over that at the start", _sliding),
+    Row("A10a", "spinning ball, dt 0.0025 s: angle after 0.1 s [degrees]", _spin),
+    Row("A10b", "bar on a hinge, released at 10 degrees, dt 0.005 s: period [s]", _pendulum),
+    Row("A10c", "top on a ball joint, dt 0.0005 s: precession [rad/s]", _precession),
+    Row("A10d", "two colliding balls: change of momentum", partial(_collision, angular=False)),
+    Row("A10e", "two colliding balls, dt 0.002 s: change of angular momentum", partial(_collision, angular=True)),
+    Row("A10f", "ball of 2,562 vertices rolling down 10 degrees: acceleration [m/s2]", _rolling),
+    Row("A10g", "the same ball, sliding until it rolls: final speed / initial speed", _sliding),
 )

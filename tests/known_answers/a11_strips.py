@@ -189,10 +189,10 @@ ROWS = (
     Row("A11a", "heart loop, q L^3/B = 50: depth / length", partial(_heart, 50.0)),
     Row("A11b", "heart loop, q L^3/B = 200: depth / length", partial(_heart, 200.0)),
     Row("A11c", "strip lifted off a table by (B/q)^(1/3): force at its edge / (q (B/q)^(1/3))", _edge_force),
-    Row("A11d", "the same: length above a tenth of the height / (B/q)^(1/3)", _lifted_length),
+    Row("A11d", "the same: length lifted above a tenth of the height / (B/q)^(1/3)", _lifted_length),
     Row("A11e", "ring pinched to 0.75 of its diameter: force R^2/B", _pinching_force),
     Row("A11f", "the same: width / diameter", _pinched_width),
-    Row("A11g", "chain that hangs, 200 steps a period, mode 1: omega / (j_01/2 sqrt(g/L))", partial(_chain, 1, 1e-3)),
+    Row("A11g", "hanging chain, 200 steps per period, mode 1: omega / (j_01/2 sqrt(g/L))", partial(_chain, 1, 1e-3)),
     Row("A11h", "the same, mode 2: omega / (j_02/2 sqrt(g/L))", partial(_chain, 2, 2e-3)),
     Row("A11i", "the same, mode 3: omega / (j_03/2 sqrt(g/L))", partial(_chain, 3, 5e-3)),
 )

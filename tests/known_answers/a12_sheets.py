@@ -215,10 +215,10 @@ def _wrinkles() -> Outcome:
 
 ROWS = (
     Row("A12a", "clamped plate, point load, nu = 0.3: w D/(P a^2)", _plate),
-    Row("A12b", "clamped membrane, load on a hub of a/8, nu = 1/3: P / Schwerin's", _membrane),
+    Row("A12b", "clamped membrane, load on a hub of radius a/8, nu = 1/3: P / P of Schwerin", _membrane),
     Row("A12c", "strip cut on the bias, width / length = 0.25: force / (width strain) [N/m]", partial(_bias, 0.25)),
     Row("A12d", "the same, width / length = 0.5", partial(_bias, 0.5)),
     Row("A12e", "the same, width / length = 1", partial(_bias, 1.0)),
-    Row("A12f", "a deep beam tips over: Gamma / sqrt(2/(1 + nu))", _deep_beam),
-    Row("A12g", "wrinkles of a stretched sheet: wavelength / Cerda and Mahadevan's", _wrinkles),
+    Row("A12f", "deep beam that tips over: Gamma / sqrt(2/(1 + nu))", _deep_beam),
+    Row("A12g", "wrinkles of a stretched sheet: wavelength / that of Cerda and Mahadevan", _wrinkles),
 )

@@ -121,9 +121,9 @@ def _caught() -> Outcome:
 
 
 ROWS = (
-    Row("A13a", "block on a slope of 30 degrees, mu 0.5, 200 steps/s: acceleration [m/s2]", _sliding),
-    Row("A13b", "block on a slope, mu 0.5: angle of slip [degrees]", _slip_angle),
-    Row("A13c", "the same at 0.99 of its tangent: displacement in the last 0.25 s", _held),
-    Row("A13d", "free cloth catches a ball: speed of both / (m v/(m + M))", _caught),
-    Row("A13e", "the same with weight: rise of the centre of mass after 0.2 s [m]", _caught_with_weight),
+    Row("A13a", "block sliding on 30 degrees, mu 0.5, 200 steps/s: acceleration [m/s2]", _sliding),
+    Row("A13b", "block on a slope, mu 0.5: angle at which it slips [degrees]", _slip_angle),
+    Row("A13c", "the same at 0.99 of the tangent of that angle: displacement in the last 0.25 s", _held),
+    Row("A13d", "ball caught by free cloth: final speed / (m v/(m + M))", _caught),
+    Row("A13e", "the same with gravity: rise of the centre of mass after 0.2 s [m]", _caught_with_weight),
 )

@@ -198,7 +198,7 @@ FOUND: tuple[tuple[str, Callable[[int], float], Callable[[], float], float, int]
     ("hinged ends 0.6 L apart: height/L", partial(risen, 0.6), partial(elastica_height, 0.6), 2e-3, 20),
     ("heavy cantilever, Gamma = 10: drop/reach", partial(drooped, 10.0), partial(elastica, 10.0), 5e-3, 20),
     ("heavy loop, w L^3/EI = 40: depth/L", partial(heart, 40.0), partial(depth_of_heart, 40.0, 0.0), 5e-3, 40),
-    ("upright: w L^3/EI at which it buckles", column, upright_column, 2e-3, 20),
+    ("upright under its weight: w L^3/EI at which it buckles", column, upright_column, 2e-3, 20),
     ("catenary, L/S = 1.5: sag/L", partial(sagging, 1.5), lambda: catenary(1.5)[1], 2e-3, 20),
 )
 """What each row asks, what finds it with a number of edges, the exact value, the bar, and the coarser number."""

@@ -84,10 +84,10 @@ def plastic_tip(cells: int) -> float:
 
 
 ROWS = (
-    Row("A15a", "ribbon cut as a quarter of a ring, level, heavy: drop D/(rho_A g R^4)", _arc),
+    Row("A15a", "level ribbon, a quarter of a ring, under its weight: drop D/(rho_A g R^4)", _arc),
     Row(
         "A15b",
-        "cantilever past its yield, H = 0.5, 10 steps of load, unloaded: tip / length",
+        "cantilever loaded past its yield in 10 steps, H = 0.5, then unloaded: tip / length",
         partial(on_meshes, plastic_tip, MESHES, tip_of_beam(), 1e-2, (1.6, 6.0)),
     ),
 )

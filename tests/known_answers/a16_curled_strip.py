@@ -107,12 +107,12 @@ def _leaving() -> Outcome:
 ROWS = (
     Row(
         "A16a",
-        "curled strip, clamped above, rho_A g L^3/D = 5, in its plane: depth of its end / L",
+        "curled strip hanging from a clamp, rho_A g L^3/D = 5, in its plane: depth of its end / L",
         partial(_end, depth, LIGHT),
     ),
-    Row("A16b", "the same, 20, twisted out of its plane: depth of its end / L", partial(_end, depth, TWISTED)),
-    Row("A16c", "the same: distance of its end from the plane / L", partial(_end, aside, TWISTED)),
-    Row("A16d", "the same, 40, in its plane again: depth of its end / L", partial(_end, depth, STRAIGHTENED)),
+    Row("A16b", "the same at 20, twisted out of its plane: depth of its end / L", partial(_end, depth, TWISTED)),
+    Row("A16c", "the same at 20: distance of its end from the plane / L", partial(_end, aside, TWISTED)),
+    Row("A16d", "the same at 40, in its plane again: depth of its end / L", partial(_end, depth, STRAIGHTENED)),
     Row(
         "A16e",
         "the same: rho_A g L^3/D at which it leaves its plane, extrapolated linearly from squared distances",

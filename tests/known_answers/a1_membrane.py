@@ -204,24 +204,24 @@ def _strip(weight: float, printed: str) -> Outcome:
 
 
 ROWS = (
-    Row("A1a", "stress of a strip stretched 1.1, sides free [N/m]", lambda: _uniaxial(1.1, "0.26385123")),
-    Row("A1b", "stress of a strip stretched 1.5, sides free [N/m]", lambda: _uniaxial(1.5, "1.04633399")),
-    Row("A1c", "its energy [J/m2]", lambda: _uniaxial(1.5, "0.28627581", of_energy=True)),
-    Row("A1d", "stress at an even stretch of 1.5 [N/m]", _equibiaxial),
+    Row("A1a", "stress of a strip at a stretch of 1.1, sides free [N/m]", lambda: _uniaxial(1.1, "0.26385123")),
+    Row("A1b", "stress of a strip at a stretch of 1.5, sides free [N/m]", lambda: _uniaxial(1.5, "1.04633399")),
+    Row("A1c", "energy of the same strip [J/m2]", lambda: _uniaxial(1.5, "0.28627581", of_energy=True)),
+    Row("A1d", "stress at an equibiaxial stretch of 1.5 [N/m]", _equibiaxial),
     Row("A1e", "energy of a simple shear of 0.4 [J/m2]", _shear),
     Row(
         "A1f",
         "patch test with slivers: largest distance from the affine map",
-        lambda: Outcome(max(one.distance for one in _patches()), 0.0, 1e-10, unit="size"),
+        lambda: Outcome(max(one.distance for one in _patches()), 0.0, 1e-10, unit="of the size"),
     ),
     Row(
         "A1g",
-        "patch test: border forces against P N",
-        lambda: Outcome(max(one.force for one in _patches()), 0.0, 1e-10, unit="fraction"),
+        "patch test: difference of border forces from P N",
+        lambda: Outcome(max(one.force for one in _patches()), 0.0, 1e-10, unit="relative"),
     ),
     Row(
         "A1h",
-        "rigid motions, half turns, mirrored: largest force",
+        "rigid motions, half turns and reflections: largest force",
         lambda: Outcome(worst_rigid_force(), 0.0, 1e-12, unit="mu L"),
     ),
     Row("A1i", "strip under its own weight, w = 0.5: drop / length", lambda: _strip(0.5, "0.09683185")),

@@ -134,12 +134,12 @@ def _cantilevers() -> tuple[Row, ...]:
     """Hinges on a tied strip; midedge on a free one, then on five cuts and meshes."""
     tied = [(1, "right"), (10, "right"), (100, "right"), (10, "alternating")]
     rows = [
-        (CANTILEVER.format(f"hinges, tied columns, {diagonals}", gamma), partial(_tied, gamma, diagonals))
+        (CANTILEVER.format(f"hinges, tied columns, {diagonals} diagonals", gamma), partial(_tied, gamma, diagonals))
         for gamma, diagonals in tied
     ]
     rows += [(CANTILEVER.format("midedge, free strip", gamma), partial(_free, gamma)) for gamma in RATIOS]
-    rows += [(CANTILEVER.format("the worst of five cuts and meshes", g), partial(_worst_cut, g)) for g in RATIOS]
-    rows += [(f"cantilever, spread over the five, Gamma {gamma}", partial(_spread, gamma)) for gamma in RATIOS]
+    rows += [(CANTILEVER.format("worst of five cuts and meshes", g), partial(_worst_cut, g)) for g in RATIOS]
+    rows += [(f"cantilever, spread over these five, Gamma {gamma} [%]", partial(_spread, gamma)) for gamma in RATIOS]
     return tuple(Row(f"A3{letter}", what, run) for letter, (what, run) in zip("abcdefghijklm", rows, strict=True))
 
 
@@ -147,13 +147,13 @@ ROWS = (
     *_cantilevers(),
     Row("A3n", "roll-up by half a turn, hinges: drop / length", partial(_roll, 0.5, 1, "hinge")),
     Row("A3o", "roll-up by a quarter turn, midedge: reach / length", partial(_roll, 0.25, 0, "midedge")),
-    Row("A3p", "end shear 4, hinges: drop / length", partial(_shear, 1, "0.66996418")),
-    Row("A3q", "end shear 4, hinges: (length - reach) / length", partial(_shear, 0, "0.32894124")),
+    Row("A3p", "end shear of 4, hinges: drop / length", partial(_shear, 1, "0.66996418")),
+    Row("A3q", "end shear of 4, hinges: (length - reach) / length", partial(_shear, 0, "0.32894124")),
     Row("A3r", "loaded ring, midedge, random mesh, 12 cells: w D/(q b^4)", _ring),
-    Row("A3s", "a column buckles under its weight, midedge: Gamma", _column),
-    Row("A3t", "a deep beam tips over, midedge, nu = 0: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.0)),
-    Row("A3u", "a deep beam tips over, midedge, nu = 0.3: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.3)),
+    Row("A3s", "column that buckles under its weight, midedge: Gamma", _column),
+    Row("A3t", "deep beam that tips over, midedge, nu = 0: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.0)),
+    Row("A3u", "deep beam that tips over, midedge, nu = 0.3: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.3)),
     Row("A3v", "cantilever cut along the warp, D = 4, Gamma 10: drop / reach", partial(_woven, 0.0, 4.0)),
-    Row("A3w", "the same cut along the weft, D = 0.5", partial(_woven, 90.0, 0.5)),
-    Row("A3x", "cantilever past its yield, H = 0.5, 10 steps of load, unloaded: tip / length", _plastic),
+    Row("A3w", "the same, cut along the weft, D = 0.5", partial(_woven, 90.0, 0.5)),
+    Row("A3x", "cantilever loaded past its yield in 10 steps, H = 0.5, then unloaded: tip / length", _plastic),
 )

@@ -187,17 +187,17 @@ def _mylar(part: int, printed: str, elements: str = "triangles") -> Outcome:
     return Outcome(_blown_up(elements)[part], mylar()[part], 2e-2, printed=printed)
 
 
-LOCKS = "the membrane locks where it must fold finer than the mesh: `python -m tests.benchmarks.locking`"
+LOCKS = "the membrane locks where it must fold more finely than the mesh (`python -m tests.benchmarks.locking`)"
 
 ROWS = (
-    Row("A6a", "sphere under pR/mu 0.74519991: stretch", partial(_sphere, 1.1, "0.74519991")),
-    Row("A6b", "sphere under pR/mu 1.26149699: stretch", partial(_sphere, 1.25, "1.26149699")),
-    Row("A6c", "sphere, stretch at its largest pressure", _limit),
+    Row("A6a", "sphere at pR/mu = 0.74519991: stretch", partial(_sphere, 1.1, "0.74519991")),
+    Row("A6b", "sphere at pR/mu = 1.26149699: stretch", partial(_sphere, 1.25, "1.26149699")),
+    Row("A6c", "sphere at its largest pressure: stretch", _limit),
     Row("A6d", "clamped disc, pR/mu = 1: height / R", partial(_disc, 0, "0.53152270", 1e-3)),
     # docs/results/validation.md prints 0.95787436; every tolerance of the ODE from 1e-8 on gives 0.95787438
     Row("A6e", "clamped disc, pR/mu = 1: volume / R^3", partial(_disc, 1, "0.9578744", 5e-3)),
-    Row("A6f", "mylar balloon, 24 cells from pole to rim: r / a", partial(_mylar, 0, "0.76275976"), LOCKS),
-    Row("A6g", "mylar balloon, 24 cells from pole to rim: V / a^3", partial(_mylar, 1, "1.21852422"), LOCKS),
+    Row("A6f", "Mylar balloon, 24 cells from pole to rim: r / a", partial(_mylar, 0, "0.76275976"), LOCKS),
+    Row("A6g", "Mylar balloon, 24 cells from pole to rim: V / a^3", partial(_mylar, 1, "1.21852422"), LOCKS),
     Row("A6h", 'the same, elements = "pairs": r / a', partial(_mylar, 0, "0.76275976", "pairs")),
     Row("A6i", 'the same, elements = "pairs": V / a^3', partial(_mylar, 1, "1.21852422", "pairs")),
 )

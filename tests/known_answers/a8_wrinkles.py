@@ -116,8 +116,8 @@ ROWS = (
     Row("A8a", "wrinkles of a sheared strip, gamma 0.02: half-wavelength / H", lambda: _wavelength(0.02, 0.2)),
     Row(
         "A8b",
-        "the same strip, gamma 0.02: direction",
+        "the same strip: direction of the wrinkles",
         lambda: Outcome(wrinkled(0.02, 0.2).degrees, 45.0, 5.0, unit="degrees"),
     ),
-    Row("A8c", "a strip 1.8 times as thick, gamma 0.04: half-wavelength / H", lambda: _wavelength(0.04, 0.225)),
+    Row("A8c", "strip 1.8 times as thick, gamma 0.04: half-wavelength / H", lambda: _wavelength(0.04, 0.225)),
 )

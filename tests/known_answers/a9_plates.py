@@ -223,7 +223,7 @@ def _rows() -> tuple[Row, ...]:
     for mode in range(len(BEAM_MODES)):
         rows.append((f"cantilever strip, 40 cells, mode {mode + 1}: omega L^2 sqrt(rho/B)", partial(_beam, mode)))
     for mode in range(len(DRUM_MODES)):
-        rows.append((f"round drum, 20 rings, shape {mode + 1}: omega R sqrt(rho/T)", partial(_drum, mode)))
+        rows.append((f"round drum, 20 rings, mode shape {mode + 1}: omega R sqrt(rho/T)", partial(_drum, mode)))
     for ends, load in (("hinged", np.pi**2), ("clamped", 4 * np.pi**2)):
         rows.append(
             (
@@ -231,9 +231,9 @@ def _rows() -> tuple[Row, ...]:
                 partial(_euler, ends, load),
             )
         )
-    rows.append(("strip with hinged ends pressed flat to 0.8 of its length, at rest: height / L", _buckled))
-    rows.append(("twisted ribbon under tension (Green 1936): torque / 2 D b", _torque))
-    rows.append(("the same buckles (Green 1937): stretch of its mean line", _ribbon))
+    rows.append(("strip with hinged ends, compressed to 0.8 of its length, at rest: height / L", _buckled))
+    rows.append(("twisted ribbon under tension (Green 1936): torque / (2 D b)", _torque))
+    rows.append(("the same ribbon as it buckles (Green 1937): strain of its mean line", _ribbon))
     return tuple(Row(f"A9{letter}", what, run) for letter, (what, run) in zip(ascii_lowercase, rows, strict=False))
 
 

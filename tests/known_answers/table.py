@@ -44,7 +44,19 @@ ROWS: tuple[Row, ...] = (
     *a16_curled_strip.ROWS,
 )
 
-HEADER = ("row", "what", "simulated", "exact", "error", "coarser", "bound", "order", "error, hinges", "CPU s", "passed")
+HEADER = (
+    "row",
+    "quantity",
+    "simulated",
+    "exact",
+    "error",
+    "error, coarser meshes",
+    "bound",
+    "order",
+    "error with hinges",
+    "CPU s",
+    "passed",
+)
 
 
 def chosen(names: Iterable[str], rows: Sequence[Row] = ROWS) -> list[Row]:
@@ -110,5 +122,7 @@ def markdown(rows: Iterable[Row], record: Record) -> str:
     passed = sum(not record[row.name]["wrong"] for row in there)
     seconds = sum(record[row.name]["seconds"] for row in there)
     days = when(record[row.name]["date"] for row in there)
-    head = f"{days}; made by `python -m tests.known_answers`; {passed} of {len(there)} pass, {seconds:.0f} s of CPU."
+    head = (
+        f"Measured {days} with `python -m tests.known_answers`: {passed} of {len(there)} pass, in {seconds:.0f} CPU s."
+    )
     return f"{head}\n\n{markdown_table(HEADER, [cells(row, record[row.name]) for row in there])}"

@@ -71,7 +71,7 @@ def test_the_table_is_written_between_its_marks(tmp_path):
     assert text.endswith("\n<!-- /validation -->\nafter\n")
     assert "old" not in text
     assert "2 of 2 pass" in text
-    assert "| A1b | stress of a strip stretched 1.5, sides free [N/m] | 1.046334 | 1.046334 |" in text
+    assert "| A1b | stress of a strip at a stretch of 1.5, sides free [N/m] | 1.046334 | 1.046334 |" in text
     # a run of one row mends that row and keeps the other
     assert main(["--rows", "A5a", "--record", str(record), "--page", str(readme)]) == 0
     assert "| A1b |" in readme.read_text()

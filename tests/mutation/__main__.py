@@ -139,15 +139,6 @@ def is_gone(entry: dict) -> bool:
     return not file.is_file() or entry["before"] not in file.read_text()
 
 
-def became(entry: dict) -> str:
-    """What became of a survivor of the first run."""
-    if reason(entry):
-        return reason(entry)
-    if entry["last"]["word"] == SURVIVED and is_gone(entry):
-        return "the line has been rewritten"
-    return f"{entry['last']['word']} {entry['last']['by'].removeprefix('tests/')}".strip()
-
-
 def summary(record: Record) -> str:
     """Counts by room: before tests were added, and now."""
     rows = []
@@ -158,23 +149,31 @@ def summary(record: Record) -> str:
         of_first = (first.count(word) for word in (CAUGHT, TIME_OUT, SURVIVED))
         rows.append((room, *map(str, (len(entries), *of_first, equivalent, open_now))))
     totals = [str(sum(int(row[k]) for row in rows)) for k in range(1, 7)]
-    header = ("package", "mutants", "caught", "time-out", "survived at first", "of which equivalent", "survive now")
+    header = (
+        "package",
+        "mutants",
+        "caught in the first run",
+        "timed out",
+        "survived the first run",
+        "of these equivalent",
+        "still surviving",
+    )
     return markdown_table(header, [*rows, ("all", *totals)])
 
 
 def page(record: Record) -> str:
-    """The counts, and the survivors of the first run with what became of each."""
-    survivors = [each for each in record.values() if each["first"]["word"] != CAUGHT]
+    """The counts, and the mutants that no test detects, with the reason."""
+    survivors = [each for each in record.values() if reason(each) or is_open(each)]
     rows = [
         (
             f"`{each['file'].removeprefix('clothsim/')}`",
             f"`{each['before']}`".replace("|", "\\|"),
             f"`{each['after']}`".replace("|", "\\|"),
-            became(each),
+            reason(each) or "it has no test",
         )
         for each in sorted(survivors, key=lambda each: (each["file"], each["line"]))
     ]
-    return f"{summary(record)}\n\n{markdown_table(('file', 'before', 'after', 'now'), rows)}"
+    return f"{summary(record)}\n\n{markdown_table(('file', 'line', 'mutant', 'why no test detects it'), rows)}"
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutation.__main__ import EQUIVALENT, KNOWN, ROOT, known_mutant, reasons
+from tests.mutation.__main__ import EQUIVALENT, KNOWN, ROOT, known_mutant, page, reasons
 from tests.mutation.mutants import drawn, mutants_of
 from tests.mutation.own_tests import MORE, own_tests
 from tests.mutation.trial import CAUGHT, NOT_RUN, SURVIVED, TIME_OUT, read_end
@@ -79,3 +79,18 @@ def test_each_reason_is_of_a_line_that_is_there():
     assert EQUIVALENT.is_file()
     for file, before, _ in reasons():
         assert before in Path(ROOT, file).read_text(encoding="utf-8"), (file, before)
+
+
+def test_the_page_lists_what_no_test_detects():
+    file, before, after = next(iter(reasons()))
+
+    def entry(now, after):
+        line = {"file": file, "line": 1, "before": before, "after": after}
+        return line | {"first": {"word": SURVIVED, "by": ""}, "last": {"word": now, "by": "tests/a.py"}}
+
+    rows = page({"a": entry(SURVIVED, after), "b": entry(CAUGHT, "0"), "c": entry(SURVIVED, "1")}).split("\n")
+    assert [row.split(" | ")[-1].rstrip(" |") for row in rows[-2:]] == [
+        reasons()[file, before, after],
+        "it has no test",
+    ]
+    assert not any("`0`" in row for row in rows)

@@ -19,8 +19,8 @@ from tests.reality.score import Scored, mean_scores, scored
 MARK, CAUSES_MARK, KNITS_MARK = "reality", "causes", "knits"
 RECORD = Path(__file__).parents[2] / "docs" / "results" / "reality.json"
 HEADER = (
-    "fabric", "lays", "c [mm]", "ratio", "coefficient [%]", "n_eff", "sd r [mm]", "simulated", "with spread",
-    "fitted lay", "quadratic", "ceiling", "skill", "with spread",
+    "fabric", "lays", "c [mm]", "ratio", "coefficient [%]", "n_eff", "sd r [mm]", "score: simulated", "with spread",
+    "fitted lay", "quadratic", "ceiling", "skill: simulated", "with spread",
 )  # fmt: skip
 
 
@@ -86,12 +86,13 @@ def page(lays: Sequence[Lays], fits: Sequence[Fit], scores: Sequence[Scored], st
     folds = np.median([abs(each[1]) for each in away])
     count = len(stored["lays"][0])
     summary = [
-        f"Ensembles of {count} lays, {stored['date']}.",
-        f"Mean scores: simulated {means[0]:.2f}, with the spread of other fabrics {means[1]:.2f},",
-        f"best rival {means[2]:.2f}, ceiling {means[3]:.2f}: skill {skills[0]:.2f} and {skills[1]:.2f};",
-        f"better than the best rival on {better[0]} and {better[1]} of {len(scores)} fabrics.",
-        f"Medians: the simulated sd r differs by {depth:+.0f} %, n_eff by {folds:.1f}. The fold slope is",
-        f"{_slopes(lays):+.2f} points per fold in the cloth and {_slopes_of(stored):+.2f} in the simulation.",
+        f"For each bending length, {count} lays were simulated ({stored['date']}). The mean scores are {means[0]:.2f}",
+        f"(simulated), {means[1]:.2f} (with spread), {means[2]:.2f} (better rival) and {means[3]:.2f} (ceiling).",
+        f"The skill of the simulation is {skills[0]:.2f}, and {skills[1]:.2f} with spread. The simulation has",
+        f"a better score than both rivals for {better[0]} of {len(scores)} fabrics (with spread: {better[1]}). The",
+        f"median difference between the simulation and the real cloth is {depth:+.0f} % in sd r and {folds:.1f} in",
+        f"n_eff. The fold slope is {_slopes(lays):+.2f} points per fold in real cloth and {_slopes_of(stored):+.2f} in",
+        "the simulation.",
     ]
     return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
 
@@ -108,17 +109,17 @@ def knits_text(compared: Sequence[knits.Compared]) -> str:
         rows.append([each.name.replace("_", " "), ends, *forces, f"{each.width:.2f} / {each.measured_width:.2f}"])
     within, all_of = sum(each.within for each in compared), sum(len(each.strains) for each in compared)
     off = np.median([abs(a / b - 1) for each in compared for a, b in zip(each.simulated, each.held_out, strict=True)])
-    header = ("knit", "stretch [%]", *(f"force {k} [N]" for k in range(1, knits.STRETCHES + 1)), "width at the last")
+    of_stretches = (f"force {k} [N]" for k in range(1, knits.STRETCHES + 1))
+    header = ("knit", "stretch [%]", *of_stretches, "width at the largest stretch")
     lost = [100 * (1 - np.array([each.measured_width, each.width])) for each in compared]
     away = np.median([abs(simulated - measured) for measured, simulated in lost])
     mean = np.mean(lost, axis=0)
     return (
-        f"{markdown_table(header, rows)}\n\nEach force is: simulated / mean of the pulls that were not fitted +- "
-        "standard deviation of all. "
-        f"{within} of {all_of} simulated forces lie within the spread of the pulls; the median difference from the "
-        f"pulls that were not fitted is {100 * off:.0f} %. The width shrinks by {mean[0]:.0f} % in the mean of the "
-        f"pulls that were not fitted and by {mean[1]:.0f} % in the simulation; the median difference is "
-        f"{away:.1f} points."
+        f"{markdown_table(header, rows)}\n\nForces and widths are simulated / measured. A measured force is the mean "
+        "of the pulls that were not fitted, +- the standard deviation of all pulls. Widths are relative to the width "
+        f"at the start. {within} of {all_of} simulated forces lie within the range of the pulls. The median difference "
+        f"from the pulls that were not fitted is {100 * off:.0f} %. On average, the width shrinks by {mean[0]:.0f} % "
+        f"in these pulls and by {mean[1]:.0f} % in the simulation; the median difference is {away:.1f} points."
     )
 
 

@@ -9,7 +9,7 @@ from tests.reality.borders import Lays, scatter_of_fitted
 from tests.reality.ensembles import fitted
 from tests.reality.score import mean_scores, scored
 
-HEADER = ("", "simulated", "with spread", "skill", "with spread")
+HEADER = ("change", "score: simulated", "with spread", "skill: simulated", "with spread")
 RIGHT: dict[str, tuple[int, ...]] = {
     "nothing": (),
     "coefficient": (0,),
@@ -30,13 +30,15 @@ def rows(table: Sequence[Sequence[Sequence[float]]], lays: Sequence[Lays]) -> li
         return [change(ensemble, own) for ensemble, own in zip(whole, lays, strict=True)]
 
     cases = {
-        f"mean corrected: {name}" if at else "the model": corrected(lambda e, own, at=at: _moved(e, own, at))
+        f"mean corrected: {name}" if at else "none": corrected(lambda e, own, at=at: _moved(e, own, at))
         for name, at in RIGHT.items()
     }
     cases["spread of the fabric in place of the simulated one"] = corrected(_spread_as)
     cases["all ratios equally likely"] = [fitted(table, each, scatter, weigh=False).ensemble for each in lays]
     cases["outlines not shifted off the axis"] = [fitted(table, each, scatter, centred=True).ensemble for each in lays]
-    cases["both of the last two"] = [fitted(table, each, scatter, weigh=False, centred=True).ensemble for each in lays]
+    cases["all ratios equally likely, outlines not shifted"] = [
+        fitted(table, each, scatter, weigh=False, centred=True).ensemble for each in lays
+    ]
     found = []
     for name, ensembles in cases.items():
         means, skills = mean_scores(scored(lays, ensembles))

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from small_scenes import RUN, small_scene
 
-from clothsim import InputError, simulate
+from clothsim import InputError, Scene, simulate
 from clothsim.cli import main
 from clothsim.mesh.generators.mannequin.dummy_hands import with_dummy_hands
 from clothsim.mesh.generators.mannequin.generator import mannequin
@@ -66,6 +66,27 @@ def test_studio_draws_the_mannequin_with_the_hands_of_a_dummy(monkeypatch):
     assert np.array_equal(drawn[0][1].positions, x)
     assert np.array_equal(drawn[1][1].positions, with_dummy_hands(x, triangles, np.zeros((3, 3))))
     assert not np.array_equal(drawn[1][1].positions, x)
+
+
+def test_the_cloths_of_a_scene_are_of_the_kinds_of_their_fabrics():
+    sheet = {"mesh": "rectangle", "cells": [2, 2]}
+    own = (
+        {},
+        {"fabric": "denim"},
+        {"fabric": "denim", "bending_stiffness": 1e-3},
+        {"density": 0.05},
+        {"thickness": 3e-5},
+    )
+    scene = Scene(cloth=[{**sheet, "name": str(k), **keys} for k, keys in enumerate(own)])
+    assert pictures.kinds_of(scene) == ["plain", "denim", "denim", "satin", "foil"]
+
+
+def test_a_run_is_drawn_in_the_kinds_of_its_cloths_in_a_studio_alone(run):
+    assert "surfaces_of" not in pictures.settings_of(run, None, {"style": "fabric"})
+    surfaces_of = pictures.settings_of(run, None, {"style": "studio"})["surfaces_of"]
+    cloth, ball = surfaces_of(run.trajectory, -1)
+    assert [cloth.kind] == pictures.kinds_of(run.scene)
+    assert ball.kind == "plain"
 
 
 def test_directions_are_strokes_on_the_same_triangles_in_all_frames(run):

@@ -45,7 +45,7 @@ def sheet(tmp_path, monkeypatch):
 def test_it_answers_the_question(sheet, capsys, tmp_path):
     assert main(["study", "sheet.toml", "--parameters", "dt, cells", "--budget", "1h", "-o", "out"]) == 0
     out = capsys.readouterr().out
-    assert "As it is, this scene is 44 mm wrong" in out
+    assert "The error of this scene is 44 mm" in out
     assert "Half of that error: " in out
     assert "for <= " in out
     assert {"study.json", "study.md", "study.png"} <= {file.name for file in (tmp_path / "out").iterdir()}

@@ -27,7 +27,7 @@ def deformation_gradients(
     Returns
     -------
     (m, 3, 2) array
-        F, dimensionless; float32 where both arrays are.
+        F, dimensionless; float32 if both arrays are.
 
     Examples
     --------

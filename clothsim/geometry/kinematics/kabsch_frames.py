@@ -89,7 +89,7 @@ def _rings_by_size(starts: Ints, neighbours: Ints) -> Iterator[tuple[Ints, Ints]
 
 
 def _checked(reference: Floats, deformed: Floats, starts: Ints, neighbours: Ints) -> tuple[Floats, Floats]:
-    """Both positions as (n, 3) float arrays. InputError where shapes or rows do not fit."""
+    """Both positions as (n, 3) float arrays. InputError if shapes or rows do not fit."""
     p, q = as_points("reference", reference), as_points("deformed", deformed)
     if p.shape != q.shape:
         raise InputError(f"reference has {len(p)} vertices, deformed {len(q)}.")

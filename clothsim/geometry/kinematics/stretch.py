@@ -74,7 +74,7 @@ def principal_stretches(F: NDArray[np.floating]) -> NDArray[np.floating]:
 def polar_decomposition(F: NDArray[np.floating]) -> PolarDecomposition:
     """Polar decomposition F = R U of deformation gradients.
 
-    Where l2 = 0 the second column of W = R V, and where l1 = 0 both, are an arbitrary orthonormal choice.
+    If l2 = 0, the second column of W = R V is an arbitrary orthonormal choice; if l1 = 0, both columns are.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ def deformed_thickness(
     poisson_ratio : (m,) array or float
         nu in (-1, 0.5].
     model : {"neo_hookean", "incompressible"}
-        As for `thickness_stretch`.
+        As in `thickness_stretch`.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def deformed_thickness(
     Raises
     ------
     InputError
-        As `thickness_stretch`.
+        As in `thickness_stretch`.
 
     Examples
     --------

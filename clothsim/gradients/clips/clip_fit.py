@@ -44,7 +44,7 @@ Tell = Callable[["ClipRun"], None]
 
 @dataclass(frozen=True, eq=False)
 class ClipRun:
-    """A run: numbers (k,), the sum, and positions at all keys (p, 3), empty where it failed."""
+    """A run: numbers (k,), the sum, and positions at all keys (p, 3), empty if it failed."""
 
     at: Floats
     total: float

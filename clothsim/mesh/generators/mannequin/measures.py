@@ -85,7 +85,7 @@ class MeasuredBody:
     measures : dict of str to float
         All measures of the body [m].
     at_bounds : tuple of str
-        Proportions at an end of their range: more of it would fold the surface.
+        Proportions at an end of their range, beyond which the surface would fold.
     """
 
     proportions: Proportions
@@ -95,7 +95,7 @@ class MeasuredBody:
 
     @property
     def residuals(self) -> dict[str, float]:
-        """Each given measure: that of the body less it [m]."""
+        """Measure of the body minus the given measure, for each [m]."""
         return {name: self.measures[name] - value for name, value in self.wanted.items()}
 
     @property
@@ -115,13 +115,13 @@ def measured_body(**wanted: float) -> MeasuredBody:
     Parameters
     ----------
     **wanted : float
-        Of `MEASURES` [m]. `height`, that of the mannequin where it is not given, is met exactly.
+        Measures by the names of `MEASURES` [m]. `height` is met exactly; default: that of the mannequin.
 
     Raises
     ------
     InputError
-        Names a measure that is unknown, is not a positive length, or is `ABSURD` times the usual one at that height; or
-        a height out of range.
+        For an unknown measure, a measure that is not a positive length or is `ABSURD` times the usual one at that
+        height, or a height out of range.
 
     Examples
     --------
