@@ -79,12 +79,12 @@ class ClipRecovery(Recovery):
     scene_of_numbers : Scene
         The scene with the numbers alone; `scene` has the rest shape too.
     noise : tuple of float
-        Root mean square distance that each key is known to [m]: its floor, or FINEST.
+        Root mean square uncertainty of each key [m]: its noise floor, or FINEST.
     misfits : tuple of float
         Root mean square distance at the keys, each by the inverse square of its noise, of the scene as it was, with the
         numbers, and with the rest shape [m].
     from_minimum : float
-        Largest change of a logarithm in the step that is left, by the gradient of the adjoint, over its standard error;
+        Largest change of a logarithm in the remaining step, from the gradient of the adjoint, over its standard error;
         nan if the scene has no gradient.
     no_gradient : str
         Why the scene has no gradient; empty if it has one.
@@ -243,15 +243,15 @@ def recover_clip(
     Parameters
     ----------
     scene : Scene
-        Lengths and a rest shape can be found only if its cloths are given by arrays.
+        Its lengths and a rest shape can be found only if its cloths are given by arrays.
     keys : mapping of int to (n, 3) ndarray [m]
         Positions of all cloth vertices by the number of the frame, from 1.
     free : sequence of str
         Numbers: "stretch", "bending", "friction", "pressure", "damping", "width", "height", "hem". Empty: all that the
         scene has.
     floor : float, (f,) array_like or callable
-        Noise of a run [m], root mean square, of all frames or of each key in the order of time; or a function that
-        finds it, called when all else is checked.
+        Root mean square noise of a run [m], for all frames or for each key in the order of time; or a function that
+        finds it, called after all other checks.
     rest : bool
         Find a residual rest shape if the numbers leave more than the noise.
     progress : callable, optional
