@@ -47,7 +47,7 @@ COMMANDS = {
     "bundle": Command("export_command", "pack a run to replay it elsewhere", _RUN),
     "fit": Command("garment_command", "fit a garment onto a body", _GARMENT),
     "dress": Command("garment_command", "sew a pattern on a body", _PATTERN),
-    "body": Command("body_command", "make a body from its measurements"),
+    "body": Command("body_command", "make a body from measurements"),
     "unpose": Command("unpose_command", "bring the garments of a run to the rest pose", _RUN),
     "repose": Command(
         "unpose_command",
@@ -57,7 +57,7 @@ COMMANDS = {
     "wrinkle": Command("run_command", "add fine wrinkles to a coarse run", _RUN),
     "author": Command("author_command", "make a clip from edited frames of a run", _RUN),
     "study": Command("study_command", "measure error against computing time", _SCENE),
-    "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
+    "farm": Command("farm_command", "make many drapes from one recipe", _FARM),
     "sweep": Command("sweep_command", "run a scene with several values of its keys", _SCENE),
     "learn": Command("learn_command", "train a model on the drapes of a farm", _FARM),
     "preview": Command(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from clothsim import MeasuredBody
 
 _DESCRIPTION = """\
-Make a body from measurements: the mannequin with its proportions fitted to those given; the others follow its height.
+Make a body from measurements: the mannequin with proportions fitted to those given. The others follow its height.
 
   clothsim body --height 168cm --chest 96cm --waist 80cm --hips 104cm --inside-leg 76cm -o me.obj
   clothsim dress tunic --on me.obj --size 15mm           # a pattern on it

@@ -37,8 +37,8 @@ FILES = ("study.md", "study.json", "study.png", "goal.png")
 _DESCRIPTION = """\
 Measure the error of a scene's last frame, the sources of that error, and what a smaller one would cost. Runs the scene
 with finer and coarser settings, one process for each core, and writes study.md, study.json and study.png. A repeated
-call continues from the stored runs. Where the budget is too small to refine dt and cells, no error is given: the answer
-is the budget that is needed (exit code 1).
+call continues from the stored runs. If the budget is too small to refine dt and cells, the answer is the budget that is
+needed, not an error (exit code 1).
 
   clothsim study scenes/study_strip.toml -o accuracy --budget 120s
 """

@@ -66,7 +66,7 @@ def _add_address(command: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME:PORT",
-        help="another name by which a browser reaches it, such as localhost:9000 of a tunnel",
+        help="another name by which a browser reaches it, such as localhost:9000 for a tunnel",
     )
 
 

@@ -38,7 +38,9 @@ def _statement(result: Mapping[str, Any]) -> str:
         between = f"at most {in_mm(headline['high'])}"
     if headline["status"] == KNOWN:
         fraction = f"{100 * headline['error'] * MM / result['size']:.2g} % of its size"
-        return f"As it is, this scene is {in_mm(headline['error'])} wrong ({fraction}; {between}) and takes {seconds}."
+        return (
+            f"The error of this scene is {in_mm(headline['error'])} ({fraction}; {between}). The scene takes {seconds}."
+        )
     if headline["status"] == PARTIAL:
         missing = " and ".join(headline["missing"])
         reasons = "; ".join(result["missing_parameters"].get(name, "not asked for") for name in headline["missing"])
@@ -118,7 +120,7 @@ def _sources(result: Mapping[str, Any]) -> list[str]:
     lines = []
     if adds:
         worst = max(adds, key=lambda name: adds[name])
-        lines.append(f"Most of it comes from {worst}: {in_mm(adds[worst])}.")
+        lines.append(f"Most of the error comes from {worst}: {in_mm(adds[worst])}.")
     unknown = [name for name in parameters if name not in adds]
     if unknown:
         lines.append(f"The part of {' and '.join(unknown)} is not included: no finer run of them is a data point.")

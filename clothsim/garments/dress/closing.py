@@ -145,7 +145,8 @@ def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]
     """Phases that draw every open seam together once; springs through the body wait.
 
     A skirt is sewn to a bodice that hangs on its closed shoulders: drawn together with them it would pull them down.
-    A flounce cut as an arc has its ends before and behind the legs: it is sewn to its skirt first.
+    A flounce cut as an arc has its ends before and behind the legs: it is sewn to its skirt first. Where a tight cuff
+    began closed round its leg there is friction: it would slide to where the leg is thinner, and pull the garment off.
     """
     seams = [state.mesh.seams[k] for k in state.open_seams]
     order = [order_of(seam, state) for seam in seams]
@@ -161,7 +162,7 @@ def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]
         SewingPhase(ends, within + below, patient=True),
         SewingPhase(onto, within + ends + below, hold=True, patient=True),
     )
-    return [phase for phase in planned if phase.closing]
+    return [replace(phase, friction=bool(state.tight)) for phase in planned if phase.closing]
 
 
 MOST = 0.5
@@ -369,7 +370,7 @@ def close(
         runs.append(run)
         if not completed:
             open_seam, between = _between_sides(moved, wearer, NEAR * mean_edge(state))
-            failure = f"While the seams were closed: {run.reason} {open_seam}".strip()
+            failure = f"While the seams were closing: {run.reason} {open_seam}".strip()
             return ClosingResult(moved, failure, "", tuple(runs), between)
         idle = largest <= limit and len(welded.joined) == len(state.joined)
         state, largest = welded, gap
@@ -389,8 +390,9 @@ def _between_sides(state: SewingState, wearer: Wearer, limit: float) -> tuple[st
         return "", ()
     own = [seam for seam in state.mesh.seams if seam.name == name]
     here, between = (limbs_between(state, seams, wearer, limit) for seams in (own, _open_seams(state)))
-    what = ", ".join(f"the {limb}" for limb in here) or "no limb, cloth"
-    sentence = f"Seam {name} stays open by {1e3 * gap:.3g} mm (closed: {1e3 * limit:.2g} mm), between them: {what}."
+    what = ", ".join(f"the {limb}" for limb in here) or "only cloth"
+    counts = f"(at most {1e3 * limit:.2g} mm counts as closed)"
+    sentence = f"Seam {name} stays open by {1e3 * gap:.3g} mm {counts}. Between its sides: {what}."
     return sentence, between
 
 

@@ -119,6 +119,26 @@ def _strings_at(mesh: PatternMesh, pairs: list[Ints], heights: Floats, level: fl
     return np.concatenate(found)
 
 
+SPLIT = np.linspace(1.0, 0.85, 30)
+"""Levels at which the legs are tried to be two pieces of the body, as fractions of the height of its crotch."""
+
+
+def _side_of_legs(body: BodyMesh, local: Floats) -> Floats:
+    """1 for each vertex of the left, -1 for one of the right: a thigh may reach across the middle of the body.
+
+    The legs are two pieces of the body below its crotch, or up to a few millimetres lower where its mesh is coarse.
+    """
+    side = np.asarray(np.sign(local[:, 0]), np.float64)
+    feet = [np.argmin(np.where(side == sign, local[:, 1], np.inf)) for sign in (1, -1)]
+    for level in SPLIT * body.parts.landmarks["crotch"]:
+        label = components(body.triangles[(local[:, 1] < level)[body.triangles].all(axis=1)], len(local))
+        if label[feet[0]] != label[feet[1]]:
+            for foot, sign in zip(feet, (1, -1), strict=True):
+                side[label == label[foot]] = sign
+            break
+    return side
+
+
 PARTING = np.radians(12.0)
 """Angle by which each leg is turned outward [rad]."""
 ROOT = 0.1
@@ -173,11 +193,7 @@ def _posed(body: BodyMesh, legs: float, arms: float) -> Floats:
     crotch = parts.landmarks["crotch"]
     depth = np.maximum(crotch - local[:, 1], 0.0)
     reach = np.where(depth < ROOT * crotch, depth**2 / (2 * ROOT * crotch), depth - ROOT * crotch / 2)
-    side = np.sign(local[:, 0])
-    low = body.triangles[(depth > 0)[body.triangles].all(axis=1)]
-    label = components(low, len(local))
-    for name in np.unique(label[low]):  # a thigh may reach across the middle of the body
-        side[label == name] = np.sign(np.median(local[label == name, 0]))
+    side = _side_of_legs(body, local)
     moved = local.copy()
     moved[:, 0] += np.tan(legs) * side * reach * (1.0 - weights.arms.sum(axis=0).clip(0.0, 1.0))
     for k, outward in enumerate((1.0, -1.0)):

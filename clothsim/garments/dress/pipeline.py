@@ -28,7 +28,7 @@ from clothsim.garments.dress.corrections import (
 )
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.placement import hangs_on_shoulders
-from clothsim.garments.dress.rings import centred
+from clothsim.garments.dress.rings import centred, closed_round_legs
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth, worst_gap
 from clothsim.garments.dress.welding import mean_edge, welded_and_untangled, welded_where_closed
 from clothsim.garments.fit.moving_body import carrying_stiffness
@@ -116,8 +116,9 @@ def _place(task: DressTask, done: DressState) -> DressState:
     state, tip_notes = parted(state.weld(touching))
     state, lift_note = lifted(state, done.on.body, done.on.surface)
     state, aside_notes = centred(state, done.on.body)
+    state, tube_notes = closed_round_legs(state, done.on.body, done.on.surface)
     state, sleeve_notes = sleeves_cleared(state, done.on.body, done.on.surface)
-    notes = (*done.notes, *tip_notes, *([lift_note] if lift_note else []), *aside_notes, *sleeve_notes)
+    notes = (*done.notes, *tip_notes, *([lift_note] if lift_note else []), *aside_notes, *tube_notes, *sleeve_notes)
     done = replace(done, notes=notes)
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
     size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
@@ -196,7 +197,7 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     except InputError as error:
         return replace(done, status="sewn", reason=f"The drape could not start: {error.sentence}")
     if run.status != "completed":
-        return replace(done, run=run, status="sewn", reason=f"{run.reason} The garment is sewn, and not at rest.")
+        return replace(done, run=run, status="sewn", reason=f"{run.reason} The garment is sewn but not at rest.")
     ended = f"draped for {run.times[-1]:.3g} s"
     draped = _add_stage(task, done, "drape", done.state.moved_to(run.positions(-1)), ended, started)
     draped = replace(draped, run=run)

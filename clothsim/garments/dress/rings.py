@@ -1,7 +1,9 @@
 """Pieces of a pattern that go round the body: a bodice, trousers, a skirt, its levels; moved to where they belong.
 
 Levels of a slanting skirt are drawn beside the legs that they go round. Trousers of a low rise are drawn with their top
-at the waist and their crotch inside the pelvis.
+at the waist and their crotch inside the pelvis. Tight cuffs are narrower when flat than the leg is thick: wherever
+their front and back are placed, strings between them run through the leg. Drawn together they slip to one side of the
+leg and close beside it, so that they begin closed round it.
 """
 
 from dataclasses import replace
@@ -15,8 +17,10 @@ from clothsim.garments.dress.limbs import SIDES, Wearer, limb_names, limbs_betwe
 from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_arm, middle_of
 from clothsim.garments.dress.sewing_state import SewingState, as_placed, crosses_body
 from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.penetration import penetrations
 from clothsim.patterns import MeshedSeam, PatternMesh
 from transfer.errors import TransferError
+from transfer.signed_distance import BodySurface
 
 
 def rings(state: SewingState, body: BodyMesh) -> list[tuple[str, ...]]:
@@ -155,11 +159,16 @@ def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: 
     return lacking[0], lacking[1]
 
 
-def _middle_at(at: Floats, body: Floats, up: Floats, right: Floats) -> float:
+def _middle_at(at: Floats, leg: Floats, up: Floats, right: Floats) -> float:
     """Mean of the middles of a leg (n, 3) at the levels of points (k, 3), along `right` [m]; below it of its foot."""
-    heights, sides = body @ up, body @ right
-    slices = [sides[np.abs(heights - level) < SLICE] for level in np.clip(at @ up, heights.min(), heights.max())]
+    slices = [_slice_at(leg, level, up) @ right for level in at @ up]
     return float(np.mean([(part.min() + part.max()) / 2 for part in slices if len(part)]))
+
+
+def _slice_at(leg: Floats, level: float, up: Floats) -> Floats:
+    """Vertices (k, 3) of a leg (n, 3) near a level, at most as low as its foot and as high as its top."""
+    heights = leg @ up
+    return leg[np.abs(heights - np.clip(level, heights.min(), heights.max())) < SLICE]
 
 
 def _shift_between(right: float, left: float) -> float:
@@ -181,6 +190,101 @@ def _borders(state: SewingState, names: tuple[str, ...]) -> int:
     faces = np.concatenate([np.arange(rows.start, rows.stop) for rows in (state.mesh.faces[name] for name in names)])
     triangles = state.weld(seams).triangles[faces]
     return 2 - (len(np.unique(triangles)) - len(unique_edges(triangles)) + len(triangles))
+
+
+CLEARANCE = 0.005
+"""Distance of the vertices from the leg, and step by which those of triangles that intersect it move outward [m]."""
+ROUNDS = 10
+"""Bound on these steps: two legs are no farther apart."""
+
+
+def closed_round_legs(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, tuple[str, ...]]:
+    """State whose tight tubes of a leg are closed round it, and a note for each.
+
+    These are tubes of a front and a back below trousers that are narrower than the leg at most of their heights. One
+    for which there is no room stays as it is.
+    """
+    right, middle = np.cross(body.up, body.front), middle_of(body)
+    notes = []
+    for names in sorted(_on_trouser_legs(state, rings(state, body), body)):
+        ends, own = state.positions[open_pairs_of(state, names)], state.positions[vertices_of(state, names)]
+        if len(names) != 2 or not len(ends):
+            continue
+        side = np.sign((own.mean(axis=0) - middle) @ right)
+        leg = body.positions[side * ((body.positions - middle) @ right) > 0]
+        if not _is_narrower(ends, leg, body.up, right):
+            continue
+        closed = _closed_round(state, names, ends, leg, body, surface)
+        if closed is not None:
+            state = replace(closed, tight=(*state.tight, *names))
+            notes.append(f"{', '.join(names)} begin closed round the leg, which is thicker than they are wide")
+    return state, tuple(notes)
+
+
+def _is_narrower(ends: Floats, leg: Floats, up: Floats, right: Floats) -> bool:
+    """True for a tube with these strings (k, 2, 3) that is narrower than a leg at most of their heights."""
+    levels = ends.mean(axis=1) @ up
+    inner, outer = _reach_of_sides(ends, levels, up, right)
+    thickness = np.array([np.ptp(_slice_at(leg, level, up) @ right) for level in levels])
+    return bool(np.mean(outer - inner < thickness) > MOST)
+
+
+def _reach_of_sides(ends: Floats, levels: Floats, up: Floats, right: Floats) -> list[Floats]:
+    """How far to the right both sides of a tube are at some heights, two of (n,) [m], from its strings (k, 2, 3)."""
+    lines = ends.mean(axis=1)
+    lines = lines[np.argsort(lines @ up)]
+    outer = (lines - lines.mean(axis=0)) @ right > 0
+    return [np.interp(levels, lines[chosen] @ up, lines[chosen] @ right) for chosen in (~outer, outer)]
+
+
+def _closed_round(
+    state: SewingState, names: tuple[str, ...], ends: Floats, leg: Floats, body: BodyMesh, surface: BodySurface
+) -> SewingState | None:
+    """State whose panels `names` are welded to a tube round a leg; None where it would intersect something."""
+    seams = [k for k in state.open_seams if {end.panel for end in state.mesh.seams[k].stitch.sides} == {*names}]
+    closed = state.weld(seams)
+    positions, out = closed.positions.copy(), np.zeros_like(closed.positions)
+    for name in names:
+        rows = state.mesh.vertices[name]
+        points = state.positions[state.number[rows]]
+        positions[closed.number[rows]], out[closed.number[rows]] = _bent_round(points, ends, leg, body, surface)
+    distance = np.full(len(positions), CLEARANCE)
+    for _ in range(ROUNDS):
+        tried = closed.moved_to(positions + distance[:, None] * out)
+        hit = _intersecting_faces(tried, names, surface)
+        if not len(hit):
+            return tried
+        distance[np.unique(tried.triangles[hit])] += CLEARANCE
+    return None
+
+
+def _intersecting_faces(state: SewingState, names: tuple[str, ...], surface: BodySurface) -> Ints:
+    """Triangles of some panels that intersect the body or cloth; those of other panels are moved apart later."""
+    _, with_body, own = penetrations(state.positions, state.triangles, surface)
+    rows = [state.mesh.faces[name] for name in names]
+    faces = np.concatenate([np.arange(each.start, each.stop) for each in rows])
+    return np.intersect1d(faces, np.concatenate([with_body[:, 0], own.ravel()]))
+
+
+def _bent_round(
+    points: Floats, ends: Floats, leg: Floats, body: BodyMesh, surface: BodySurface
+) -> tuple[Floats, Floats]:
+    """Points (k, 3) of the front or the back of a tube, bent by half a turn onto a leg at their heights [m].
+
+    And the horizontal directions there out of the leg. ends: the strings of both sides of the tube, (s, 2, 3); a point
+    is as far round from one side as it is across.
+    """
+    up, right = body.up, np.cross(body.up, body.front)
+    levels = points @ up
+    inner, outer = _reach_of_sides(ends, levels, up, right)
+    angle = np.pi * (np.clip((points @ right - inner) / (outer - inner), 0.0, 1.0) - 0.5)
+    facing = np.sign((points.mean(axis=0) - ends.mean(axis=(0, 1))) @ body.front) * body.front
+    out = np.sin(angle)[:, None] * right + np.cos(angle)[:, None] * facing
+    slices = [_slice_at(leg, level, up) for level in levels]
+    axis = np.array([(part.min(axis=0) + part.max(axis=0)) / 2 for part in slices])
+    axis += (levels - np.sum(axis * up, axis=1))[:, None] * up
+    reach, _ = surface.exits(axis, out)
+    return axis + reach[:, None] * out, out
 
 
 RISE = 0.01

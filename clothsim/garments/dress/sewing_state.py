@@ -28,12 +28,15 @@ class SewingState:
         Vertices of the garment [m].
     joined : (j, 2) int array
         Pairs of vertices of the panels that are welded.
+    tight : tuple of str
+        Panels that began closed round a leg that they are narrower than (`closed_round_legs`).
     """
 
     mesh: PatternMesh
     number: Ints
     positions: Floats
     joined: Ints = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    tight: tuple[str, ...] = ()
 
     @property
     def triangles(self) -> Ints:

@@ -1,5 +1,7 @@
 """Limbs: names on a body, what is between the sides of a seam, tubes of legs, the body posed for sewing and back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from capsule_bodies import signed_volume
@@ -109,6 +111,19 @@ def test_limbs_move_out_of_the_way_and_back(wearer, limbs, moved):
     for frame in posed.way[[0, 3]]:
         assert signed_volume(frame, wearer.body.triangles) > 0
         assert not len(intersecting_pairs(frame, wearer.body.triangles))
+
+
+def test_each_leg_is_turned_to_its_side_where_the_legs_join_below_the_crotch(wearer):
+    """The crotch is found at a vertex, and the triangles below one may still join the legs: they are pieces lower."""
+    parts = wearer.body.parts
+    high = {**parts.landmarks, "crotch": parts.landmarks["crotch"] + 0.02}
+    body = replace(wearer.body)
+    body.__dict__["parts"] = replace(parts, landmarks=high)
+    posed, _ = sewing_pose(Wearer(body, wearer.surface), ["left leg"])
+    low = body.positions[:, 1] < 0.5 * high["crotch"]
+    moved, side = (posed.way[0] - posed.way[-1])[low, 0], body.positions[low, 0]
+    assert np.all(moved * side > 0)
+    assert not len(intersecting_pairs(posed.way[0], body.triangles))
 
 
 def test_nothing_helps_where_no_limb_is_between(wearer):
