@@ -16,8 +16,8 @@ class ClothsimError(Exception):
     sentence : str
         The fault, with names, indices and numbers.
     remedy : str
-        A change that avoids it, with the options of the command line; may be empty. The text of the error, which
-        Python shows, has keyword arguments in their place.
+        A change that avoids the fault, with options of the command line; may be empty. In Python, the text of the error
+        has keyword arguments instead of these options.
 
     Examples
     --------

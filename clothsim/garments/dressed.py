@@ -54,7 +54,7 @@ class Dress:
     reason : str
         Reason for the status, one sentence.
     pattern : Pattern
-        Pattern as sewn: as read, or graded.
+        Pattern that was sewn: as read, or graded.
     placed : SewingState
         Panels as placed.
     state : SewingState
@@ -237,7 +237,7 @@ def dress(
     fabric : str, optional
         A named fabric; None: cotton.
     fabrics : mapping of str to str, optional
-        Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
+        Named fabrics of single panels, by name; `*` stands for any characters: {"*cuff*": "denim"}.
     made_for : str, Path, Body or mesh object, optional
         The body that the pattern was cut for. The pattern is graded from the girths and lengths of this body to those
         of `on`. None: as cut.

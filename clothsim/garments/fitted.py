@@ -156,7 +156,7 @@ def fit(
 ) -> Fit:
     """Fit a garment made for one body to another body.
 
-    The output directory holds the files of a run, `fitted.obj`, and the stages in summary.json.
+    The output directory contains the files of a run, `fitted.obj`, and the stages in summary.json.
 
     Parameters
     ----------

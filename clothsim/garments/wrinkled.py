@@ -140,7 +140,7 @@ def refuse_unfit(run: "Run", parts: int) -> None:
     """InputError for a run that has nothing to wrinkle, or parts out of range."""
     where = str(run.directory)
     if not FEWEST <= parts <= MOST:
-        raise InputError(f"Each edge cannot be divided in {parts}.", f"Give {FEWEST} to {MOST} parts: --cells 4x.")
+        raise InputError(f"Edges cannot be divided into {parts}.", f"Give {FEWEST} to {MOST} parts: --cells 4x.")
     if run.status != "completed":
         raise InputError(f"The run {where} {_STATUS.get(run.status, run.status)}.", "Wrinkle one that is completed.")
     if not len(run.triangles):

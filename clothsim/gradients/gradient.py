@@ -119,7 +119,7 @@ ARRAYS = ("start", "velocity", "force", "pins")
 
 @dataclass(frozen=True, eq=False)
 class Gradient(Mapping[str, Floats]):
-    """Derivatives of a loss, by names.
+    """Derivatives of a loss, by name.
 
     | name | derivative by | shape |
     | --- | --- | --- |

@@ -19,7 +19,7 @@ def simulate(
     frames: Sequence[int] = (-1,),
     stiffness: Mapping[str, float] | None = None,
 ) -> Any:
-    """Run a scene with JAX arrays in place of some of its numbers; `jax.grad` and `jax.jit` go through it.
+    """Run a scene with JAX arrays in place of some of its numbers; compatible with `jax.grad` and `jax.jit`.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def simulate(
     Returns
     -------
     array (f, n, 3)
-        Positions of all cloths [m], float64 where `jax_enable_x64` is set, else float32.
+        Positions of all cloths [m], float64 if `jax_enable_x64` is set, else float32.
 
     Raises
     ------

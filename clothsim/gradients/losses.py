@@ -16,7 +16,7 @@ from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World
 
 Function = Callable[[Floats], tuple[float, Floats]]
-"""Positions (n, 3) [m] of all cloths to the loss and its derivative (n, 3)."""
+"""Maps the positions (n, 3) [m] of all cloths to the loss and its derivative (n, 3)."""
 
 
 class Loss(abc.ABC):
@@ -56,7 +56,7 @@ class OfMotion(Loss):
     Parameters
     ----------
     function : callable
-        Positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives with respect to
+        Maps the positions [m] and velocities [m/s] (n, 3) of all cloths to the loss and its derivatives with respect to
         both, (n, 3) each.
     frame : int
         Number of the frame, counted from the last if negative.
@@ -276,7 +276,7 @@ def as_loss(loss: Loss | Function) -> Loss:
 
 
 CORNER = np.pi / 4
-"""Turn of the border within the cloth from which a vertex is a corner [rad]."""
+"""Smallest turn of the border, within the cloth, at a vertex that is a corner [rad]."""
 
 
 @dataclass(frozen=True)

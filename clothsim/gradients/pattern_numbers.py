@@ -129,7 +129,7 @@ def bezier_edge(mesh: PatternMesh, side: Side, shape: tuple[int, ...] | None = N
 
 
 def follow(panel: Panel, edge: PatternEdge, moves: Floats, points: Floats) -> Floats:
-    """Return the displacements (k, 2) of points (k, 2) of an edge by those of the panel's vertices: a similarity."""
+    """Return the displacements (k, 2) of points (k, 2) of an edge that moves by a similarity with its vertices."""
     corners, along, at = panel.vertices @ [1, 1j], moves @ [1, 1j], points @ [1, 1j]
     turn = (along[edge.end] - along[edge.start]) / (corners[edge.end] - corners[edge.start])
     moved = along[edge.start] + turn * (at - corners[edge.start])

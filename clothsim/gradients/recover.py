@@ -203,12 +203,12 @@ def recover(
     loss : Loss
         `Distance` to positions with the numbering of the cloth, `Scan` of points, or another.
     free : sequence of str
-        Paths of positive numbers, such as "effects.friction.coefficient"; keys of a fabric are meant of the cloth. Of a
+        Paths of positive numbers, such as "effects.friction.coefficient"; keys of a fabric refer to the cloth. For a
         cloth from a pattern also "pattern.front.width", "pattern.front+back.height", "pattern.front.flare"
-        (`pattern_numbers`), the start held.
+        (`pattern_numbers`), with a fixed start.
     starts : int
-        Number of starts; those after the first have numbers up to twice or half of the scene's, of the pattern's up to
-        5 % off.
+        Number of starts; those after the first differ from the scene by a factor of up to two, and numbers of the
+        pattern by up to 5 %.
     progress : callable, optional
         Called after each run with the number of the start, from 1.
     seed : int

@@ -1,14 +1,10 @@
-"""Recovery of what explains edited frames of a clip: numbers of its scene, then a residual rest shape.
+"""Recovery of what explains edited frames of a clip: rest lengths, or numbers of its scene and a residual rest shape.
 
 The sum over the edited frames of the squared distances, over what noise leaves of each, is minimised over logarithms of
 factors (`clips.numbers`) with a normal prior about the scene as it was (`clips.gauss_newton`):
 a run with the scene's own contact and stop for each evaluation, for an adjoint holds the stiffness of contact and
 polishes each solve, and so is another clip by more than the noise. At the end the adjoint gives the gradient of the
 same sum, where the scene has one: how far the end is from a minimum does not rest on the differences.
-
-A garment on a moving body parts from its twins with time, so that an early key is known far better than a late one, and
-small differences of late frames are chance: each key counts by its own noise, differences are as large as the noise
-asks for, and what they move by no more than twins are apart counts as not moved.
 
 What the keys determine: the singular values of the Jacobian over the noise, its columns in standard deviations of the
 prior (Seber & Wild 1989, Nonlinear Regression, section 3.2). A combination of numbers whose singular value is below 1
@@ -24,45 +20,36 @@ import numpy as np
 from clothsim.base.arrays import Floats, as_points, as_positive
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.text import many
-from clothsim.gradients.clips.gauss_newton import GaussNewton, LineSearch
+from clothsim.gradients.clips.clip_fit import (
+    UNEXPLAINED,
+    ClipFit,
+    ClipRun,
+    positions_at,
+    refuse_beyond,
+    until_last,
+)
 from clothsim.gradients.clips.numbers import ClipNumbers, clip_numbers
-from clothsim.gradients.clips.rest_shape import RestMesh, RestPrice, fitted_rest
-from clothsim.gradients.differentiable_session import forward
+from clothsim.gradients.clips.rest_shape import RestMesh, RestPrice, fitted_lengths, fitted_rest, is_stretch
 from clothsim.gradients.loss_of_numbers import Evaluation
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.recover import Recovery
-from clothsim.gradients.run import Trace, begun, traced
-from clothsim.run.session import prepare
+from clothsim.gradients.run import traced
 from clothsim.scene.assembly.scene_world import build, world_of
 from clothsim.scene.scene import Scene
 from clothsim.solve.stepping.time_loop import frame_count
 
-FINEST = 1e-4
-"""Least noise of an edited frame: what a hand and a file of it leave [m]."""
-INDEPENDENT = 10
-"""Independent errors of an edited frame: neighbouring vertices err alike."""
 SHOWN = 0.3
 """Weight of a number in a combination from which it is named."""
-LEAST = 0.05
-"""Relative drop of the sum in a step at which the search ends."""
 ALONE = 2
 """Directions that are searched alone, those that promise most."""
-BEGIN = 0.7
-"""Least first step along a direction, of what is likely."""
-UNEXPLAINED = 0.5
-"""Fraction of what a run leaves at the keys that counts as noise in the next search."""
 TIGHTENINGS = 3
 """Searches from the last one, each with the noise that it left."""
 LARGEST_MODEL = 1.5
 """Multiple of the noise up to which numbers alone explain the keys, and no rest shape is sought."""
-ABOVE_FLOOR = 3.0
-"""Multiple of the floor, over the distance at a key, that a difference is of what is likely of its number."""
-SEEN = 2.0
-"""Multiple of the floor up to which a difference of runs at a key is chance."""
+NEARBY = 0.01
+"""Factor on the differences of the last search, in which nothing buckles another way."""
 
 
-Tell = Callable[["_Seen"], None]
-"""Called with each run."""
 Floor = float | Sequence[float] | Floats
 """Noise of a run in all frames, or at each key [m]."""
 
@@ -79,12 +66,12 @@ class ClipRecovery(Recovery):
     scene_of_numbers : Scene
         The scene with the numbers alone; `scene` has the rest shape too.
     noise : tuple of float
-        Root mean square distance that each key is known to [m]: its floor, or FINEST.
+        Root mean square uncertainty of each key [m]: its noise floor, or FINEST.
     misfits : tuple of float
         Root mean square distance at the keys, each by the inverse square of its noise, of the scene as it was, with the
         numbers, and with the rest shape [m].
     from_minimum : float
-        Largest change of a logarithm in the step that is left, by the gradient of the adjoint, over its standard error;
+        Largest change of a logarithm in the remaining step, from the gradient of the adjoint, over its standard error;
         nan if the scene has no gradient.
     no_gradient : str
         Why the scene has no gradient; empty if it has one.
@@ -103,133 +90,6 @@ class ClipRecovery(Recovery):
     no_rest: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """A run: numbers (k,), the sum, and positions at all keys (p, 3), empty if it failed."""
-
-    at: Floats
-    total: float
-    positions: Floats
-    failure: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Edited frames (f, n, 3) by number, and the numbers that may explain them.
-
-    frames: numbers of the frames; floor: distance of twins at each (f,) [m]; noise: what each is known to (f,) [m];
-    sigma: noise in the sum, which counts what is left unexplained (f,) [m]; steps: differences of the numbers (k,).
-    """
-
-    numbers: ClipNumbers
-    frames: tuple[int, ...]
-    keys: Floats
-    floor: Floats
-    noise: Floats
-    sigma: Floats
-    steps: Floats
-
-    @classmethod
-    def of(cls, numbers: ClipNumbers, keys: Mapping[int, Floats], floor: Floats) -> "_Fit":
-        """The fit of keys (n, 3) [m] by frame, known to their floor (f,) [m]."""
-        frames, noise = tuple(sorted(keys)), np.maximum(floor, FINEST)
-        points = np.array([keys[frame] for frame in frames])
-        return cls(numbers, frames, points, floor, noise, noise, numbers.of_kind("step"))
-
-    @property
-    def known(self) -> float:
-        """Noise of the keys in the mean of `misfit` [m]."""
-        return float((self.noise**-2.0).mean() ** -0.5)
-
-    @property
-    def weight(self) -> Floats:
-        """Of a squared distance in half the sum, (f n, 1), in the order of positions."""
-        n = self.keys.shape[1]
-        return np.repeat(INDEPENDENT / (n * self.sigma**2), n)[:, None]
-
-    def run(self, at: Floats) -> _Seen:
-        """A run; one that fails is an outcome too."""
-        try:
-            x = _positions(self.numbers.scene_at(at), self.frames)
-        except ClothsimError as error:
-            return _Seen(at, float("inf"), np.zeros((0, 3)), error.sentence)
-        return self.at(_Seen(at, 0.0, x))
-
-    def beside(self, at: Floats, seen: _Seen) -> _Seen:
-        """A run for a difference; at keys where twins are as far from each other it is the one that is there."""
-        found = self.run(at)
-        if not np.isfinite(found.total):
-            return found
-        chance = self._apart(found.positions - seen.positions) < SEEN * self.floor
-        rows = np.repeat(chance, self.keys.shape[1])[:, None]
-        return replace(found, positions=np.where(rows, seen.positions, found.positions))
-
-    def tightened(self, positions: Floats) -> "_Fit":
-        """The fit that counts half of what a run leaves as noise: numbers that explain less stay where they were."""
-        return replace(self, sigma=np.maximum(self.noise, UNEXPLAINED * self.misfit(positions)))
-
-    def stepped(self, positions: Floats) -> "_Fit":
-        """The fit with differences that stand out of the floor, of an edit of the size that a run leaves."""
-        off = np.maximum(self.left(positions), 1e-12)
-        share = min(1.0, ABOVE_FLOOR * float((self.floor / off).max()))
-        return replace(self, steps=np.maximum(self.steps, share * self.numbers.of_kind("prior")))
-
-    def at(self, seen: _Seen) -> _Seen:
-        """A run with the sum of this fit."""
-        away = seen.at / self.numbers.of_kind("prior")
-        square = float((self.weight * (seen.positions - self.keys.reshape(-1, 3)) ** 2).sum())
-        return replace(seen, total=0.5 * (square + float(away @ away)))
-
-    def left(self, positions: Floats) -> Floats:
-        """Root mean square distance of positions (p, 3) from each key (f,) [m]."""
-        return self._apart(positions - self.keys.reshape(-1, 3))
-
-    def misfit(self, positions: Floats) -> float:
-        """That of all keys, each by the inverse square of its noise [m]."""
-        return float(np.sqrt(np.average(self.left(positions) ** 2, weights=self.noise**-2.0)))
-
-    def _apart(self, offsets: Floats) -> Floats:
-        """Root mean squares of offsets (f n, 3) of each key (f,) [m]."""
-        return np.asarray(np.sqrt((offsets.reshape(self.keys.shape) ** 2).sum(axis=2).mean(axis=1)))
-
-    def normal(self, seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
-        """Gradient (k,) and Gauss-Newton Hessian (k, k) of the sum without the prior."""
-        off = (self.weight * (seen.positions - self.keys.reshape(-1, 3))).ravel()
-        return moves.T @ off, moves.T @ (np.repeat(self.weight, 3)[:, None] * moves)
-
-    def linearised(self, seen: _Seen, moves: Floats) -> tuple[Floats, Floats]:
-        """Gradient (k,) and Gauss-Newton Hessian (k, k) of the sum."""
-        inverse = self.numbers.of_kind("prior") ** -2.0
-        gradient, hessian = self.normal(seen, moves)
-        return gradient + inverse * seen.at, hessian + np.diag(inverse)
-
-    def search(self, tell: Callable[[_Seen], None]) -> GaussNewton[_Seen]:
-        """The search from run to run, each from the start of the scene."""
-        of, limit = self.numbers.of_kind, self.numbers.of_kind("limit")
-
-        def run(at: Floats, _: _Seen) -> _Seen:
-            return self.run(at)
-
-        return GaussNewton(run, self.beside, self.linearised, self.steps, of("largest"), -limit, limit, tell, LEAST)
-
-    def doubled(self, first: _Seen, direction: Floats, slope: float, curvature: float, tell: Tell) -> LineSearch[_Seen]:
-        """Runs along a direction (k,); slope, curvature: of the sum along it at the first run.
-
-        The first step is at least BEGIN of what is likely.
-        """
-        of, moved = self.numbers.of_kind, direction > 0
-        prior, largest, limit = (float(of(what)[moved].min()) for what in ("prior", "largest", "limit"))
-
-        def run(q: float) -> _Seen:
-            seen = self.run(q * direction)
-            tell(seen)
-            return seen
-
-        line = LineSearch(run, {0.0: self.at(first)}, lambda seen: self.misfit(seen.positions) < self.known)
-        line.double(float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, largest), -slope)), limit)
-        return line
-
-
 def recover_clip(
     scene: Scene,
     keys: Mapping[int, Floats],
@@ -243,15 +103,15 @@ def recover_clip(
     Parameters
     ----------
     scene : Scene
-        Lengths and a rest shape can be found only if its cloths are given by arrays.
+        Its lengths and a rest shape can be found only if its cloths are given by arrays.
     keys : mapping of int to (n, 3) ndarray [m]
         Positions of all cloth vertices by the number of the frame, from 1.
     free : sequence of str
         Numbers: "stretch", "bending", "friction", "pressure", "damping", "width", "height", "hem". Empty: all that the
         scene has.
     floor : float, (f,) array_like or callable
-        Noise of a run [m], root mean square, of all frames or of each key in the order of time; or a function that
-        finds it, called when all else is checked.
+        Root mean square noise of a run [m], for all frames or for each key in the order of time; or a function that
+        finds it, called after all other checks.
     rest : bool
         Find a residual rest shape if the numbers leave more than the noise.
     progress : callable, optional
@@ -276,11 +136,11 @@ def recover_clip(
         if len(each) != n:
             raise InputError(f"The key of frame {frame} has {len(each)} vertices, the cloths have {n}.")
     settings = scene.run_settings
-    _refuse_beyond(frames, frame_count(settings.duration, settings.frames_per_second))
-    fit = _Fit.of(numbers, points, _floors(floor() if callable(floor) else floor, len(frames)))
+    refuse_beyond(frames, frame_count(settings.duration, settings.frames_per_second))
+    fit = ClipFit.of(numbers, points, _floors(floor() if callable(floor) else floor, len(frames)))
     count = [0]
 
-    def tell(seen: _Seen, stage: int = 1) -> None:
+    def tell(seen: ClipRun, stage: int = 1) -> None:
         count[0] += 1
         if progress is not None:
             values = dict(zip(numbers.names, np.exp(seen.at).tolist(), strict=True))
@@ -289,6 +149,8 @@ def recover_clip(
     first = _first(fit)
     tell(first)
     fit = fit.stepped(first.positions)
+    if rest and (longer := _longer(fit, first, tell)) is not None:
+        return replace(longer, runs=count[0])
     last, moves = _explained(fit, first, tell)
     known = replace(fit, sigma=np.hypot(fit.noise, fit.left(last.positions)))
     found = _identified(known, first, last, moves)
@@ -306,24 +168,18 @@ def _floors(given: Floor, count: int) -> Floats:
     return np.broadcast_to(each, (count,)).copy()
 
 
-def _refuse_beyond(frames: Sequence[int], last: int) -> None:
-    """InputError for a frame that the run of the scene has not."""
-    if frames[-1] > last:
-        raise InputError(f"There is no frame {frames[-1]} to match.", f"The run of the scene has frames 1 to {last}.")
-
-
-def _first(fit: _Fit) -> _Seen:
+def _first(fit: ClipFit) -> ClipRun:
     """The run of the scene as it was. ClothsimError where it cannot be taken."""
     at = np.zeros(len(fit.numbers.names))
     try:
-        return fit.at(_Seen(at, 0.0, _positions(fit.numbers.scene_at(at), fit.frames)))
+        return fit.at(ClipRun(at, 0.0, positions_at(fit.numbers.scene_at(at), fit.frames)))
     except InputError:
         raise
     except ClothsimError as error:
         raise ClothsimError(f"The scene itself cannot be run: {error.sentence}") from error
 
 
-def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[_Seen, Floats]:
+def _explained(fit: ClipFit, first: ClipRun, tell: Callable[[ClipRun], None]) -> tuple[ClipRun, Floats]:
     """The run with the numbers, and the derivatives at it.
 
     What alone lowers the sum most is varied alone first: an edit is mostly of one kind, and a step of all numbers at
@@ -349,25 +205,24 @@ def _explained(fit: _Fit, first: _Seen, tell: Callable[[_Seen], None]) -> tuple[
         best, _, moves, _ = own.search(tell).descended(own.at(best), moves)
         if not fit.known < fit.misfit(best.positions) < UNEXPLAINED * left:
             break
-    return best, moves
+    return _nearby(fit, best, moves, tell)
 
 
-def _to_last(scene: Scene, frames: Sequence[int]) -> Scene:
-    """The scene until the last of some frames."""
-    settings = scene.run_settings
-    return replace(scene, run=settings.with_keys(duration=frames[-1] / settings.frames_per_second))
+def _nearby(fit: ClipFit, best: ClipRun, moves: Floats, tell: Callable[[ClipRun], None]) -> tuple[ClipRun, Floats]:
+    """The run and its derivatives after a search whose differences are too small for cloth to buckle another way.
+
+    A fabric half a percent off may leave a fold on the other side at a later frame: differences of a tenth then say how
+    branches differ, those of a thousandth how this one moves, and their minimum may lie on the branch of the edit.
+    """
+    if fit.misfit(best.positions) <= fit.finest:
+        return best, moves
+    sigma = np.minimum(fit.noise, max(fit.finest, UNEXPLAINED * fit.misfit(best.positions)))
+    own = replace(fit, sigma=sigma, steps=NEARBY * fit.numbers.of_kind("step"))
+    found, _, own_moves, _ = replace(own.search(tell), least=0.0, both_sides=True).descended(own.at(best))
+    return (found, own_moves) if found.total < own.at(best).total else (best, moves)
 
 
-def _positions(scene: Scene, frames: Sequence[int]) -> Floats:
-    """Positions of the cloth in frames of a run, one after the other, (f n, 3) [m]."""
-    scene = _to_last(scene, frames)
-    session = prepare(scene, build(scene, affordable=True))
-    trace = Trace(session, tuple(forward(session, begun(session, {}))))
-    _refuse_beyond(frames, len(trace.frame_states) - 1)  # it may come to rest before
-    return np.concatenate([trace.cloth_positions(frame) for frame in frames])
-
-
-def _identified(fit: _Fit, first: _Seen, last: _Seen, moves: Floats) -> ClipRecovery:
+def _identified(fit: ClipFit, first: ClipRun, last: ClipRun, moves: Floats) -> ClipRecovery:
     """The recovery with what the keys determine; what the numbers leave counts as noise too."""
     prior, names = fit.numbers.of_kind("prior"), fit.numbers.names
     left, weight = fit.misfit(last.positions), np.repeat(fit.weight, 3)[:, None]
@@ -395,10 +250,10 @@ def _identified(fit: _Fit, first: _Seen, last: _Seen, moves: Floats) -> ClipReco
     )
 
 
-def _checked(fit: _Fit, last: _Seen, moves: Floats) -> dict[str, Any]:
+def _checked(fit: ClipFit, last: ClipRun, moves: Floats) -> dict[str, Any]:
     """How far the last run is from a minimum by the adjoint, or why it has no gradient."""
     try:
-        trace = traced(_to_last(fit.numbers.scene_at(last.at), fit.frames))
+        trace = traced(until_last(fit.numbers.scene_at(last.at), fit.frames))
         weights = fit.weight.reshape(len(fit.frames), -1)
         each = zip(fit.frames, fit.keys, weights, strict=True)
         losses = [Custom(_half_square(key, weight[:, None]), frame) for frame, key, weight in each]
@@ -421,27 +276,75 @@ def _half_square(key: Floats, weight: Floats) -> Callable[[Floats], tuple[float,
     return of
 
 
-def _with_rest(fit: _Fit, last: _Seen, found: ClipRecovery, tell: Callable[[_Seen, int], None]) -> ClipRecovery:
+@dataclass(frozen=True, eq=False)
+class _Shapes:
+    """Rest shapes beside the scene's, at some numbers (k,): the mesh of all cloths, and runs with displacements."""
+
+    fit: ClipFit
+    at: Floats
+    mesh: RestMesh
+    tell: Callable[[ClipRun, int], None]
+
+    @classmethod
+    def of(cls, fit: ClipFit, at: Floats, tell: Callable[[ClipRun, int], None]) -> "_Shapes":
+        """Those of a fit whose cloths have rest shapes in space."""
+        triangles = build(fit.numbers.scene, affordable=True).world.triangles
+        return cls(fit, at, RestMesh(np.concatenate(fit.numbers.rests(at)), triangles), tell)
+
+    def displaced(self, displacements: Floats) -> ClipNumbers:
+        """The numbers with displacements (n, 3) [m] of the rest shapes."""
+        ends = np.cumsum([len(each) for each in self.fit.numbers.added])[:-1]
+        return replace(self.fit.numbers, added=tuple(np.split(displacements, ends)))
+
+    def run(self, displacements: Floats) -> list[Floats]:
+        """Positions at each key (n, 3) [m]; none where the run fails."""
+        seen = replace(self.fit, numbers=self.displaced(displacements)).run(self.at)
+        self.tell(seen, 2)
+        return list(np.split(seen.positions, len(self.fit.frames))) if len(seen.positions) else []
+
+
+def _no_rest(numbers: ClipNumbers) -> str:
+    """Why a scene can have no residual rest shape; empty where it can."""
+    if not numbers.shapes:
+        return "the cloth is not given by arrays"
+    return "the rest shape is a flat pattern" if any(len(each.shape) == 3 for each in numbers.shapes) else ""
+
+
+def _longer(fit: ClipFit, first: ClipRun, tell: Callable[[ClipRun, int], None]) -> ClipRecovery | None:
+    """The recovery by rest lengths that the keys agree on; None where they leave most of the distance.
+
+    They come before the numbers: which of these can imitate a longer hem is chance, while its edges are longer in each
+    key. The numbers stay as they were, with what is known of them.
+    """
+    if _no_rest(fit.numbers):
+        return None
+    shapes, before, keys = _Shapes.of(fit, first.at, tell), fit.misfit(first.positions), list(fit.keys)
+    if is_stretch(shapes.mesh, first.positions, keys):
+        return None
+    moved, positions, runs = fitted_lengths(shapes.mesh, keys, first.positions, shapes.run, fit.noise, fit.finest)
+    if fit.misfit(positions) > UNEXPLAINED * before:
+        return None
+    known = replace(fit, numbers=shapes.displaced(moved), sigma=np.hypot(fit.noise, fit.left(positions)))
+    last = known.at(replace(first, positions=positions))
+    found = _identified(known, first, last, known.search(lambda seen: tell(seen, 2)).moves(last))
+    moved, price = fitted_rest(shapes.mesh, keys, positions, shapes.run, fit.noise, moved)
+    return replace(
+        found,
+        scene=shapes.displaced(moved).scene_at(first.at),
+        scene_of_numbers=fit.numbers.scene_at(first.at),
+        misfits=(before, before, price.after),
+        rest=replace(price, before=before, runs=runs + price.runs),
+        no_gradient="the parameters were not searched, as rest lengths explain the edit",
+    )
+
+
+def _with_rest(fit: ClipFit, last: ClipRun, found: ClipRecovery, tell: Callable[[ClipRun, int], None]) -> ClipRecovery:
     """The recovery with a residual rest shape."""
-    if not fit.numbers.shapes or any(len(shape.shape) == 3 for shape in fit.numbers.shapes):
-        why = "the rest shape is a flat pattern" if fit.numbers.shapes else "the cloth is not given by arrays"
+    if why := _no_rest(fit.numbers):
         return replace(found, no_rest=why)
-    rests = fit.numbers.rests(last.at)
-    ends = np.cumsum([len(rest) for rest in rests])[:-1]
-    world = build(fit.numbers.scene, affordable=True).world
-    sheet = RestMesh(np.concatenate(rests), world.triangles)
-
-    def with_added(displacements: Floats) -> _Fit:
-        added = tuple(np.split(displacements, ends))
-        return replace(fit, numbers=replace(fit.numbers, added=added))
-
-    def run(displacements: Floats) -> list[Floats]:
-        seen = with_added(displacements).run(last.at)
-        tell(seen, 2)
-        return list(np.split(seen.positions, len(fit.frames))) if len(seen.positions) else []
-
-    moved, price = fitted_rest(sheet, list(fit.keys), last.positions, run, fit.noise)
+    shapes = _Shapes.of(fit, last.at, tell)
+    moved, price = fitted_rest(shapes.mesh, list(fit.keys), last.positions, shapes.run, fit.noise)
     if not moved.any():
         return replace(found, no_rest="none was found that is nearer to the keys")
-    scene = with_added(moved).numbers.scene_at(last.at)
+    scene = shapes.displaced(moved).scene_at(last.at)
     return replace(found, scene=scene, rest=price, misfits=(*found.misfits[:2], price.after))

@@ -83,17 +83,18 @@ class ViewRecovery(Recovery):
         Relative standard errors of fewer pictures at the same drape, with displacements of the cloth: "masks alone",
         "the view NAME alone".
     wide : tuple of str
-        Paths of numbers whose error, with the model's own, is more than half of what is known without pictures.
+        Paths of numbers whose error, including that of the model, is more than half of the uncertainty without
+        pictures.
     from_minimum : float
-        Largest change of a number in the step that is left, by the gradient of the adjoint, over its standard error.
+        Largest change of a number in the remaining step, from the gradient of the adjoint, over its standard error.
     folds : tuple of float
-        Misfit of the normals of each drape that the first start was chosen from, the scene's own first.
+        Misfit of the normals for each drape from which the first start was chosen; the scene's own drape comes first.
     cpu_seconds, adjoint_fraction : float
         Processor time of the search, and the share of the adjoint.
     pattern : Pattern, optional
-        The pattern with the numbers; None if none of them are of a pattern.
+        The pattern with the recovered numbers; None if none of them belongs to a pattern.
     overlays : mapping of str to arrays
-        By view: masks in grey, contours of the first guess orange, of the recovered cloth blue.
+        For each view: masks in grey, with the contours of the first guess (orange) and of the recovered cloth (blue).
     notes : tuple of str
         Requests that could not be met: a later start that failed, a finer cloth that could not be run.
     """

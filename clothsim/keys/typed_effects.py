@@ -373,7 +373,7 @@ TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
 
 
 def effects_by_name(effects: Any) -> Any:
-    """Effects by name, of typed effects or as they are in a table; anything else as it is.
+    """Effects by name, from typed effects or a table; anything else is returned unchanged.
 
     InputError for an entry of the list that is not an effect, and for an effect that is given twice.
     """
@@ -410,12 +410,12 @@ class KeywordKeys(EffectKeys):
 
     @classmethod
     def of_known_keys(cls, where: str, keys: Mapping[str, Any]) -> Self:
-        """The section of a table whose keys it has."""
+        """The section that has the keys of a table."""
         return cls(**{f"{name}_": frozen(value) for name, value in keys.items()})
 
 
 def signature_of(builder: Callable[..., Any]) -> inspect.Signature:
-    """The signature of a builder, with annotations that are texts evaluated where they can be."""
+    """The signature of a builder; annotations that are texts are evaluated if possible."""
     try:
         return inspect.signature(builder, eval_str=True)
     except NameError:  # a name for type checkers alone

@@ -67,7 +67,7 @@ def to_pyvista(run: "Run", frame: int = -1) -> "pyvista.MultiBlock":
     Raises
     ------
     InputError
-        For a frame that is not there, or what is not a run.
+        For a missing frame, or for something other than a run.
     MissingPackageError
         Without PyVista.
 

@@ -149,7 +149,7 @@ class Rigid(_Arrays, RigidKeys):
     Raises
     ------
     InputError
-        For another shape, a number that is not finite or an index out of range: it names array and index.
+        For a wrong shape, a number that is not finite or an index out of range; the message names array and index.
 
     Examples
     --------

@@ -66,7 +66,7 @@ class Scene:
         Sections. Each key is an attribute, with its default if it was not given. As a mapping, a section has only the
         given keys.
     cloths, bodies, rigid_bodies, rods
-        All sections of a kind, also if there is only one.
+        All sections of each kind, even if there is only one.
 
     Raises
     ------

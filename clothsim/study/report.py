@@ -38,7 +38,9 @@ def _statement(result: Mapping[str, Any]) -> str:
         between = f"at most {in_mm(headline['high'])}"
     if headline["status"] == KNOWN:
         fraction = f"{100 * headline['error'] * MM / result['size']:.2g} % of its size"
-        return f"The error of this scene is {in_mm(headline['error'])} ({fraction}; {between}). It takes {seconds}."
+        return (
+            f"The error of this scene is {in_mm(headline['error'])} ({fraction}; {between}). The scene takes {seconds}."
+        )
     if headline["status"] == PARTIAL:
         missing = " and ".join(headline["missing"])
         reasons = "; ".join(result["missing_parameters"].get(name, "not asked for") for name in headline["missing"])

@@ -150,7 +150,7 @@ def study_accuracy(
     progress : callable
         Called with a `StudyProgress` at the start and the end of each run.
     runners : callable
-        Context manager of a runner of jobs, given the number of processes and what counts their CPU seconds.
+        Context manager of a runner of jobs, from the number of processes and a counter of their CPU seconds.
     name : str
         Name of the scene in reports.
     stopped : callable
@@ -166,7 +166,7 @@ def study_accuracy(
     Raises
     ------
     InputError
-        Invalid input, or a scene that fails itself.
+        Invalid input, or a scene whose own run fails.
 
     Examples
     --------

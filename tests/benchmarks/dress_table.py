@@ -131,7 +131,7 @@ def run_one(name: str, size: str, output: Path, limit: int, second: str = "") ->
         code = subprocess.run(limited, env={**os.environ, **ONE_THREAD}, stdout=log, stderr=log, check=False).returncode
     if code:
         last = (folder / "log.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
-        reason = ": ".join([f"The process ended with {code} (limit {limit} CPU s)", *last])
+        reason = ": ".join([f"The process ended with exit code {code} (limit {limit} CPU s)", *last])
         row = {
             "pattern": name,
             "body": second or file_and_body(name)[1],

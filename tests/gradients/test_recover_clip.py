@@ -8,6 +8,7 @@ import pytest
 import clothsim
 from clothsim import InputError
 from clothsim.gradients import recover_clip
+from clothsim.gradients.clips import clip_fit
 from clothsim.mesh.generators.shapes import rectangle
 from clothsim.scene.assembly import scene_world
 
@@ -42,7 +43,7 @@ def test_the_stiffness_is_found_and_the_bending_is_not(found):
     assert found.misfits[1] < 0.1 * found.misfits[0]
     assert found.rest is None
     assert found.from_minimum < 5
-    assert found.runs < 25
+    assert found.runs < 35
 
 
 def test_the_scene_that_is_returned_has_the_numbers(found):
@@ -130,7 +131,7 @@ def test_what_moves_the_keys_as_little_as_twins_is_not_determined(keys):
 
 def test_runs_end_at_the_last_key(keys, monkeypatch):
     seen = []
-    monkeypatch.setattr(recover_clip, "build", lambda scene, **more: seen.append(scene) or scene_world.build(scene))
+    monkeypatch.setattr(clip_fit, "build", lambda scene, **more: seen.append(scene) or scene_world.build(scene))
     recovered = clothsim.recover_clip(strip(4e4), {2: keys[2]}, ["stretch"], rest=False)
     assert {scene.run_settings.duration for scene in seen} == {0.08}
     assert recovered.scene.run_settings.duration == 0.16
@@ -142,3 +143,24 @@ def test_a_floor_that_is_none_is_refused(keys, floor):
     with pytest.raises(InputError, match="floor") as refused:
         clothsim.recover_clip(strip(), keys, ["stretch"], floor=floor)
     assert "np." not in refused.value.sentence
+
+
+def test_the_branch_of_the_edit_is_found_from_beside_it(keys, monkeypatch):
+    """Cloth that buckles another way where its stiffness is 0.3 % or more off: small differences lead to the edit."""
+    fit = clip_fit.ClipFit.of(recover_clip.clip_numbers(strip(), ["stretch"]), keys, np.full(2, 1e-6))
+    along, across = (0.01 * np.random.default_rng(seed).standard_normal(fit.keys.shape) for seed in (0, 1))
+    across -= along * (across * along).sum() / (along**2).sum()
+
+    def positions(scene, frames):
+        off = np.log(scene.cloths[0].youngs_modulus / 4e4)
+        return (fit.keys + off * along + (abs(off) > 0.003) * across).reshape(-1, 3)
+
+    monkeypatch.setattr(clip_fit, "positions_at", positions)
+    beside = fit.run(np.array([np.log(3.95)]))
+    taken = []
+    found, moves = recover_clip._nearby(fit, beside, np.zeros((along.size, 1)), taken.append)
+    assert np.exp(found.at[0]) == pytest.approx(4.0, rel=1e-3)
+    np.testing.assert_allclose(moves[:, 0], along.ravel(), atol=1e-6)
+    assert len(taken) < 10
+    known, _ = recover_clip._nearby(fit, found, moves, taken.append)
+    assert known is found

@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         passed = passed and right
     if rows:
         print()
-        print(text_table(("case", "what", *COLUMNS), rows))
+        print(text_table(("case", "scene", *COLUMNS), rows))
     if arguments.page:
         write_between(arguments.page, "stability", markdown(CASES, read_record(arguments.record)))
     return 0 if passed else 1

@@ -46,7 +46,7 @@ def keep(file: Path, case: str, form: str, results: Sequence[Result]) -> None:
 
 def markdown(cases: Iterable[Case], record: Record) -> str:
     """The table of all cases in Markdown, dated: a row a case, COLUMNS for each form."""
-    header = ("case", "what", *(f"{form}: {column}" for form in FORMS for column in COLUMNS))
+    header = ("case", "scene", *(f"{form}: {column}" for form in FORMS for column in COLUMNS))
     rows = []
     for case in cases:
         seen = record.get(case.name, {})

@@ -152,11 +152,11 @@ def summary(record: Record) -> str:
     header = (
         "package",
         "mutants",
-        "caught at first",
-        "time-out",
-        "survived at first",
+        "caught in the first run",
+        "timed out",
+        "survived the first run",
         "of these equivalent",
-        "survive now",
+        "still surviving",
     )
     return markdown_table(header, [*rows, ("all", *totals)])
 

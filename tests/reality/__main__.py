@@ -87,11 +87,12 @@ def page(lays: Sequence[Lays], fits: Sequence[Fit], scores: Sequence[Scored], st
     count = len(stored["lays"][0])
     summary = [
         f"For each bending length, {count} lays were simulated ({stored['date']}). The mean scores are {means[0]:.2f}",
-        f"(simulated), {means[1]:.2f} (with spread), {means[2]:.2f} (best rival) and {means[3]:.2f} (ceiling).",
-        f"The skill of the simulation is {skills[0]:.2f}, and {skills[1]:.2f} with spread. The simulation is better",
-        f"than the best rival on {better[0]} of {len(scores)} fabrics, and on {better[1]} with spread. Its median",
-        f"difference from the cloth is {depth:+.0f} % in sd r and {folds:.1f} in n_eff. The fold slope is",
-        f"{_slopes(lays):+.2f} points per fold in the cloth and {_slopes_of(stored):+.2f} in the simulation.",
+        f"(simulated), {means[1]:.2f} (with spread), {means[2]:.2f} (better rival) and {means[3]:.2f} (ceiling).",
+        f"The skill of the simulation is {skills[0]:.2f}, and {skills[1]:.2f} with spread. The simulation has",
+        f"a better score than both rivals for {better[0]} of {len(scores)} fabrics (with spread: {better[1]}). The",
+        f"median difference between the simulation and the real cloth is {depth:+.0f} % in sd r and {folds:.1f} in",
+        f"n_eff. The fold slope is {_slopes(lays):+.2f} points per fold in real cloth and {_slopes_of(stored):+.2f} in",
+        "the simulation.",
     ]
     return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
 
@@ -114,9 +115,9 @@ def knits_text(compared: Sequence[knits.Compared]) -> str:
     away = np.median([abs(simulated - measured) for measured, simulated in lost])
     mean = np.mean(lost, axis=0)
     return (
-        f"{markdown_table(header, rows)}\n\nForces are simulated / measured: the mean of the pulls that were not "
-        "fitted +- the standard deviation of all pulls. Widths are simulated / measured, relative to the width at the "
-        f"start. {within} of {all_of} simulated forces lie within the range of the pulls. Their median difference "
+        f"{markdown_table(header, rows)}\n\nForces and widths are simulated / measured. A measured force is the mean "
+        "of the pulls that were not fitted, +- the standard deviation of all pulls. Widths are relative to the width "
+        f"at the start. {within} of {all_of} simulated forces lie within the range of the pulls. The median difference "
         f"from the pulls that were not fitted is {100 * off:.0f} %. On average, the width shrinks by {mean[0]:.0f} % "
         f"in these pulls and by {mean[1]:.0f} % in the simulation; the median difference is {away:.1f} points."
     )

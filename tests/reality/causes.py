@@ -35,7 +35,7 @@ def rows(table: Sequence[Sequence[Sequence[float]]], lays: Sequence[Lays]) -> li
     }
     cases["spread of the fabric in place of the simulated one"] = corrected(_spread_as)
     cases["all ratios equally likely"] = [fitted(table, each, scatter, weigh=False).ensemble for each in lays]
-    cases["outlines not shifted off the axis"] = [fitted(table, each, scatter, centred=True).ensemble for each in lays]
+    cases["outlines not shifted off centre"] = [fitted(table, each, scatter, centred=True).ensemble for each in lays]
     cases["all ratios equally likely, outlines not shifted"] = [
         fitted(table, each, scatter, weigh=False, centred=True).ensemble for each in lays
     ]

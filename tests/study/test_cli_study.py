@@ -68,7 +68,7 @@ def test_a_budget_that_is_too_small_is_exit_1_and_what_is_needed(sheet, capsys):
     assert headline["missing"] == ["cells"]
     shown_seconds = float(re.search(r"--budget (\d+)s", printed.err)[1])
     assert 160 < headline["needed_seconds"] <= shown_seconds < 1.15 * headline["needed_seconds"]
-    assert "mm wrong" not in printed.err
+    assert "The error of this scene is" not in printed.err
 
 
 def test_sigterm_is_noticed_and_its_handler_put_back():

@@ -370,7 +370,7 @@ def close(
         runs.append(run)
         if not completed:
             open_seam, between = _between_sides(moved, wearer, NEAR * mean_edge(state))
-            failure = f"While the seams were closed: {run.reason} {open_seam}".strip()
+            failure = f"While the seams were closing: {run.reason} {open_seam}".strip()
             return ClosingResult(moved, failure, "", tuple(runs), between)
         idle = largest <= limit and len(welded.joined) == len(state.joined)
         state, largest = welded, gap
@@ -390,8 +390,9 @@ def _between_sides(state: SewingState, wearer: Wearer, limit: float) -> tuple[st
         return "", ()
     own = [seam for seam in state.mesh.seams if seam.name == name]
     here, between = (limbs_between(state, seams, wearer, limit) for seams in (own, _open_seams(state)))
-    what = ", ".join(f"the {limb}" for limb in here) or "no limb, cloth"
-    sentence = f"Seam {name} stays open by {1e3 * gap:.3g} mm (closed: {1e3 * limit:.2g} mm), between them: {what}."
+    what = ", ".join(f"the {limb}" for limb in here) or "only cloth"
+    counts = f"(at most {1e3 * limit:.2g} mm counts as closed)"
+    sentence = f"Seam {name} stays open by {1e3 * gap:.3g} mm {counts}. Between its sides: {what}."
     return sentence, between
 
 

@@ -197,7 +197,7 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     except InputError as error:
         return replace(done, status="sewn", reason=f"The drape could not start: {error.sentence}")
     if run.status != "completed":
-        return replace(done, run=run, status="sewn", reason=f"{run.reason} The garment is sewn, and not at rest.")
+        return replace(done, run=run, status="sewn", reason=f"{run.reason} The garment is sewn but not at rest.")
     ended = f"draped for {run.times[-1]:.3g} s"
     draped = _add_stage(task, done, "drape", done.state.moved_to(run.positions(-1)), ended, started)
     draped = replace(draped, run=run)

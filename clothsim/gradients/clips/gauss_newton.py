@@ -85,6 +85,8 @@ class GaussNewton(Generic[S]):
         Called with each run.
     least : float
         Drop of the sum, relative to it, at which the search ends too, with the derivatives that it has.
+    both_sides : bool
+        Take each difference to both sides and count the smaller one: the other may be a jump between branches.
     """
 
     run: Callable[[Floats, S], S]
@@ -96,20 +98,24 @@ class GaussNewton(Generic[S]):
     high: Floats
     tell: Callable[[S], None] = lambda seen: None
     least: float = 0.0
+    both_sides: bool = False
 
     def moves(self, seen: S) -> Floats:
         """Derivatives of the positions by the numbers, (p, k), by differences. ClothsimError where runs fail."""
         columns = []
         for k, step in enumerate(self.steps):
+            sides: list[Floats] = []
             for sign in (1.0, -1.0):  # a run may fail on one side
+                if sides and not self.both_sides:
+                    break
                 beside = self.beside(seen.at + sign * step * np.eye(len(self.steps))[k], seen)
                 self.tell(beside)
                 if np.isfinite(beside.total):
-                    columns.append((beside.positions - seen.positions).ravel() / (sign * step))
-                    break
-            else:
+                    sides.append((beside.positions - seen.positions).ravel() / (sign * step))
+            if not sides:
                 why = f"The runs beside those of the numbers {seen.at.tolist()} fail: {beside.failure}"
                 raise ClothsimError(why, f"Leave out the number {k}, counted from 0, or start from other numbers.")
+            columns.append(min(sides, key=lambda side: float(side @ side)))
         return np.array(columns).T
 
     def descended(self, seen: S, moves: Floats | None = None) -> tuple[S, S, Floats, int]:
@@ -117,7 +123,7 @@ class GaussNewton(Generic[S]):
 
         moves: derivatives at `seen`, where they are known.
         """
-        k = len(seen.at)
+        k = len(seen.at) * (2 if self.both_sides else 1)
         runs, fresh, before = 1 if moves is not None else k + 1, True, seen
         moves = self.moves(seen) if moves is None else moves
         for _ in range(MOST_ITERATIONS):

@@ -1,5 +1,9 @@
 """Rest shapes that bring cloth nearer to edited frames: smooth, bounded, priced.
 
+Lengths come first. Cloth hardly stretches: where an edge of an edited frame is longer than in the run, its rest length
+is longer by the same factor, wherever the folds are. What all edited frames agree on is added to the rest lengths, and
+a run shows what is left.
+
 What is left at an edited frame, turned back to the rest shape by the rotation of each vertex's neighbourhood, is a
 displacement of the rest shape that would move the cloth there if nothing but it acted. Its mean over the frames,
 smoothed by a Laplacian, is added; a run shows what is left then, and Anderson's mixing of the last displacements
@@ -10,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_array, diags_array, eye_array
+from scipy.sparse import csc_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
 from clothsim.base.arrays import Floats, Ints
@@ -19,6 +23,8 @@ from clothsim.mesh.topology import interior_edges, unique_edges, vertex_rings
 
 SMOOTHING = 0.7
 """Length over which displacements are smoothed, in edges of the mesh."""
+GAUSS_NEWTON = 4
+"""Steps in which a displacement is found that has given edge lengths."""
 LONGEST = 0.25
 """Largest relative change of the length of an edge of the rest shape."""
 MOST_RUNS = 12
@@ -27,6 +33,10 @@ MEMORY = 3
 """Displacements that are mixed."""
 UNSURE = 0.5
 """Fraction of what is left that counts as noise of each key in the next step."""
+LENGTH_RUNS = 6
+"""Bound on the runs for rest lengths."""
+EVEN = 0.01
+"""Weight of the squared Laplacian of a displacement, in mean edges, beside the squared changes of length."""
 LEAST_GAIN = 0.03
 """Relative drop of what is left below which two runs in a row end the search."""
 
@@ -68,14 +78,16 @@ class RestMesh:
 
     def smooth(self, displacements: Floats) -> Floats:
         """(I + l^2 L)^-1 of displacements (n, 3), L the graph Laplacian over its mean degree, l in edges."""
-        a, b = unique_edges(self.triangles).T
-        n = len(self.rest)
-        ones = np.ones(2 * len(a))
-        links = csc_array((ones, (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(n, n))
-        degree = np.asarray(links.sum(axis=1)).ravel()
-        laplacian = (diags_array(degree) - links) / max(float(degree.mean()), 1.0)
-        factor = splu(csc_array(eye_array(n) + SMOOTHING**2 * 4 * laplacian))
+        laplacian = self._laplacian()
+        mean_degree = max(float(laplacian.diagonal().mean()), 1.0)
+        factor = splu(csc_array(eye_array(len(self.rest)) + SMOOTHING**2 * 4 / mean_degree * laplacian))
         return np.asarray(factor.solve(displacements))
+
+    def _laplacian(self) -> csc_array:
+        """That of the graph of the edges, (n, n)."""
+        (a, b), n = unique_edges(self.triangles).T, len(self.rest)
+        links = csc_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(n, n))
+        return csc_array(diags_array(np.asarray(links.sum(axis=1)).ravel()) - links)
 
     def bounded(self, displacements: Floats) -> Floats:
         """Displacements scaled down at the vertices of edges whose length would change by more than LONGEST."""
@@ -91,6 +103,30 @@ class RestMesh:
             out = self.smooth(out * scale[:, None]) if len(far) > len(edges) // 10 else out * scale[:, None]
         left = float(np.max(np.abs(_lengths(self.rest + out, edges) / _lengths(self.rest, edges) - 1)))
         return out * min(1.0, LONGEST / left)
+
+    def lengthened(self, displacements: Floats, changes: Floats) -> Floats:
+        """Displacements (n, 3) with which the logarithms of the rest lengths change by (e,) beside those of others.
+
+        The sum over the edges of (l / l* - 1)^2, l* the length that is wanted, and EVEN times that over the vertices of
+        (L d)^2 is minimised by Gauss and Newton's method, L the graph Laplacian, d the displacement in mean edges:
+        lengths alone leave a shell almost free to bend.
+        """
+        (a, b), n = unique_edges(self.triangles).T, len(self.rest)
+        wanted = _lengths(self.rest + displacements, np.column_stack([a, b])) * np.exp(changes)
+        laplacian = self._laplacian()
+        even = csc_array(kron(EVEN / wanted.mean() ** 2 * laplacian.T @ laplacian, eye_array(3)))
+        ground = 1e-9 / wanted.mean() ** 2 * eye_array(3 * n)  # a rigid motion changes no length
+        rows = np.repeat(np.arange(len(a)), 6)
+        columns = np.concatenate([3 * a[:, None] + np.arange(3), 3 * b[:, None] + np.arange(3)], axis=1).ravel()
+        out = displacements.copy()
+        for _ in range(GAUSS_NEWTON):
+            along = (self.rest + out)[a] - (self.rest + out)[b]
+            lengths = np.linalg.norm(along, axis=1)
+            along /= (lengths * wanted)[:, None]
+            strain = csc_array((np.hstack([along, -along]).ravel(), (rows, columns)), shape=(len(a), 3 * n))
+            slope = strain.T @ (lengths / wanted - 1) + even @ (out - displacements).ravel()
+            out -= splu(csc_array(strain.T @ strain + even + ground)).solve(slope).reshape(n, 3)
+        return out
 
     def turned_back(self, positions: Floats, offsets: Floats) -> Floats:
         """Offsets (n, 3) of positions (n, 3) [m] by the inverse rotation of each vertex's neighbourhood."""
@@ -122,6 +158,7 @@ def fitted_rest(
     start: Floats,
     run: Callable[[Floats], Sequence[Floats]],
     noise: Floats,
+    at: Floats | None = None,
 ) -> tuple[Floats, RestPrice]:
     """Displacements of a rest shape that bring runs nearer to edited frames.
 
@@ -137,6 +174,9 @@ def fitted_rest(
     noise : (k,) ndarray
         Root mean square distance [m] that each key is known to: it counts by the inverse square of that, and the search
         ends where all are as near.
+    at : (n, 3) ndarray [m], optional
+        Displacements of the run to start from, with the lengths that the keys agree on. They are found first by
+        default.
 
     Returns
     -------
@@ -144,11 +184,15 @@ def fitted_rest(
         Zero where nothing brings the cloth nearer.
     price : RestPrice
     """
-    at, found = np.zeros_like(sheet.rest), list(np.split(start, len(keys)))
     known = noise**-2.0
-    before = best = _left(found, keys, known)
+    before = _left(np.split(start, len(keys)), keys, known)
+    runs = 0
+    if at is None:
+        at, start, runs = fitted_lengths(sheet, keys, start, run, noise, float(known.mean() ** -0.5))
+    found = list(np.split(start, len(keys)))
+    best = _left(found, keys, known)
     tried: list[tuple[Floats, Floats]] = []
-    runs, poor, scale = 0, 0, 1.0
+    poor, scale = 0, 1.0
     while runs < MOST_RUNS and best > known.mean() ** -0.5 and poor < 2:
         offsets = [sheet.turned_back(x, key - x) for x, key in zip(found, keys, strict=True)]
         weights = np.maximum(noise, UNSURE * best) ** -2.0
@@ -166,6 +210,78 @@ def fitted_rest(
         else:
             break
     return at, sheet.price(at, before, best, runs)
+
+
+def fitted_lengths(
+    sheet: RestMesh,
+    keys: Sequence[Floats],
+    start: Floats,
+    run: Callable[[Floats], Sequence[Floats]],
+    noise: Floats,
+    enough: float,
+) -> tuple[Floats, Floats, int]:
+    """The lengths of a rest shape that edited frames agree on.
+
+    Parameters
+    ----------
+    sheet, keys, start, run, noise
+        As of `fitted_rest`.
+    enough : float
+        Root mean square distance from the keys at which the search ends [m].
+
+    Returns
+    -------
+    displacements : (n, 3) ndarray [m]
+        Zero where no lengths bring the cloth nearer.
+    positions : (k n, 3) ndarray [m]
+        Of the run with them.
+    runs : int
+    """
+    known, edges, at = noise**-2.0, unique_edges(sheet.triangles), np.zeros_like(sheet.rest)
+    best = _left(np.split(start, len(keys)), keys, known)
+    for runs in range(LENGTH_RUNS):
+        if best <= enough:
+            return at, start, runs
+        trial = sheet.bounded(sheet.lengthened(at, length_changes(edges, start, keys)))
+        places = run(trial)
+        left = _left(places, keys, known) if len(places) else float("inf")
+        if left > (1 - LEAST_GAIN) * best:
+            return at, start, runs + 1
+        at, start, best = trial, np.concatenate(places), left
+    return at, start, LENGTH_RUNS
+
+
+def agreed(changes: Sequence[Floats]) -> Floats:
+    """The smallest of changes (e,) that have one sign, 0 where they have not: what is due to a fold is in one frame.
+
+    Examples
+    --------
+    >>> agreed([np.array([0.1, 0.3, -0.2]), np.array([0.2, -0.1, -0.1])]).tolist()
+    [0.1, 0.0, -0.1]
+    """
+    all_ = np.array(changes)
+    sign = np.sign(all_[0]) * (np.sign(all_) == np.sign(all_[0])).all(axis=0)
+    return np.asarray(sign * np.abs(all_).min(axis=0) + 0.0)
+
+
+def length_changes(edges: Ints, start: Floats, keys: Sequence[Floats]) -> Floats:
+    """Logarithms (e,) of factors from the lengths of edges in a run, (k n, 3) [m], to those that all keys agree on."""
+    places = zip(np.split(start, len(keys)), keys, strict=True)
+    return agreed([np.log(_lengths(key, edges) / _lengths(x, edges)) for x, key in places])
+
+
+def is_stretch(sheet: RestMesh, start: Floats, keys: Sequence[Floats]) -> bool:
+    """True where edges are longer in the keys by more or less of the stretch that they have in the run.
+
+    Another stiffness does that; another rest length does not ask how far the cloth is stretched. Half of the squared
+    changes of length are along the mean stretch in the frames.
+    """
+    edges = unique_edges(sheet.triangles)
+    changes = length_changes(edges, start, keys)
+    lengths = [_lengths(x, edges) / _lengths(sheet.rest, edges) for x in np.split(start, len(keys))]
+    stretch = np.log(lengths).mean(axis=0)
+    along = float(changes @ stretch) ** 2 / max(float(stretch @ stretch), 1e-300)
+    return along >= 0.5 * float(changes @ changes)
 
 
 def _mixed(tried: Sequence[tuple[Floats, Floats]]) -> Floats:

@@ -263,7 +263,7 @@ def crossing_failure(crossing: "Crossing", state: State, dt: float) -> Failure:
 
 def budget_failure(state: State, duration: float, dt: float) -> Failure:
     """Describe the end of a run that spent its CPU time before its duration [s]."""
-    sentence = f"The budget of CPU time is spent, {duration - state.time:.3g} s are left to simulate."
+    sentence = f"The budget of CPU time is spent with {duration - state.time:.3g} s left to simulate."
     remedy = "Set a larger run.budget, or go on with `clothsim resume`."
     return Failure(Cause.BUDGET, sentence, "", None, remedy, state.step, state.time, dt)
 

@@ -73,6 +73,22 @@ def test_a_run_that_fails_on_one_side_is_taken_on_the_other():
         search(lambda at, _: Seen(at, float("inf"), np.zeros(0), "torn")).moves(seen(np.zeros(2)))
 
 
+def test_a_difference_that_jumps_to_another_branch_is_taken_on_the_other_side():
+    def jumping(at, _):
+        one = seen(at)
+        return Seen(at, one.total, one.positions + 5.0 * (at[0] > 0.005))
+
+    moves = search(jumping, both_sides=True).moves(seen(np.zeros(2)))
+    np.testing.assert_allclose(moves[:, 0], [1.0, 0.0, 1.0], atol=0.01)
+    assert abs(search(jumping).moves(seen(np.zeros(2)))[0, 0]) > 100
+
+
+def test_both_sides_are_counted():
+    taken = []
+    *_, runs = search(tell=taken.append, both_sides=True).descended(seen(np.zeros(2)))
+    assert runs == len(taken) + 1
+
+
 def test_updated_derivatives_give_the_change_and_nothing_across_it():
     rng = np.random.default_rng(0)
     moves, positions = rng.standard_normal((6, 3)), rng.standard_normal((2, 2, 3))
