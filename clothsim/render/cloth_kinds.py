@@ -73,7 +73,7 @@ class ClothKind:
 
 _MATT = {"roughness": 0.9, "specular": 0.12, "sheen": 0.7, "sheen_tint": 0.5}
 _DENSE = {**_MATT, "specular": 0.0}
-_SILK = {"roughness": 0.36, "specular": 0.4, "anisotropic": 0.6}
+_SILK = {"roughness": 0.42, "specular": 0.35, "anisotropic": 0.6}
 _METAL = {"roughness": 0.22, "metallic": 0.8, "specular": 0.7, "clearcoat": 1.0, "clearcoat_gloss": 0.95}
 _PAPER = {"roughness": 0.55, "specular": 0.2}
 OCHRE = (0.55, 0.27, 0.06)

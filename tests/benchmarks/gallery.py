@@ -32,7 +32,7 @@ QUALITY = 90
 LOOKS = {
     "cape": "--colour #6b1f2a",
     "cards": "--size 480x480 --colour firebrick/linen",
-    "crease": "--size 480x360 --colour linen",
+    "crease": "--size 480x360 --colour #8fb0c9",
     "funnel": "--size 480x360 --colour #3f5f8f/#eef0f4",
     "hanging": "--colour #3f5f8f/#eef0f4",
     "hoody": "--colour #5b6f4a",
@@ -88,8 +88,8 @@ EXAMPLES = (
     Example(
         "flag",
         "A flag in gusts",
-        "run flag --set cloth.cells=[105,70] --set run.duration=0.28",
-        "--colour #8f2a24 --view=0.5,-1,0.15",
+        "run flag --set cloth.cells=[60,40] --set run.duration=1.12",
+        "--colour #8f2a24 --view=0.9,-1,0.4",
     ),
     Example(
         "knit_denim",
