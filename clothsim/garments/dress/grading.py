@@ -3,9 +3,14 @@
 Each panel is widened by the factor of girth at its height on the trunk or along its limb, and lengthened by the factor
 of length there, about the middle of the body or of the arm. Side seams, darts and waists follow; where panels of two
 parts meet (armholes) both sides of a seam then get one factor, so that its ease stays what it was.
+
+The crotch seam of trousers runs down the front of the body, back between the legs and up behind. It grows as that line
+on the body, whose depth need not grow with its girth, nor its rise with the length of the trunk. The line passes where
+cloth can lie between the legs: above, thighs that touch leave no room for it. Trousers are lengthened above that level
+by the factor that this takes, and below it as the legs are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,16 +20,17 @@ from clothsim import Pattern
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import did_you_mean
-from clothsim.garments.dress.placement import chosen_origin, height_of_origin, is_of_arm, is_of_leg
+from clothsim.garments.dress.limbs import form_a_tube, height_of_parting
+from clothsim.garments.dress.placement import ACROSS, chosen_origin, height_of_origin, is_of_arm, is_of_leg
 from clothsim.garments.inputs import BodyMesh
-from clothsim.patterns import Panel, PlaneMap, seams_alike
+from clothsim.patterns import Panel, PlaneMap, mesh_pattern, seams_alike
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
 from transfer.part_warp import CHEST, HIPS, WAIST, SizeFactors, arm_axis, size_factors
 
 LEVELS = {"hips": HIPS, "waist": WAIST, "chest": CHEST}
 """Heights of the named girths of the trunk, as fractions of the height from crotch to armpit."""
-NAMES = (*LEVELS, "thigh", "arm", "trunk_length", "leg_length", "arm_length")
+NAMES = (*LEVELS, "thigh", "arm", "trunk_length", "rise", "leg_length", "arm_length")
 """Factors by which a pattern is graded."""
 
 
@@ -38,10 +44,16 @@ class BodySizes:
         Of the body that the pattern was cut for.
     factors : SizeFactors
         Factors along it.
+    parting : float
+        Height on it at which cloth can lie between the thighs [m].
+    lower : float
+        Ratio of the heights of that level and of the crotch, of the other body over this one's.
     """
 
     parts: BodyParts
     factors: SizeFactors
+    parting: float
+    lower: float
 
     @property
     def named(self) -> dict[str, float]:
@@ -77,6 +89,11 @@ class BodySizes:
         trunk, legs, _ = self.factors.lengths
         return np.where(heights < crotch, legs * heights, legs * crotch + trunk * (heights - crotch))
 
+    def height_on_trousers(self, heights: Floats) -> Floats:
+        """The same of trousers: below the level at which the thighs part by that of the legs, above by the rise."""
+        below, above = np.minimum(heights, self.parting), np.maximum(heights - self.parting, 0.0)
+        return self.lower * float(self.factors.lengths[1]) * below + self.factors.named["rise"] * above
+
 
 def sizes_between(source: BodyMesh, target: BodyMesh, given: Mapping[str, float]) -> BodySizes:
     """Factors from one body to another; `given` ones, by name, replace those of the bodies.
@@ -92,15 +109,33 @@ def sizes_between(source: BodyMesh, target: BodyMesh, given: Mapping[str, float]
                 f"There is no factor {name!r} to grade by.", f"{did_you_mean(name, NAMES)} Known: {', '.join(NAMES)}."
             )
         as_positive(f"The factor {name}", factor)
-    parts = []
+    parts, partings = [], []
     for body in (source, target):
         try:
             parts.append(body.parts)
+            partings.append(height_of_parting(body))
         except TransferError as error:
             raise InputError(
                 f"{body.name} has no girths to grade by: {error}", "Give the pattern as it is cut."
             ) from error
-    return BodySizes(parts[0], _apply_given(size_factors(*parts), parts[0], given))
+    factors = size_factors(*parts)
+    (down, depth), (other_down, other_depth) = (_crotch_line(*each) for each in zip(parts, partings, strict=True))
+    rise = (other_down + other_depth - float(factors.trunk[0]) * depth) / down
+    factors = _apply_given(replace(factors, named={**factors.named, "rise": rise}), parts[0], given)
+    own, other = (level / each.landmarks["crotch"] for level, each in zip(partings, parts, strict=True))
+    return BodySizes(parts[0], factors, partings[0], other / own)
+
+
+def _crotch_line(parts: BodyParts, parting: float) -> tuple[float, float]:
+    """Length of a line down the front and the back of a body from its waist to a level, and its depth there [m].
+
+    A panel grows along the first by the factor of the rise, and along the second by that of the girth.
+    """
+    crotch, armpit, trunk = parts.landmarks["crotch"], parts.landmarks["armpit"], parts.trunk
+    heights = np.linspace(trunk.levels[0], crotch + WAIST * (armpit - crotch), 24)
+    middle, half = trunk.at(heights, trunk.centres)[:, 2], trunk.at(heights, trunk.extents)[:, 1]
+    down = sum(float(np.hypot(np.diff(heights), np.diff(line)).sum()) for line in (middle + half, middle - half))
+    return down + 2 * (float(heights[0]) - parting), 2 * float(half[0])
 
 
 def _apply_given(factors: SizeFactors, parts: BodyParts, given: Mapping[str, float]) -> SizeFactors:
@@ -120,6 +155,8 @@ def _apply_given(factors: SizeFactors, parts: BodyParts, given: Mapping[str, flo
     )
 
 
+LOW = 0.02
+"""Least distance by which a crotch is lowered that a note names [m]."""
 LEVEL = 0.3
 """Part of the direction of the trunk or the limb in the plane of a panel below which it lies across it: no direction
 of the panel is along the body, and it grows alike in both."""
@@ -145,6 +182,8 @@ class Grading:
         Largest difference of both factors of a seam before that.
     origin : str
         Level y = 0 of both patterns, "floor" or "waist".
+    dropped : float
+        Distance by which the crotch of trousers lies lower than that of the body, for its thighs touch above [m].
     """
 
     pattern: Pattern
@@ -154,6 +193,7 @@ class Grading:
     moved: float
     before: float
     origin: str
+    dropped: float = 0.0
 
     @property
     def mismatch(self) -> tuple[float, str]:
@@ -172,7 +212,8 @@ class Grading:
         )
         if largest > 1e-6:
             seams = f"the two sides of {name} are graded by factors that differ by {largest:.2g}"
-        return f"graded from {self.cut_for}: {named}", f"graded: {seams}"
+        low = f"graded: the crotch lies {1e3 * self.dropped:.0f} mm lower, as the thighs leave no room for cloth above"
+        return f"graded from {self.cut_for}: {named}", f"graded: {seams}", *([low] if self.dropped > LOW else [])
 
     def as_dict(self) -> dict[str, Any]:
         """Entries in summary.json."""
@@ -211,17 +252,52 @@ def graded(
     origin = chosen_origin(heights, origin)
     levels = [height_of_origin(body, origin) for body in (source, target)]
     middle = np.mean([panel.placed(panel.vertices).mean(axis=0) for panel in pattern.panels.values()], axis=0)
-    panels = {}
+    panels, trousers = {}, _panels_of_trousers(pattern)
     for name, panel in pattern.panels.items():
         if is_of_arm(panel):
             panels[name] = _grade_along_arm(panel, pattern, sizes, levels, float(middle[0]))
         else:
-            panels[name] = _grade_along_trunk(panel, sizes, levels)
+            heights_of = sizes.height_on_trousers if name in trousers else sizes.height
+            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of)
     alike = seams_alike(replace(pattern, panels=panels), pattern)
-    return Grading(alike.pattern, source.name, sizes.named, alike.factors, alike.moved, alike.before, origin)
+    dropped = sizes.parting * (1 - sizes.lower) * float(sizes.factors.lengths[1]) if trousers else 0.0
+    return Grading(alike.pattern, source.name, sizes.named, alike.factors, alike.moved, alike.before, origin, dropped)
 
 
-def _grade_along_trunk(panel: Panel, sizes: BodySizes, levels: list[float]) -> Panel:
+COARSE = 0.05
+"""Distance of neighbouring vertices at which it is seen what goes round a leg [m]."""
+
+
+def _panels_of_trousers(pattern: Pattern) -> set[str]:
+    """Names of the panels that go round one leg; the gores of a skirt do not."""
+    if not any(is_of_leg(panel) for panel in pattern.panels.values()):
+        return set()
+    mesh, found = mesh_pattern(pattern, COARSE), set()
+    for side in (1.0, -1.0):
+        names = {
+            name
+            for name, panel in pattern.panels.items()
+            if is_of_leg(panel) and (side * panel.placed(panel.vertices)[:, 0]).min() > -ACROSS
+        }
+        for piece in _sewn_pieces(pattern, names):
+            found |= piece if form_a_tube(mesh, sorted(piece), mesh.up) else set()
+    return found
+
+
+def _sewn_pieces(pattern: Pattern, names: set[str]) -> list[set[str]]:
+    """These panels by the pieces that their seams join."""
+    pieces = [{name} for name in sorted(names)]
+    for stitch in pattern.stitches:
+        sides = {side.panel for side in stitch.sides}
+        if sides <= names:
+            joined = [piece for piece in pieces if piece & sides]
+            pieces = [piece for piece in pieces if not piece & sides] + [set().union(*joined)]
+    return pieces
+
+
+def _grade_along_trunk(
+    panel: Panel, sizes: BodySizes, levels: list[float], heights_of: Callable[[Floats], Floats]
+) -> Panel:
     """Panel of the trunk or of a leg, graded by height about the middle of the body."""
     girth = sizes.leg_girth if is_of_leg(panel) else sizes.trunk_girth
     upward = panel.matrix[1, :2]
@@ -237,16 +313,16 @@ def _grade_along_trunk(panel: Panel, sizes: BodySizes, levels: list[float]) -> P
         aside = float(panel.placed(middle[None])[0] @ panel.matrix[:, :2] @ across)
         middle = middle - aside * across  # where the plane is nearest to the vertical axis
         height = float(panel.placed(middle[None])[0, 1] + levels[0])
-        start = sizes.height(np.array([height]))
+        start = heights_of(np.array([height]))
         image = PlaneMap(
             middle,
             along,
             lambda t: girth(height + slope * t),
-            lambda t: (sizes.height(height + slope * t) - start) / slope,
+            lambda t: (heights_of(height + slope * t) - start) / slope,
         )
     before = panel.placed(middle[None])[0]
     wider = max(1.0, float(girth(np.array([height]))[0]))
-    above = float(sizes.height(np.array([height]))[0]) - levels[1]
+    above = float(heights_of(np.array([height]))[0]) - levels[1]
     return _translate_to(image.panel(panel), middle, np.array([wider * before[0], above, wider * before[2]]))
 
 

@@ -123,6 +123,28 @@ SPLIT = np.linspace(1.0, 0.85, 30)
 """Levels at which the legs are tried to be two pieces of the body, as fractions of the height of its crotch."""
 
 
+ROOM = 0.003
+"""Distance between the thighs in which cloth can lie, as a fraction of the body's height: 5 mm."""
+THIN = 0.015
+"""Half the height of the slice in which it is measured, as a fraction of the height of the crotch."""
+
+
+def height_of_parting(body: BodyMesh) -> float:
+    """Height of the highest level below the crotch at which cloth can lie between the thighs [m].
+
+    That of the crotch where there is none. TransferError where it is not a standing body.
+    """
+    parts = body.parts
+    local, crotch = parts.frame.local(body.positions), parts.landmarks["crotch"]
+    side = _side_of_legs(body, local)
+    for level in SPLIT * crotch:
+        near = np.abs(local[:, 1] - level) < THIN * crotch
+        left, right = (local[near & (side == sign), 0] for sign in (1, -1))
+        if len(left) and len(right) and left.min() - right.max() > ROOM * parts.landmarks["crown"]:
+            return float(level)
+    return float(crotch)
+
+
 def _side_of_legs(body: BodyMesh, local: Floats) -> Floats:
     """1 for each vertex of the left, -1 for one of the right: a thigh may reach across the middle of the body.
 

@@ -9,12 +9,14 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.grading import NAMES, graded, sizes_between
+from clothsim.garments.dress.limbs import height_of_parting
 from clothsim.garments.dressed import STAGES
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import PlannedStage
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern import Pattern
 from clothsim.patterns.specification import pattern_of, read_specification
+from transfer.part_warp import WAIST
 
 
 def figure(name: str, **keys: float) -> BodyMesh:
@@ -155,3 +157,64 @@ def test_the_graded_pattern_is_sewn_and_written(own, wide, tmp_path, monkeypatch
     as_cut = clothsim.dress(pattern, bodies[1], tmp_path, size=0.07, overwrite=True)
     assert as_cut.grading is None
     assert np.array_equal(as_cut.pattern.panels["shelf"].vertices, pattern.panels["shelf"].vertices)
+
+
+def touching(body: BodyMesh, level: float) -> BodyMesh:
+    """One whose thighs touch from the crotch down to a level, as a fraction of the crotch's height."""
+    positions, crotch = body.positions.copy(), body.parts.landmarks["crotch"]
+    height, aside = positions[:, 1] / crotch, np.abs(positions[:, 0])
+    inner = (level < height) & (height < 1.0) & (aside < 0.06)
+    positions[inner, 0] = np.sign(positions[inner, 0]) * 1e-3
+    return BodyMesh("touching", positions, body.triangles, 1.0, ())
+
+
+def trousers(crotch: float) -> Pattern:
+    """Trousers of four panels with their crotch at a height [cm], and a gore of a skirt that is labelled as a leg."""
+    left = [[2, -40], [25, -40], [25, 25], [6, 25], [6, 6], [1, 0]]
+    right = [[-x, y] for x, y in left[::-1]]
+    panels = {
+        f"pant_{part}_{side}": panel(outline, translation=[0, crotch, z])
+        for part, z in (("f", 20), ("b", -20))
+        for side, outline in (("l", left), ("r", right))
+    }
+    panels["gore"] = panel([[0, -20], [30, -20], [20, 25], [0, 25]], translation=[0, crotch, 30], label="leg")
+    sides = (("l", 1), ("l", 5), ("r", 3), ("r", 5))
+    sewn = [stitch((f"pant_f_{side}", k), (f"pant_b_{side}", k), "right_wrong") for side, k in sides]
+    return pattern_of(specification(panels, sewn))
+
+
+def test_the_crotch_seam_grows_as_the_line_round_the_body(own):
+    """A deeper body has a longer line from waist to waist between its legs; its trunk is as long as before."""
+    deep = BodyMesh("deep", own.positions * [1.0, 1.0, 1.2], own.triangles, 1.0, ())
+    sizes = sizes_between(own, deep, {})
+    lines = []
+    for each in (own, deep):
+        trunk, marks = each.parts.trunk, each.parts.landmarks
+        heights = np.linspace(trunk.levels[0], marks["crotch"] + WAIST * (marks["armpit"] - marks["crotch"]), 50)
+        sides = [trunk.at(heights, trunk.centres)[:, 2] + k * trunk.at(heights, trunk.extents)[:, 1] for k in (1, -1)]
+        down = sum(np.hypot(np.diff(heights), np.diff(side)).sum() for side in sides)
+        lines.append((down + 2 * (heights[0] - height_of_parting(each)), sides[0][0] - sides[1][0]))
+    (down, depth), (other_down, other_depth) = lines
+    grown = sizes.named["rise"] * down + sizes.factors.trunk[0] * depth
+    assert grown == pytest.approx(other_down + other_depth, rel=1e-3)
+    assert sizes.named["rise"] > sizes.named["trunk_length"] + 0.01
+
+
+def test_trousers_end_where_the_thighs_part(own):
+    other = touching(own, 0.9)
+    crotch = own.parts.landmarks["crotch"]
+    assert 0.95 * crotch < height_of_parting(own) <= crotch
+    assert 0.86 * crotch < height_of_parting(other) < 0.9 * crotch
+    pattern = trousers(100 * height_of_parting(own))
+    made = graded(pattern, own, other)
+    assert made.factors["rise"] > 1.2
+    for name, each in pattern.panels.items():
+        after, before = (one.placed(one.vertices)[:, 1] for one in (made.pattern.panels[name], each))
+        if name == "gore":
+            assert np.allclose(after, before, atol=2e-3)
+            continue
+        point = np.abs(each.vertices[:, 0]).argmin()
+        assert after[point] == pytest.approx(height_of_parting(other), abs=2e-3)
+        assert after.max() == pytest.approx(before.max(), abs=0.02)
+        assert after.min() / before.min() == pytest.approx(height_of_parting(other) / height_of_parting(own), rel=0.01)
+    assert any("thighs" in note for note in made.notes)
