@@ -89,7 +89,6 @@ STILL_PALETTISED = {
     "export_blender.png",
     "fields.png",
     "hard_cases.png",
-    "readme_before_after.png",
     "smooth.png",
     "viewer.png",
     *(f"gallery/{scene.stem}.png" for scene in (ROOT / "scenes").glob("*.toml")),

@@ -73,7 +73,7 @@ class ClothKind:
 
 _MATT = {"roughness": 0.9, "specular": 0.12, "sheen": 0.7, "sheen_tint": 0.5}
 _DENSE = {**_MATT, "specular": 0.0}
-_SILK = {"roughness": 0.42, "specular": 0.35, "anisotropic": 0.6}
+_SILK = {"roughness": 0.46, "specular": 0.35, "anisotropic": 0.5}
 _METAL = {"roughness": 0.22, "metallic": 0.8, "specular": 0.7, "clearcoat": 1.0, "clearcoat_gloss": 0.95}
 _PAPER = {"roughness": 0.55, "specular": 0.2}
 OCHRE = (0.55, 0.27, 0.06)
@@ -84,7 +84,7 @@ KINDS = {
                   thread=OCHRE, fibres=_MATT),
     "jersey": ClothKind("jersey", rib=1.4e-3, pixels=3.2, relief=0.25, shade=0.3, fuzz=0.9, fibres=_MATT),
     "rib": ClothKind("jersey", rib=4.0e-3, pixels=5.0, relief=0.4, shade=0.45, fuzz=0.9, fibres=_MATT),
-    "satin": ClothKind("smooth", melange=0.01, fuzz=0.3, fibres=_SILK),
+    "satin": ClothKind("twill", relief=0.06, shade=0.1, melange=0.015, fuzz=0.3, fibres=_SILK),
     "foil": ClothKind("smooth", hem=False, fibres=_METAL),
     "felt": ClothKind("felt", relief=0.25, shade=0.2, fuzz=0.9, hem=False, fibres=_DENSE),
     "board": ClothKind("smooth", hem=False, fibres=_PAPER),

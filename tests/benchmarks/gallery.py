@@ -88,7 +88,7 @@ EXAMPLES = (
     Example(
         "flag",
         "A flag in gusts",
-        "run flag --set cloth.cells=[60,40] --set run.duration=1.12",
+        "run flag --set cloth.cells=[54,36] --set effects.air.wind.period=0.07 --set run.duration=1.16",
         "--colour #8f2a24 --view=0.9,-1,0.4",
     ),
     Example(
