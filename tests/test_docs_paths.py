@@ -88,7 +88,6 @@ STILL_PALETTISED = {
     "dress_sheet.png",
     "export_blender.png",
     "hard_cases.png",
-    "readme_before_after.png",
     "viewer.png",
     *(f"gallery/{scene.stem}.png" for scene in (ROOT / "scenes").glob("*.toml")),
 }
