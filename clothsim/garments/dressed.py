@@ -305,7 +305,8 @@ def dress(
     mesh, fan_notes = folded_fans(mesh, body, surface)
     make_directory(directory)
     ends = np.inf if budget is None else process_time() - watch.cpu_seconds() + budget
-    task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce, ends)
+    crotch = np.inf if grading is None else grading.crotch
+    task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce, ends, crotch)
     notes = (
         *mesh.pattern.notes,
         *(grading.notes if grading else ()),
@@ -369,7 +370,7 @@ def _sewn(task: DressTask, mesh: PatternMesh, on: Wearer, notes: tuple[str, ...]
     """The panels as placed on a body in a pose, and the garment after all stages."""
     if on.body is not task.body:
         mesh, _ = turned_to_arms(mesh, on.body)
-    mesh, lowered_notes = lowered_to_crotch(mesh, on.body)
+    mesh, lowered_notes = lowered_to_crotch(mesh, on.body, task.crotch)
     mesh, leg_notes = turned_to_legs(mesh, on.body, on.surface)
     begun = DressState(as_placed(mesh), on, (), notes=(*notes, *lowered_notes, *leg_notes))
     return begun, run_stages(STAGES, task, begun)

@@ -184,6 +184,8 @@ class Grading:
         Level y = 0 of both patterns, "floor" or "waist".
     dropped : float
         Distance by which the crotch of trousers lies lower than that of the body, for its thighs touch above [m].
+    crotch : float
+        Height of that crotch; inf where it is that of the body [m].
     """
 
     pattern: Pattern
@@ -194,6 +196,7 @@ class Grading:
     before: float
     origin: str
     dropped: float = 0.0
+    crotch: float = np.inf
 
     @property
     def mismatch(self) -> tuple[float, str]:
@@ -259,9 +262,12 @@ def graded(
         else:
             heights_of = sizes.height_on_trousers if name in trousers else sizes.height
             panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of)
+    legs = float(sizes.factors.lengths[1])
+    dropped = sizes.parting * (1 - sizes.lower) * legs if trousers else 0.0
+    crotch = sizes.parting * sizes.lower * legs if dropped > LOW else np.inf
     alike = seams_alike(replace(pattern, panels=panels), pattern)
-    dropped = sizes.parting * (1 - sizes.lower) * float(sizes.factors.lengths[1]) if trousers else 0.0
-    return Grading(alike.pattern, source.name, sizes.named, alike.factors, alike.moved, alike.before, origin, dropped)
+    made = alike.pattern, source.name, sizes.named, alike.factors, alike.moved, alike.before
+    return Grading(*made, origin, dropped, crotch)
 
 
 COARSE = 0.05

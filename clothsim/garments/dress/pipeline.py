@@ -58,7 +58,8 @@ SLID = 0.07
 class DressTask:
     """What all stages share: the body and its surface, fabric, directory and listeners.
 
-    ends: the `process_time` at which the budget of all stages is spent.
+    ends: the `process_time` at which the budget of all stages is spent; crotch: height of that of graded trousers at
+    most [m].
     """
 
     body: BodyMesh
@@ -70,6 +71,7 @@ class DressTask:
     progress: Listener | None
     announce: Announcement | None
     ends: float = np.inf
+    crotch: float = np.inf
 
 
 @dataclass(frozen=True)

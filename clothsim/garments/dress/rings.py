@@ -291,16 +291,18 @@ RISE = 0.01
 """Distance below the crotch of the body to which that of trousers is lowered, and least distance above it [m]."""
 
 
-def lowered_to_crotch(mesh: PatternMesh, body: BodyMesh) -> tuple[PatternMesh, tuple[str, ...]]:
+def lowered_to_crotch(mesh: PatternMesh, body: BodyMesh, crotch: float = np.inf) -> tuple[PatternMesh, tuple[str, ...]]:
     """Mesh whose trousers, with what is sewn to them, are lowered until their crotch is below that of the body; a note.
 
-    Trousers that hang from a bodice stay: its seam, not their top, is at the waist.
+    crotch: height at which it may end at most [m], as that for which the trousers were graded. Trousers that hang from
+    a bodice stay: its seam, not their top, is at the waist.
     """
     state = as_placed(mesh)
     try:
         parts = body.parts
     except TransferError:
         return mesh, ()
+    crotch = min(crotch, parts.landmarks["crotch"])
     positions, notes = mesh.positions.copy(), []
     for names in rings(state, body):
         if _borders(state, names) <= TUBE:
@@ -311,7 +313,7 @@ def lowered_to_crotch(mesh: PatternMesh, body: BodyMesh) -> tuple[PatternMesh, t
         inseam = _inner_strings(state, names, body)
         if not len(inseam):
             continue
-        above = float(parts.frame.local(inseam.mean(axis=1))[:, 1].max() - parts.landmarks["crotch"])
+        above = float(parts.frame.local(inseam.mean(axis=1))[:, 1].max() - crotch)
         if above > RISE:
             positions[vertices_of(state, sewn)] -= (above + RISE) * body.up
             notes.append(

@@ -218,3 +218,5 @@ def test_trousers_end_where_the_thighs_part(own):
         assert after.max() == pytest.approx(before.max(), abs=0.02)
         assert after.min() / before.min() == pytest.approx(height_of_parting(other) / height_of_parting(own), rel=0.01)
     assert any("thighs" in note for note in made.notes)
+    assert made.crotch == pytest.approx(height_of_parting(other))
+    assert graded(pattern, own, own).crotch == np.inf

@@ -153,6 +153,14 @@ def test_trousers_of_a_low_rise_are_lowered_to_the_crotch(mannequin, above, bodi
     assert np.allclose(mesh.positions - moved.positions, [0, lowered / 100, 0], atol=0.012)  # strings end below it
 
 
+def test_graded_trousers_are_lowered_to_where_the_thighs_part(mannequin):
+    crotch = 100 * mannequin.parts.landmarks["crotch"]
+    mesh = low_trousers(18, crotch - 1, bodice=False)
+    moved, notes = lowered_to_crotch(mesh, mannequin, crotch / 100 - 0.1)
+    assert len(notes) == 1
+    assert np.allclose(mesh.positions - moved.positions, [0, 0.1, 0], atol=0.012)
+
+
 @pytest.mark.parametrize(
     ("limb", "height", "label", "found"),
     [("hand", 2, "", True), ("hand", 2, "arm", False), ("arm", 2, "", True), ("arm", 60, "", False)],
