@@ -87,9 +87,7 @@ STILL_PALETTISED = {
     "dress_graded.png",
     "dress_sheet.png",
     "export_blender.png",
-    "fields.png",
     "hard_cases.png",
-    "smooth.png",
     "viewer.png",
     *(f"gallery/{scene.stem}.png" for scene in (ROOT / "scenes").glob("*.toml")),
 }
