@@ -41,7 +41,7 @@ from clothsim.solve.stepping.time_loop import frame_count
 SHOWN = 0.3
 """Weight of a number in a combination from which it is named."""
 ALONE = 2
-"""Directions that are searched alone, those that promise most."""
+"""Directions that are searched alone, those whose first step is lowest."""
 TIGHTENINGS = 3
 """Searches from the last one, each with the noise that it left."""
 LARGEST_MODEL = 1.5
@@ -183,17 +183,18 @@ def _explained(fit: ClipFit, first: ClipRun, tell: Callable[[ClipRun], None]) ->
     """The run with the numbers, and the derivatives at it.
 
     What alone lowers the sum most is varied alone first: an edit is mostly of one kind, and a step of all numbers at
-    once goes astray where they are far from those of the edit.
+    once goes astray where they are far from those of the edit. Each is tried by a step, for derivatives of a garment on
+    a moving body are chance.
     """
     loose = fit.tightened(first.positions)
     moves = loose.search(tell).moves(first)
     gradient, hessian = loose.linearised(first, moves)
-    drops = [float(d @ gradient) ** 2 / float(d @ hessian @ d) for d in fit.numbers.directions]
-    lines = []
-    for direction in (fit.numbers.directions[k] for k in np.argsort(drops)[::-1][:ALONE]):
-        slope, curvature = float(gradient @ direction), float(direction @ hessian @ direction)
-        lines.append(loose.doubled(first, direction, slope, curvature, tell))
-        if fit.misfit(lines[-1].lowest.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
+    lines = [loose.along(first, d, float(gradient @ d), float(d @ hessian @ d), tell) for d in fit.numbers.directions]
+    for line in lines:
+        line.begin()
+    for line in sorted(lines, key=lambda line: line.lowest.total)[:ALONE]:
+        line.double()
+        if fit.misfit(line.lowest.positions) < UNEXPLAINED**2 * fit.misfit(first.positions):
             break
     best = min(lines, key=lambda line: line.lowest.total).refined()
     if not best.at.any():

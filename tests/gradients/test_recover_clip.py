@@ -164,3 +164,20 @@ def test_the_branch_of_the_edit_is_found_from_beside_it(keys, monkeypatch):
     assert len(taken) < 10
     known, _ = recover_clip._nearby(fit, found, moves, taken.append)
     assert known is found
+
+
+def test_a_direction_is_chosen_by_a_long_step(keys, monkeypatch):
+    """At the start differences of damping and width lower the sum by chance; the edit is of the stretch."""
+    fit = clip_fit.ClipFit.of(recover_clip.clip_numbers(strip(), ["stretch", "damping", "width"]), keys, np.zeros(2))
+    along = 0.01 * np.random.default_rng(0).standard_normal(fit.keys.shape)
+    small = 1.01 * fit.numbers.of_kind("step")
+
+    def run(self, at):
+        near = abs(at[0]) < 0.15
+        chance = np.where((np.abs(at) < small) & near, at / small, 0.0)
+        off = np.log(4.0) - (0.0 if near else at[0]) - 0.3 * chance[1:].sum()
+        return self.at(clip_fit.ClipRun(at, 0.0, (fit.keys + off * along).reshape(-1, 3)))
+
+    monkeypatch.setattr(clip_fit.ClipFit, "run", run)
+    best, _ = recover_clip._explained(fit, fit.run(np.zeros(3)), lambda seen: None)
+    assert np.exp(best.at[0]) == pytest.approx(4.0, rel=0.01)

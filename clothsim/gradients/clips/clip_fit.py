@@ -159,10 +159,10 @@ class ClipFit:
 
         return GaussNewton(run, self.beside, self.linearised, self.steps, of("largest"), -limit, limit, tell, LEAST)
 
-    def doubled(
+    def along(
         self, first: ClipRun, direction: Floats, slope: float, curvature: float, tell: Tell
     ) -> LineSearch[ClipRun]:
-        """Runs along a direction (k,); slope, curvature: of the sum along it at the first run.
+        """Runs along a direction (k,), to be taken; slope, curvature: of the sum along it at the first run.
 
         The first step is at least BEGIN of what is likely.
         """
@@ -174,9 +174,10 @@ class ClipFit:
             tell(seen)
             return seen
 
-        line = LineSearch(run, {0.0: self.at(first)}, lambda seen: self.misfit(seen.positions) < self.known)
-        line.double(float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, largest), -slope)), limit)
-        return line
+        step = float(np.copysign(np.clip(abs(slope) / curvature, BEGIN * prior, largest), -slope))
+        return LineSearch(
+            run, {0.0: self.at(first)}, step, limit, lambda seen: self.misfit(seen.positions) < self.known
+        )
 
 
 def until_last(scene: Scene, frames: Sequence[int]) -> Scene:

@@ -159,12 +159,16 @@ class LineSearch(Generic[S]):
         The run at a place along it.
     runs : dict
         Those that were taken, by their place; the one at 0 to begin with.
+    step, limit : float
+        The first step, and the farthest place.
     enough : callable
         True of a run that none lower is sought than.
     """
 
     run: Callable[[float], S]
     runs: dict[float, S]
+    step: float
+    limit: float
     enough: Callable[[S], bool] = lambda seen: False
 
     @property
@@ -172,13 +176,18 @@ class LineSearch(Generic[S]):
         """The run with the lowest sum."""
         return min(self.runs.values(), key=lambda seen: seen.total)
 
-    def double(self, step: float, limit: float) -> None:
-        """Take a step, to the other side where it is not lower, and double it while the sum falls, within a limit."""
-        lowest = self.runs[0.0].total
-        if self._total(step) >= lowest:
+    def begin(self) -> float:
+        """Take the first step, and one to the other side where it is not lower; the step that was taken last."""
+        step = self.step
+        if self._total(step) >= self.runs[0.0].total:
             step = -step
             self._total(step)
-        while self.runs[step].total < lowest and abs(step) <= 0.5 * limit:
+        return step
+
+    def double(self) -> None:
+        """Begin, and double the step while the sum falls, within the limit."""
+        step, lowest = self.begin(), self.runs[0.0].total
+        while self.runs[step].total < lowest and abs(step) <= 0.5 * self.limit:
             lowest, step = self.runs[step].total, 2 * step
             self._total(step)
 
@@ -195,7 +204,9 @@ class LineSearch(Generic[S]):
         return self.lowest
 
     def _total(self, q: float) -> float:
-        self.runs[q] = self.run(q)
+        """The sum at a place, whose run is taken once."""
+        if q not in self.runs:
+            self.runs[q] = self.run(q)
         return self.runs[q].total
 
 

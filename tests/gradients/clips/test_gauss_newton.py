@@ -118,8 +118,9 @@ def scanned(total, step):
         seen.append(q)
         return Seen(np.array([q]), total(q), np.zeros((1, 3)))
 
-    line = LineSearch(run, {0.0: run(0.0)})
-    line.double(step, 4.6)
+    line = LineSearch(run, {0.0: run(0.0)}, step, 4.6)
+    line.begin()
+    line.double()  # which takes no run again
     return line.refined().at[0], seen[1:]
 
 
@@ -140,10 +141,10 @@ def test_a_line_along_which_nothing_is_lower_takes_three_runs():
 def test_a_line_ends_at_its_limit_and_where_it_is_near_enough():
     assert max(scanned(lambda q: -q, 1.0)[1]) == 4.0
     line = LineSearch(
-        lambda q: Seen(np.array([q]), (q - 1.5) ** 2, np.zeros((1, 3))), {}, lambda seen: seen.total < 1.0
+        lambda q: Seen(np.array([q]), (q - 1.5) ** 2, np.zeros((1, 3))), {}, 1.0, 4.6, lambda seen: seen.total < 1.0
     )
     line.runs[0.0] = line.run(0.0)
-    line.double(1.0, 4.6)
+    line.double()
     assert line.refined().total == 0.25
     assert len(line.runs) == 3
 
