@@ -48,6 +48,8 @@ LARGEST_MODEL = 1.5
 """Multiple of the noise up to which numbers alone explain the keys, and no rest shape is sought."""
 NEARBY = 0.01
 """Factor on the differences of the last search, in which nothing buckles another way."""
+NEARBY_STEPS = 3
+"""Bound on its steps: each takes two runs for each number."""
 
 
 Floor = float | Sequence[float] | Floats
@@ -206,6 +208,8 @@ def _explained(fit: ClipFit, first: ClipRun, tell: Callable[[ClipRun], None]) ->
         best, _, moves, _ = own.search(tell).descended(own.at(best), moves)
         if not fit.known < fit.misfit(best.positions) < UNEXPLAINED * left:
             break
+    if fit.misfit(best.positions) > UNEXPLAINED**2 * fit.misfit(first.positions):
+        return best, moves  # on no branch near that of the edit
     return _nearby(fit, best, moves, tell)
 
 
@@ -219,7 +223,8 @@ def _nearby(fit: ClipFit, best: ClipRun, moves: Floats, tell: Callable[[ClipRun]
         return best, moves
     sigma = np.minimum(fit.noise, max(fit.finest, UNEXPLAINED * fit.misfit(best.positions)))
     own = replace(fit, sigma=sigma, steps=NEARBY * fit.numbers.of_kind("step"))
-    found, _, own_moves, _ = replace(own.search(tell), least=0.0, both_sides=True).descended(own.at(best))
+    search = replace(own.search(tell), least=0.0, both_sides=True, most=NEARBY_STEPS)
+    found, _, own_moves, _ = search.descended(own.at(best))
     return (found, own_moves) if found.total < own.at(best).total else (best, moves)
 
 

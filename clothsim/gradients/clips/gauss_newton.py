@@ -87,6 +87,8 @@ class GaussNewton(Generic[S]):
         Drop of the sum, relative to it, at which the search ends too, with the derivatives that it has.
     both_sides : bool
         Take each difference to both sides and count the smaller one: the other may be a jump between branches.
+    most : int
+        Bound on the steps.
     """
 
     run: Callable[[Floats, S], S]
@@ -99,6 +101,7 @@ class GaussNewton(Generic[S]):
     tell: Callable[[S], None] = lambda seen: None
     least: float = 0.0
     both_sides: bool = False
+    most: int = MOST_ITERATIONS
 
     def moves(self, seen: S) -> Floats:
         """Derivatives of the positions by the numbers, (p, k), by differences. ClothsimError where runs fail."""
@@ -126,7 +129,7 @@ class GaussNewton(Generic[S]):
         k = len(seen.at) * (2 if self.both_sides else 1)
         runs, fresh, before = 1 if moves is not None else k + 1, True, seen
         moves = self.moves(seen) if moves is None else moves
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(self.most):
             gradient, hessian = self.linearised(seen, moves)
             step: Floats = -np.asarray(np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0], np.float64)
             step *= min(1.0, float((self.largest / np.maximum(np.abs(step), 1e-12)).min()))
