@@ -224,7 +224,10 @@ def _nearby(fit: ClipFit, best: ClipRun, moves: Floats, tell: Callable[[ClipRun]
     sigma = np.minimum(fit.noise, max(fit.finest, UNEXPLAINED * fit.misfit(best.positions)))
     own = replace(fit, sigma=sigma, steps=NEARBY * fit.numbers.of_kind("step"))
     search = replace(own.search(tell), least=0.0, both_sides=True, most=NEARBY_STEPS)
-    found, _, own_moves, _ = search.descended(own.at(best))
+    try:
+        found, _, own_moves, _ = search.descended(own.at(best))
+    except ClothsimError:  # a run of a difference failed: the fit is as good as without it
+        return best, moves
     return (found, own_moves) if found.total < own.at(best).total else (best, moves)
 
 
@@ -332,7 +335,11 @@ def _longer(fit: ClipFit, first: ClipRun, tell: Callable[[ClipRun, int], None]) 
         return None
     known = replace(fit, numbers=shapes.displaced(moved), sigma=np.hypot(fit.noise, fit.left(positions)))
     last = known.at(replace(first, positions=positions))
-    found = _identified(known, first, last, known.search(lambda seen: tell(seen, 2)).moves(last))
+    try:
+        moves = known.search(lambda seen: tell(seen, 2)).moves(last)
+    except ClothsimError:  # nothing is known of the numbers, and the lengths stand
+        moves = np.zeros((last.positions.size, len(first.at)))
+    found = _identified(known, first, last, moves)
     moved, price = fitted_rest(shapes.mesh, keys, positions, shapes.run, fit.noise, moved)
     return replace(
         found,

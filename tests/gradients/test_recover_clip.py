@@ -7,6 +7,7 @@ import pytest
 
 import clothsim
 from clothsim import InputError
+from clothsim.base.errors import ClothsimError
 from clothsim.gradients import recover_clip
 from clothsim.gradients.clips import clip_fit
 from clothsim.mesh.generators.shapes import rectangle
@@ -181,3 +182,25 @@ def test_a_direction_is_chosen_by_a_long_step(keys, monkeypatch):
     monkeypatch.setattr(clip_fit.ClipFit, "run", run)
     best, _ = recover_clip._explained(fit, fit.run(np.zeros(3)), lambda seen: None)
     assert np.exp(best.at[0]) == pytest.approx(4.0, rel=0.01)
+
+
+def test_a_last_search_that_fails_loses_nothing(keys, monkeypatch):
+    """Runs beside the numbers that fail leave the fit as it was."""
+    fit = clip_fit.ClipFit.of(recover_clip.clip_numbers(strip(), ["stretch"]), keys, np.zeros(2))
+    best = fit.run(np.array([np.log(3.9)]))
+    moves = np.zeros((best.positions.size, 1))
+
+    def failing(scene, frames):
+        raise ClothsimError("It fails.")
+
+    monkeypatch.setattr(clip_fit, "positions_at", failing)
+    found, own_moves = recover_clip._nearby(fit, best, moves, lambda seen: None)
+    assert found is best
+    assert own_moves is moves
+
+
+def test_vertices_that_coincide_in_a_key_end_no_recovery(keys):
+    folded = keys[4].copy()
+    folded[3] = folded[1]
+    found = clothsim.recover_clip(strip(), {4: folded}, ["stretch"], rest=True)
+    assert np.isfinite(found.misfits).all()

@@ -248,6 +248,8 @@ def _closed_round(
         rows = state.mesh.vertices[name]
         points = state.positions[state.number[rows]]
         positions[closed.number[rows]], out[closed.number[rows]] = _bent_round(points, ends, leg, body, surface)
+    if not np.isfinite(positions).all():
+        return None
     distance = np.full(len(positions), CLEARANCE)
     for _ in range(ROUNDS):
         tried = closed.moved_to(positions + distance[:, None] * out)
@@ -284,6 +286,9 @@ def _bent_round(
     axis = np.array([(part.min(axis=0) + part.max(axis=0)) / 2 for part in slices])
     axis += (levels - np.sum(axis * up, axis=1))[:, None] * up
     reach, _ = surface.exits(axis, out)
+    reach = np.where(
+        np.isfinite(reach), reach, np.nan
+    )  # an axis outside the body, as between a leg and a hand beside it
     return axis + reach[:, None] * out, out
 
 

@@ -267,7 +267,8 @@ def agreed(changes: Sequence[Floats]) -> Floats:
 def length_changes(edges: Ints, start: Floats, keys: Sequence[Floats]) -> Floats:
     """Logarithms (e,) of factors from the lengths of edges in a run, (k n, 3) [m], to those that all keys agree on."""
     places = zip(np.split(start, len(keys)), keys, strict=True)
-    return agreed([np.log(_lengths(key, edges) / _lengths(x, edges)) for x, key in places])
+    ratios = [_lengths(key, edges) / np.maximum(_lengths(x, edges), 1e-300) for x, key in places]
+    return agreed([np.log(np.clip(ratio, 1 - 2 * LONGEST, 1 + 2 * LONGEST)) for ratio in ratios])
 
 
 def is_stretch(sheet: RestMesh, start: Floats, keys: Sequence[Floats]) -> bool:
