@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from clothsim import InputError
-from clothsim.gradients import design, recover_clip, view_fit
+from clothsim.gradients import design, view_fit
+from clothsim.gradients.clips.clip_fit import ClipFit
 
 AT, VALUES = np.zeros(1), {"pattern.front.width": 0.3}
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -21,7 +22,7 @@ def of_pictures():
 
 
 def of_a_clip():
-    return recover_clip._Fit.run(SimpleNamespace(numbers=SimpleNamespace(scene_at=refusing), frames=(1,)), AT)
+    return ClipFit.run(SimpleNamespace(numbers=SimpleNamespace(scene_at=refusing), frames=(1,)), AT)
 
 
 def of_a_pattern(monkeypatch):
