@@ -197,10 +197,3 @@ def test_a_last_search_that_fails_loses_nothing(keys, monkeypatch):
     found, own_moves = recover_clip._nearby(fit, best, moves, lambda seen: None)
     assert found is best
     assert own_moves is moves
-
-
-def test_vertices_that_coincide_in_a_key_end_no_recovery(keys):
-    folded = keys[4].copy()
-    folded[3] = folded[1]
-    found = clothsim.recover_clip(strip(), {4: folded}, ["stretch"], rest=True)
-    assert np.isfinite(found.misfits).all()

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from clothsim.gradients.clips.rest_shape import LONGEST, RestMesh, _mixed, fitted_lengths, fitted_rest, is_stretch
+from clothsim.gradients.clips.rest_shape import (
+    LONGEST,
+    RestMesh,
+    _mixed,
+    fitted_lengths,
+    fitted_rest,
+    is_stretch,
+    length_changes,
+)
 from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.generators.shapes import rectangle
 from clothsim.mesh.topology import unique_edges
@@ -138,3 +146,12 @@ def test_another_stiffness_is_no_other_length():
     stiffer, longer = points * [1, 1.005, 1], hanging * [1.03, 1, 1]
     assert is_stretch(sheet, hanging, [stiffer])
     assert not is_stretch(sheet, hanging, [longer])
+
+
+def test_an_edge_without_length_in_a_key_changes_by_a_bound():
+    points, triangles = rectangle(size=(0.3, 0.3), cells=(2, 2))
+    edges, key = unique_edges(triangles), points.copy()
+    key[edges[0, 0]] = key[edges[0, 1]]
+    changes = length_changes(edges, points, [key])
+    assert changes[0] == np.log(1 - 2 * LONGEST)
+    assert np.isfinite(changes).all()
