@@ -197,3 +197,25 @@ def test_a_last_search_that_fails_loses_nothing(keys, monkeypatch):
     found, own_moves = recover_clip._nearby(fit, best, moves, lambda seen: None)
     assert found is best
     assert own_moves is moves
+
+
+def test_a_wider_rest_shape_is_found_before_the_numbers():
+    """The stretch stays as it was: edges across are longer in both keys."""
+    scene = strip(1e5)
+    arrays = scene.cloths[0].mesh
+    wider = replace(arrays, rest=arrays.rest * [1.05, 1.0, 1.0])
+    truth = clothsim.simulate(replace(scene, cloth=[{**scene.cloths[0], "mesh": wider}]))
+    found = clothsim.recover_clip(scene, {frame: truth.positions(frame) for frame in (2, 4)}, ["stretch"])
+    assert found.values == {"stretch": 1.0}
+    assert found.rest is not None
+    assert found.misfits[2] < 0.2 * found.misfits[0]
+    assert "not searched" in found.no_gradient
+
+
+@pytest.mark.parametrize(("floor", "counts"), [(2e-5, True), (1e-3, False)])
+def test_a_small_difference_counts_where_the_keys_are_known_finely(keys, monkeypatch, floor, counts):
+    fit = clip_fit.ClipFit.of(recover_clip.clip_numbers(strip(), ["stretch"]), keys, np.full(2, floor))
+    seen = clip_fit.ClipRun(np.zeros(1), 0.0, fit.keys.reshape(-1, 3))
+    monkeypatch.setattr(clip_fit, "positions_at", lambda scene, frames: seen.positions + 1e-5)
+    beside = fit.beside(np.full(1, 0.01), seen)
+    assert np.allclose(beside.positions, seen.positions, rtol=0, atol=1e-9) != counts

@@ -12,7 +12,7 @@ from clothsim.garments.dress.rings import closed_round_legs
 from clothsim.garments.dress.sewing_state import Fabrics
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import count_penetrations
-from transfer.signed_distance import body_surface
+from transfer.signed_distance import BodySurface, body_surface
 
 CUFFS = ("left_front", "left_back", "right_front", "right_back")
 
@@ -57,6 +57,15 @@ def test_a_cuff_without_room_between_the_legs_stays_flat():
     """The legs have grown together: a tube round one would run through the other."""
     body = BodyMesh("person", *person(0.05, leg_spread=0.02), 1.0, ())
     state = trousers_with_cuffs(-13, half=4, size=0.02)
+    closed, notes = closed_round_legs(state, body, body_surface(body.positions, body.triangles))
+    assert notes == ()
+    assert closed is state
+
+
+def test_an_axis_outside_the_body_leaves_the_cuff_flat(body, monkeypatch):
+    """As between a leg and a hand beside it: no ray from there leaves the body."""
+    monkeypatch.setattr(BodySurface, "exits", lambda self, points, out: (np.full(len(points), np.inf), None))
+    state = trousers_with_cuffs(0, half=5, size=0.02)
     closed, notes = closed_round_legs(state, body, body_surface(body.positions, body.triangles))
     assert notes == ()
     assert closed is state
