@@ -1,6 +1,7 @@
 """Bending with a slope and with a curl: moments of cylinders, derivatives, convexity, a strip that rolls up."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -34,8 +35,15 @@ def rolled(positions, k):
 
 
 def energy_per_area(fabric, n, k, degrees=0.0, short_waves=0.0):
-    """Of the inside of a cylinder: those of four sheets, so that their free borders, without moment, drop out."""
-    total = 0.0
+    """Of the inside of a cylinder of curvature k: of four sheets, so that free borders, without moment, drop out."""
+    sheets = flat_sheets(fabric, n, degrees, short_waves)
+    return sum(sign * energy.value(rolled(start, k)) for sign, energy, start in sheets)
+
+
+@cache
+def flat_sheets(fabric, n, degrees, short_waves):
+    """Sign, bending energy and flat positions of each of the four."""
+    sheets = []
     for length, width, sign in ((2, 2, 1), (2, 1, -1), (1, 2, -1), (1, 1, 1)):
         points, triangles = grid(length * n, width * n)
         points = points * [length, width, 1]
@@ -43,8 +51,8 @@ def energy_per_area(fabric, n, k, degrees=0.0, short_waves=0.0):
         points[:, 0] += wave  # on rows along the axis a cylinder's moment would be exact
         points[:, 1] -= 2 * wave
         world = world_of(fabric, (points, triangles))
-        total += sign * bending(world, angle_degrees=degrees, short_waves=short_waves).value(rolled(world.start(), k))
-    return total
+        sheets.append((sign, bending(world, angle_degrees=degrees, short_waves=short_waves), world.start()))
+    return sheets
 
 
 # --- softening ------------------------------------------------------------------------------------------------------
