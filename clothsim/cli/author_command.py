@@ -107,11 +107,11 @@ def lines(found: "Authored") -> list[str]:
         before, most, after, left = (1e3 * each for each in (key.before, key.before_most, key.after, key.after_most))
         crossing = f"; as edited {many(key.intersecting, 'pair')} of triangles intersect" if key.intersecting else ""
         out.append(f"    frame {key.frame}: {before:.3g} ({most:.3g}) before, {after:.3g} ({left:.3g}) now{crossing}")
-    if not np.isnan(found.floor).all():
-        start, stop = (f"{1e3 * each:.3g}" if np.isfinite(each) else "not known" for each in found.floor)
-        out.append(
-            f"  floor    twins of the run, mm RMS: {start} from a start 1e-6 m aside, {stop} with a tenth of the stop"
-        )
+    for whose, floor in (("run", found.floor), ("authored clip", found.own_floor)):
+        if not np.isnan(floor).all():
+            start, stop = (f"{1e3 * each:.3g}" if np.isfinite(each) else "not known" for each in floor)
+            far = f"{start} from a start 1e-6 m aside, {stop} with a tenth of the stop"
+            out.append(f"  floor    twins of the {whose}, mm RMS: {far}")
     frames, crossed = many(len(run), "frame"), found.intersecting_frames
     verdict = "not all tested" if crossed is None else "none intersects" if not crossed else f"INTERSECT: {crossed}"
     out.append(f"  checked  {frames}, each by the exact test: {verdict}")

@@ -35,6 +35,8 @@ FARTHEST = 10.0
 """Sizes of the garment by which an edit may move a vertex: beyond that a file is in another unit."""
 KEY_FILE = "Give a mesh file of the frame with moved vertices: `clothsim export RUN --frame N -o FRAME.obj` writes one."
 UNKNOWN = (float("nan"), float("nan"))
+MISSED = 2.0
+"""Multiple of the noise, left at the keys, from which the authored clip is run with twins of its own."""
 Space = Literal["canonical", "world"]
 
 
@@ -89,6 +91,9 @@ class Authored:
         start 1e-6 m aside, and with a tenth of Newton's stop. nan where it is not known, or was not asked for.
     recovery : ClipRecovery or None
         What explains the edits; None of offsets that were interpolated.
+    own_floor : tuple of float
+        The same distances of the authored clip from its own twins, where what explains the edits leaves more than
+        `MISSED` times the floor at the keys: a clip that amplifies a start 1e-6 m aside cannot be found. nan otherwise.
     """
 
     run: "Run"
@@ -97,6 +102,7 @@ class Authored:
     intersecting_frames: tuple[int, ...] | None
     floor: tuple[float, float] = UNKNOWN
     recovery: "ClipRecovery | None" = None
+    own_floor: tuple[float, float] = UNKNOWN
 
     def as_json(self) -> dict[str, Any]:
         """The content of author.json."""
@@ -106,6 +112,7 @@ class Authored:
             "intersecting_frames": None if self.intersecting_frames is None else list(self.intersecting_frames),
             "space": self.space,
             "floor": dict(zip(("start", "stop"), (_finite(each) for each in self.floor), strict=True)),
+            "own_floor": dict(zip(("start", "stop"), (_finite(each) for each in self.own_floor), strict=True)),
             "keys": [asdict(key) for key in self.keys],
             **({} if self.recovery is None else {"explained": explained(self.recovery)}),
         }
@@ -152,7 +159,8 @@ def author(
     overwrite : bool
         Replace an earlier run in the directory.
     floor : bool
-        Find the floor of noise under the run, by two more runs of its scene the first time.
+        Find the floor of noise under the run, by two more runs of its scene the first time, and two of the
+        authored clip where it misses the keys.
 
     Raises
     ------
@@ -193,7 +201,9 @@ def author(
         found = _recovered(run, edited, free, twins, rest)
         new = clothsim.simulate(found.scene, directory, progress=progress, overwrite=overwrite)
         (directory / TARGETS_NAME).unlink(missing_ok=True)  # of an earlier clip there
-        return _written(new, run, edited, "", noise(), found)
+        missed = found.misfits[2] > MISSED * float(np.nanmax([*noise(), *found.noise]))
+        own = floor_of(new).rms(set(keys)) if floor and missed else UNKNOWN
+        return _written(new, run, edited, "", noise(), found, own)
     chosen = space or ("canonical" if any("model" in each.as_table() for each in scene.bodies) else "world")
     made = guided(scene, targets(run, edited, chosen), directory, rate)
     new = clothsim.simulate(made, directory, progress=progress, overwrite=overwrite)
@@ -207,11 +217,12 @@ def _written(
     space: str,
     noise: tuple[float, float],
     recovery: "ClipRecovery | None",
+    own_floor: tuple[float, float] = UNKNOWN,
 ) -> Authored:
     """The authored clip, with its file."""
     free, frames = new.intersection_free, new.summary["certificate"]["intersecting_frames"]
     tested = None if free is None else tuple(frames)
-    found = Authored(new, distances(run, new, edited), space, tested, noise, recovery)
+    found = Authored(new, distances(run, new, edited), space, tested, noise, recovery, own_floor)
     write_atomically(new.directory / AUTHORED_NAME, to_json(found.as_json()).encode())
     return found
 

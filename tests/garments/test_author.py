@@ -70,9 +70,17 @@ def test_an_edit_is_explained_by_the_fabric(sheet, tmp_path):
     assert key.after < 0.5 * key.before
     assert found.intersecting_frames == ()
     assert found.floor[0] < key.before
+    assert np.isnan(found.own_floor).all()
     written = json.loads((tmp_path / "clip" / AUTHORED_NAME).read_text())
     assert written["explained"]["factors"] == pytest.approx(dict(found.recovery.values))
     assert open_run(tmp_path / "clip").field("stress").shape == (32, 3, 2)
+
+
+def test_a_clip_that_misses_its_keys_says_how_far_apart_its_twins_are(sheet, tmp_path):
+    found = author(sheet, {5: lifted(sheet, 5)}, tmp_path / "clip", free=["stretch"], rest=False)
+    assert found.recovery.misfits[2] > 2 * max(found.recovery.noise)
+    assert 0 < found.own_floor[0] < 1e-3
+    assert found.as_json()["own_floor"]["start"] == found.own_floor[0]
 
 
 def test_an_edit_through_the_body_is_counted_and_kept_out(sheet, tmp_path):

@@ -249,8 +249,8 @@ LIFT_CLEAR = 0.01
 def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, str]:
     """State whose pieces on the shoulders, and what is sewn on top of them, are lifted; and a note.
 
-    By the least height at which the fewest springs of these pieces run through the body. A skirt below stays: lifted,
-    it would close above the hips that it is cut for.
+    By the least height at which the smallest part of each seam of these pieces runs through the body. A skirt below
+    stays: lifted, it would close above the hips that it is cut for.
     """
     hanging = [
         names
@@ -263,7 +263,7 @@ def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[Se
     through = np.array(
         [[count_crossing_body(state.positions[pairs] + lift * body.up, surface) for pairs in seams] for lift in LIFTS]
     )
-    best = _best_lift(through)
+    best = _best_lift(through / [len(pairs) for pairs in seams])
     if best == 0:
         return state, ""
     on_top = tuple(name for name, panel in state.mesh.pattern.panels.items() if is_on_top(panel))
@@ -277,9 +277,10 @@ def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[Se
     return state.moved_to(positions), f"{note}, {through[best].sum()} do now"
 
 
-def _best_lift(through: Ints) -> int:
-    """Number of the least of `LIFTS` with the fewest springs through the body, from those of each seam at each, (s, k).
+def _best_lift(through: Floats) -> int:
+    """Number of the least of `LIFTS` with the least sum of `through`, the part of each seam through the body, (s, k).
 
+    Parts, not numbers of springs: the seam of a shoulder is short, and a bodice whose shoulders stay open slides off.
     Where more springs of a seam run through the body on the way up, as those of a side seam through an arm, it is not
     freed above: it would close there.
     """

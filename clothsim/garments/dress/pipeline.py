@@ -52,6 +52,8 @@ from transfer.signed_distance import BodySurface
 
 SLID = 0.07
 """Descent from the placement, as a fraction of the body's height, beyond which a note says so."""
+FALLEN = 0.2
+"""Descent beyond which the garment is not worn: the waistband of a wide skirt slides to the hips, .12 of the height."""
 
 
 @dataclass(frozen=True)
@@ -222,17 +224,23 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     tight = tight_parts_of_run(run, {name: every[rows] for name, rows in draped.state.mesh.faces.items()})
     at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(tight))
     draped = replace(draped, notes=(*draped.notes, *at_rest), tight=tight)
-    status, reason = end_of_drape(draped.state, run, task.body.name)
+    fallen = below if below > FALLEN * height else 0.0
+    status, reason = end_of_drape(draped.state, run, task.body.name, fallen)
     return replace(draped, status=status, reason=reason)
 
 
-def end_of_drape(state: SewingState, run: Run, body: str) -> tuple[str, str]:
-    """Status of a garment whose drape completed, and what was closed and whether it rests, in a sentence."""
+def end_of_drape(state: SewingState, run: Run, body: str, fallen: float = 0.0) -> tuple[str, str]:
+    """Status of a garment whose drape completed, and what was closed and whether it rests, in a sentence.
+
+    fallen: distance by which its top lies below where the pattern places it, of a garment that is not worn [m].
+    """
     seams, (gap, name) = len(state.mesh.seams), worst_gap(state)
     closed = f"All {seams} seams are closed"
     if state.open_seams:
         closed = f"{len(state.welded)} of {seams} seams are welded throughout, springs hold the rest, within "
         closed += f"{1e3 * gap:.2g} mm ({name})"
+    if fallen:
+        return "sewn", f"{closed}, but the garment has slid off: its top lies {1e3 * fallen:.0f} mm below its place."
     if moving := unrest(run, body):
         return "sewn", f"{closed}, but the garment is {moving}."
     return "completed", f"{closed}, and the garment rests on {body}."

@@ -1,5 +1,6 @@
 """Drape of a sewn garment: one that hangs on the shoulders is shaken down with little friction, others are not."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,7 +10,8 @@ import trimesh
 from capsule_bodies import person
 from sewing_patterns import panel, specification
 
-from clothsim.garments.dress.pipeline import DressTask, drape_sewn, end_of_drape
+from clothsim.garments.dress.limbs import Wearer
+from clothsim.garments.dress.pipeline import DressState, DressTask, _drape, drape_sewn, end_of_drape
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
@@ -77,3 +79,14 @@ def test_a_garment_rests_only_where_its_drape_came_to_rest(ball, at_rest, status
     found, reason = end_of_drape(sheet_over(ball), run, "ball")
     assert found == status
     assert ("37 mm/s" in reason) is not at_rest
+
+
+@pytest.mark.parametrize(("drop", "status"), [(0.0, "completed"), (0.2, "sewn")])
+def test_a_garment_that_slid_off_is_not_worn(ball, drop, status, tmp_path):
+    state = sheet_over(ball, aside=0.05)
+    placed = state.positions + (drop * 0.6 + 0.01) * ball.up  # .6 m is the height of the ball
+    state = replace(state, mesh=replace(state.mesh, positions=placed))
+    task = task_on(ball, tmp_path)
+    done = _drape(task, DressState(state, Wearer(ball, task.surface), ()))
+    assert done.status == status
+    assert ("its top lies" in done.reason) is (drop > 0)

@@ -401,5 +401,13 @@ def test_low_shoulders_are_lifted(body):
 @pytest.mark.parametrize(("side", "best"), [((0, 2, 4, 4, 2, 0), 1), ((4, 2, 0, 0, 0, 0), 2), ((0, 0, 0, 0, 0, 0), 1)])
 def test_a_side_seam_is_not_lifted_over_an_arm(side, best):
     """A shoulder seam whose three springs are free from the second lift on, beside a side seam."""
-    through = np.column_stack([[3, 0, 0, 0, 0, 0], side])
+    through = np.column_stack([[3, 0, 0, 0, 0, 0], side]) / [3, 4]
     assert _best_lift(through) == best
+
+
+@pytest.mark.parametrize("finer", [1, 10])
+def test_a_short_shoulder_seam_counts_as_much_as_a_long_side(finer):
+    """The shoulder is free from the second lift on, where more springs of the side run through the arm than it has."""
+    through = finer * np.array([[4, 0], [4, 3], [0, 5], [0, 7]])
+    assert _best_lift(through / [4 * finer, 22 * finer]) == 2
+    assert _best_lift(through) == 0
