@@ -89,38 +89,27 @@ def test_self_contact_without_a_pair_is_absent_bit_for_bit(tmp_path, integrator,
 # --- nothing absent is imported or run ------------------------------------------------------------------------------
 
 
-HEAVY = ("ipctk", "pyvista", "vtkmodules", "trimesh", "meshio", "transfer", "torch")
+HEAVY = ("ipctk", "pyvista", "vtkmodules", "trimesh", "meshio", "transfer", "torch", "jax", "clothsim.gradients")
+RUNS = """
+import sys
+import clothsim
+
+def run(folder, **sections):
+    scene = clothsim.Scene(cloth={cloth!r}, solver={solver!r}, run={{"duration": 0.02}}, **sections)
+    assert clothsim.simulate(scene, folder).status == "completed"
+    print([n for n in {heavy!r} if n in sys.modules], "clothsim.physics.contact" in sys.modules)
+
+run({folder!r} + "/membrane", effects={{"inertia": {{}}, "membrane": {{}}}})
+run({folder!r} + "/all", body={body!r}, effects={effects!r})
+"""
 
 
-def modules_after(code):
-    seen = f"[n for n in {HEAVY!r} if n in sys.modules], 'clothsim.physics.contact' in sys.modules"
-    script = f"{code}\nimport sys\nprint({seen})"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+def test_runs_import_nothing_heavy_and_a_membrane_no_contact(tmp_path):
+    """Two runs of an interpreter: a membrane alone, then all usual effects with contact."""
+    code = RUNS.format(cloth=SHEET, solver=SOLVER, body=BALL, effects=EFFECTS, heavy=HEAVY, folder=str(tmp_path))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
-
-
-def test_a_membrane_scene_imports_nothing_heavy(tmp_path):
-    code = f"""
-import clothsim
-scene = clothsim.Scene(
-    cloth={SHEET!r}, effects={{"inertia": {{}}, "membrane": {{}}}}, solver={SOLVER!r}, run={{"duration": 0.02}}
-)
-assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
-"""
-    assert modules_after(code) == "[] False"
-
-
-def test_contact_imports_nothing_heavy(tmp_path):
-    code = f"""
-import clothsim
-scene = clothsim.Scene(
-    cloth={SHEET!r}, body={BALL!r}, effects={{"inertia": {{}}, "body_contact": {{}}}}, solver={SOLVER!r},
-    run={{"duration": 0.02}},
-)
-assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
-"""
-    assert modules_after(code) == "[] True"
+    assert done.stdout.splitlines() == ["[] False", "[] True"]
 
 
 SHARED = {

@@ -8,17 +8,23 @@ from tests.benchmarks import author_walk
 from tests.benchmarks.author_walk import HEM, SHOULDERS, WalkingShirt
 
 
-@pytest.fixture
-def clip(monkeypatch):
+@pytest.fixture(scope="module")
+def clip():
     """The shirt that begins at its rest shape: no drape is simulated."""
     clip = WalkingShirt()
     start = build(clip.scene(draped=False)).world.cloths[0].positions
-    monkeypatch.setattr(author_walk, "_draped", lambda _: start)
-    return clip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(author_walk, "_draped", lambda _: start)
+        yield clip
 
 
-def test_the_hem_is_longer_and_the_rest_is_not(clip):
-    rest, longer = (scene.cloths[0].mesh.rest for scene in (clip.scene(), clip.longer_hem()))
+@pytest.fixture(scope="module")
+def plain(clip):
+    return clip.scene()
+
+
+def test_the_hem_is_longer_and_the_rest_is_not(clip, plain):
+    rest, longer = (scene.cloths[0].mesh.rest for scene in (plain, clip.longer_hem()))
     lowest = rest[:, 2] < HEM + 1e-3
     np.testing.assert_allclose(longer[lowest, :2], 1.05 * rest[lowest, :2], rtol=1e-3)
     above = rest[:, 2] > HEM + (SHOULDERS - HEM) / 4
@@ -26,10 +32,10 @@ def test_the_hem_is_longer_and_the_rest_is_not(clip):
     assert rest[:, 2].max() == pytest.approx(SHOULDERS, abs=1e-3)
 
 
-def test_the_pleat_has_two_creases_and_the_fabric_is_stiffer(clip):
+def test_the_pleat_has_two_creases_and_the_fabric_is_stiffer(clip, plain):
     pleat = clip.pleat()
-    assert build(pleat).world.n_cloth == build(clip.scene()).world.n_cloth  # no crease is refused
+    assert build(pleat).world.n_cloth == build(plain).world.n_cloth  # no crease is refused
     assert len(pleat.effects["rest_angle"].crease) == 2
-    one, four = (clip.scene(factor).cloths[0] for factor in (1.0, 4.0))
+    one, four = plain.cloths[0], clip.scene(4.0).cloths[0]
     assert four.youngs_modulus == 4 * one.youngs_modulus
     assert four.bending_stiffness == 4 * one.bending_stiffness

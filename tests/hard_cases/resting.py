@@ -123,7 +123,7 @@ CASES = (
         all_of(same_bits, energy_falls),
     ),
     *(
-        Case(name, title, partial(quiet, place=place), all_of(no_drift, no_growth, energy_falls))
+        Case(name, title, partial(quiet, place=place), all_of(no_drift, no_growth, energy_falls), slow=place != "hangs")
         for name, title, place in (
             ("B23a", "hanging sheet, at rest", "hangs"),
             ("B23b", "sheet at rest on one triangle of a table", "face"),

@@ -57,14 +57,15 @@ def test_nothing_meets_at_rest(character):
 
 def test_an_armpit_closes_under_cloth_alone(character):
     down, everywhere = swings(character, "left_shoulder", (0, 1, 0), 25), np.ones(len(character.positions), bool)
-    folds = closing_folds(character, down, TIMES, 0.01, everywhere)
+    times = TIMES[::2]
+    folds = closing_folds(character, down, times, 0.01, everywhere)
     assert {fold.parts for fold in folds} == {("left arm", "trunk")}
     assert folds[0].vertices > 0
     assert 0 < folds[0].nearest < 0.01
     assert 0 < folds[0].start <= folds[0].at <= folds[0].end < 1
     assert 1.2 < folds[0].place[2] < 1.5  # the armpit, not a finger
-    assert closing_folds(character, down, TIMES, 0.01, ~everywhere) == ()
-    assert closing_folds(character, swings(character, "left_shoulder", (0, 1, 0), 0), TIMES, 0.01, everywhere) == ()
+    assert closing_folds(character, down, times, 0.01, ~everywhere) == ()
+    assert closing_folds(character, swings(character, "left_shoulder", (0, 1, 0), 0), times[:2], 0.01, everywhere) == ()
 
 
 def test_boxes_bound_the_distance_from_below(character):
