@@ -11,12 +11,12 @@ import numpy as np
 
 from clothsim.base.file_writing import write_atomically
 from tests.benchmarks.stored_tables import markdown_table, write_between
-from tests.reality import causes, knits
-from tests.reality.borders import NAME, Lays, measured_lays, scatter_of_fitted
+from tests.reality import causes, knits, specimens
+from tests.reality.borders import NAME, Lays, measured_lays, scans, scatter_of_centres
 from tests.reality.ensembles import BENDING_LENGTHS, RATIOS, Fit, fitted, simulated
 from tests.reality.score import Scored, mean_scores, scored
 
-MARK, CAUSES_MARK, KNITS_MARK = "reality", "causes", "knits"
+MARK, CAUSES_MARK, SPECIMENS_MARK, KNITS_MARK = "reality", "causes", "specimens", "knits"
 RECORD = Path(__file__).parents[2] / "docs" / "results" / "reality.json"
 HEADER = (
     "fabric", "lays", "c [mm]", "ratio", "coefficient [%]", "n_eff", "sd r [mm]", "score: simulated", "with spread",
@@ -43,22 +43,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         made = {"date": datetime.date.today().isoformat(), "lengths_mm": BENDING_LENGTHS, "ratios": RATIOS}
         write_atomically(arguments.record, (json.dumps({**made, "lays": table}) + "\n").encode())
     stored = json.loads(arguments.record.read_text(encoding="utf-8"))
-    lays = measured_lays(arguments.data)
-    scatter = scatter_of_fitted(lays)
-    fits = [fitted(stored["lays"], each, scatter) for each in lays]
+    labels, radii = scans(arguments.data)
+    lays = measured_lays(labels, radii)
+    scatters = scatter_of_centres(lays)
+    fits = [fitted(stored["lays"], each, scatter) for each, scatter in zip(lays, scatters, strict=True)]
     scores = scored(lays, [each.ensemble for each in fits])
-    text = page(lays, fits, scores, stored)
-    of_causes = markdown_table(causes.HEADER, causes.rows(stored["lays"], lays))
-    print(f"{text}\n\n{of_causes}")
-    of_knits = ""
+    texts = {
+        MARK: page(lays, fits, scores, stored),
+        CAUSES_MARK: markdown_table(causes.HEADER, causes.rows(stored["lays"], lays)),
+        SPECIMENS_MARK: specimens.text(labels, radii),
+    }
     if (arguments.data / knits.NAME).is_file():
-        of_knits = knits_text(knits.compared_knits(arguments.data))
-        print(f"\n{of_knits}")
+        texts[KNITS_MARK] = knits_text(knits.compared_knits(arguments.data))
+    print("\n\n".join(texts.values()))
     if arguments.page:
-        write_between(arguments.page, MARK, text)
-        write_between(arguments.page, CAUSES_MARK, of_causes)
-        if of_knits:
-            write_between(arguments.page, KNITS_MARK, of_knits)
+        for mark, text in texts.items():
+            write_between(arguments.page, mark, text)
     return 0
 
 
@@ -90,9 +90,8 @@ def page(lays: Sequence[Lays], fits: Sequence[Fit], scores: Sequence[Scored], st
         f"(simulated), {means[1]:.2f} (with spread), {means[2]:.2f} (better rival) and {means[3]:.2f} (ceiling).",
         f"The skill of the simulation is {skills[0]:.2f}, and {skills[1]:.2f} with spread. The simulation has",
         f"a better score than both rivals for {better[0]} of {len(scores)} fabrics (with spread: {better[1]}). The",
-        f"median difference between the simulation and the real cloth is {depth:+.0f} % in sd r and {folds:.1f} in",
-        f"n_eff. The fold slope is {_slopes(lays):+.2f} points per fold in real cloth and {_slopes_of(stored):+.2f} in",
-        "the simulation.",
+        f"median difference between the simulation and the real cloth is {round(depth):+d} % in sd r and {folds:.1f} in",
+        "n_eff.",
     ]
     return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
 
@@ -121,20 +120,6 @@ def knits_text(compared: Sequence[knits.Compared]) -> str:
         f"from the pulls that were not fitted is {100 * off:.0f} %. On average, the width shrinks by {mean[0]:.0f} % "
         f"in these pulls and by {mean[1]:.0f} % in the simulation; the median difference is {away:.1f} points."
     )
-
-
-def _slopes(lays: Sequence[Lays]) -> float:
-    """Points of the coefficient that a fold more has among lays of one fabric: slope over all, centred by fabric."""
-    return _slope([each.others for each in lays])
-
-
-def _slopes_of(stored: dict) -> float:
-    return _slope([np.array(each) for each in stored["lays"]])
-
-
-def _slope(groups: Sequence[np.ndarray]) -> float:
-    centred = np.concatenate([each - each.mean(axis=0) for each in groups])
-    return float(100 * (centred[:, 0] @ centred[:, 1]) / (centred[:, 1] @ centred[:, 1]))
 
 
 if __name__ == "__main__":

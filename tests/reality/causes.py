@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from tests.reality.borders import Lays, scatter_of_fitted
+from tests.reality.borders import Lays, scatter_of_centres
 from tests.reality.ensembles import fitted
 from tests.reality.score import mean_scores, scored
 
@@ -23,8 +23,12 @@ RIGHT: dict[str, tuple[int, ...]] = {
 
 def rows(table: Sequence[Sequence[Sequence[float]]], lays: Sequence[Lays]) -> list[list[str]]:
     """Mean scores and skills with means that are right, with spreads that are, and with parts of the fit left out."""
-    scatter = scatter_of_fitted(lays)
-    whole = [fitted(table, each, scatter).ensemble for each in lays]
+    scatters = scatter_of_centres(lays)
+
+    def ensembles(**left_out: bool) -> list[Floats]:
+        return [fitted(table, each, scatter, **left_out).ensemble for each, scatter in zip(lays, scatters, strict=True)]
+
+    whole = ensembles()
 
     def corrected(change: Callable[[Floats, Lays], Floats]) -> list[Floats]:
         return [change(ensemble, own) for ensemble, own in zip(whole, lays, strict=True)]
@@ -34,11 +38,9 @@ def rows(table: Sequence[Sequence[Sequence[float]]], lays: Sequence[Lays]) -> li
         for name, at in RIGHT.items()
     }
     cases["spread of the fabric in place of the simulated one"] = corrected(_spread_as)
-    cases["all ratios equally likely"] = [fitted(table, each, scatter, weigh=False).ensemble for each in lays]
-    cases["outlines not shifted off centre"] = [fitted(table, each, scatter, centred=True).ensemble for each in lays]
-    cases["all ratios equally likely, outlines not shifted"] = [
-        fitted(table, each, scatter, weigh=False, centred=True).ensemble for each in lays
-    ]
+    cases["all ratios equally likely"] = ensembles(weigh=False)
+    cases["outlines not shifted off centre"] = ensembles(centred=True)
+    cases["all ratios equally likely, outlines not shifted"] = ensembles(weigh=False, centred=True)
     found = []
     for name, ensembles in cases.items():
         means, skills = mean_scores(scored(lays, ensembles))

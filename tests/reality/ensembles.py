@@ -67,9 +67,9 @@ def fitted(
 
     Each simulated lay has a bending length of its own at which it has the coefficient asked for: that of one of the
     fitted lays (each side has its own, as curl moves the coefficient and hardly the folds at one coefficient) and the
-    scatter of measured lays. Lays count by the likelihood of the fitted n_eff and sd r, `scatter (3,)` their standard
-    deviation, so that the ratio is fitted with those of 618 fabrics as its prior. The outlines lie as far off the axis
-    as the fitted ones do.
+    scatter of measured lays. Lays count by the likelihood of the mean n_eff and sd r of the fitted lays, `scatter (3,)`
+    the standard deviation of such means of one specimen about those of a fabric, so that the ratio is fitted with those
+    of 618 fabrics as its prior. The outlines lie as far off the axis as the fitted ones do.
 
     Parameters
     ----------
@@ -84,8 +84,8 @@ def fitted(
     off = 0.0 if centred else own.off_axis
     count = values.shape[1]
     middle = np.array([_at(values[:, k], own.centre[0], off)[1] for k in range(count)])
-    away = (middle[None, :, 1:] - own.fitted[:, None, 1:]) / scatter[1:]
-    likely = -0.5 * (away**2).sum(axis=(0, 2)) if weigh else np.zeros(count)
+    away = (middle[:, 1:] - own.centre[1:]) / scatter[1:]
+    likely = -0.5 * (away**2).sum(axis=1) if weigh else np.zeros(count)
     weights = np.exp(likely - likely.max())
     weights /= weights.sum()
     m = np.arange(MEMBERS)

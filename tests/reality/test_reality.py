@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from tests.reality import causes
+from tests.reality import causes, specimens
 from tests.reality.__main__ import RECORD, main
-from tests.reality.borders import Lays, scatter_of_fitted
+from tests.reality.borders import DROPPED, Lays, measured_lays, scatter_of_centres, single_lays
 from tests.reality.ensembles import BENDING_LENGTHS, MEMBERS, RATIOS, SOFTENING, fitted, sheet
 from tests.reality.knits import Pulls, compared
 from tests.reality.score import energy_score, scored
@@ -89,7 +89,60 @@ def test_with_all_three_means_right_nothing_is_lost_but_spread():
     lays, _ = fabrics(8)
     rows = {row[0]: float(row[1]) for row in causes.rows(TABLE, lays)}
     assert rows["mean corrected: all three"] < min(v for k, v in rows.items() if k != "mean corrected: all three")
-    assert scatter_of_fitted(lays)[0] < 0.05
+
+
+def test_the_scatter_of_centres_is_that_of_the_other_fabrics():
+    off = np.array([0.03, 0.6, 1e-3])
+    lays = [Lays(k, np.tile(k * off, (2, 1)), np.zeros((4, 3))) for k in range(3)]
+    found = scatter_of_centres(lays)
+    assert [each / off for each in found] == [pytest.approx(np.full(3, (m / 2) ** 0.5)) for m in (5, 4, 1)]
+
+
+THETA = 2 * np.pi * np.arange(360) / 360
+
+
+def test_observations_of_one_lay_count_once_and_no_copies():
+    series = [[1, 2, 4, capture] for capture in (1, 2, 3)] + [[1, 2, 5, 1]]
+    labels = np.array([*series, [1, 1, 4, 1], [1, 1, 4, 2], [2, 2, 4, 1], [2, 2, 4, 2], *DROPPED])
+    assert single_lays(labels).tolist() == [False, False, True, True] + [True] * 4 + [False] * len(DROPPED)
+
+
+def test_the_fit_sees_both_sides_of_the_first_specimen_of_the_first_session():
+    labels = np.array([[1, 2, 1, 1], [1, 1, 3, 3], [1, 1, 2, 1], [1, 1, 2, 2], [1, 1, 2, 3], [1, 2, 2, 1]])
+    radii = 0.12 + 1e-3 * np.arange(6)[:, None] + 0.01 * np.cos(7 * THETA)
+    (own,) = measured_lays(labels, radii)
+    sizes = (radii**2).mean(axis=1)
+    order = [np.argsort(sizes)[k] for k in (2, 4)]
+    assert own.fitted[:, 0] == pytest.approx((sizes[order] - 0.09**2) / (0.15**2 - 0.09**2))
+    assert len(own.others) == 4
+
+
+def outlines_of_specimens(n, sign):
+    """Two lays of each side of n specimens of one fabric: turned over, an outline is mirrored, its sign is `sign`."""
+    rng = np.random.default_rng(3)
+    labels, radii = [], []
+    for k in range(n):
+        waves = sum(rng.standard_normal() * np.cos(m * THETA + rng.uniform(0, 6)) for m in range(5, 10))
+        other = sign * np.roll(waves[::-1], 1)
+        for capture in (1, 2, 3, 4):
+            labels.append([7, 1, k, capture])
+            radii.append(0.12 + 0.002 * (waves if capture < 3 else other) + 1e-5 * rng.standard_normal())
+    return np.array(labels), np.array(radii)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_specimen_turned_over_is_known_by_its_mirrored_outline_of_the_other_sign(sign):
+    (row,) = specimens.rows(*outlines_of_specimens(6, sign))
+    assert row[:2] == ["7", "1.00"]
+    assert float(row[3].split()[0]) == pytest.approx(-sign)
+    assert abs(float(row[2])) < 0.5
+    assert abs(float(row[4])) < 0.5
+
+
+def test_the_fold_slope_is_that_within_groups():
+    n = np.array([6.0, 7, 8, 9])
+    groups = [np.column_stack([start + 0.013 * n, n]) for start in (0.2, 0.9)]
+    assert specimens.slope(groups) == pytest.approx((1.3, 0), abs=1e-9)
 
 
 def test_without_data_it_says_so(tmp_path, capsys):
