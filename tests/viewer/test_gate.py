@@ -9,7 +9,8 @@ import pytest
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.viewer.served import Gate, serve
+from clothsim.viewer.gate import Gate
+from clothsim.viewer.served import serve
 
 FOREIGN = [
     {"Host": "evil.example:{port}"},  # a name that its owner lets point to this machine
