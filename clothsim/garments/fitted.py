@@ -240,12 +240,21 @@ def fit(
         file = base if isinstance(base, str | Path) else None
         worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
     target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
-    if not of_scene:
-        _refuse_a_body(worn, source, target)
+    for body in () if of_scene else (source, target):
+        if np.array_equal(worn.positions, body.positions):
+            raise InputError(
+                f"{worn.name} and {body.name} are the same mesh: a body does not wear itself.",
+                "Name the garment first, then its bodies by --made-for and --to; --part takes some vertices of a file.",
+            )
     for body in (target,) if source is target else (target, source):
         refuse_lying(body)
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
-    _make_directory(directory)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name in LEFT:
+            (directory / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error
     task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress, announce)
     return _finish_fit(task, run_fit(task), watch)
 
@@ -346,25 +355,6 @@ def _same(one: Any, other: Any) -> bool:
     if isinstance(one, str | Path) and isinstance(other, str | Path):
         return Path(one).resolve() == Path(other).resolve()
     return one is other
-
-
-def _refuse_a_body(worn: Garment, *bodies: BodyMesh) -> None:
-    for body in bodies:
-        if np.array_equal(worn.positions, body.positions):
-            raise InputError(
-                f"{worn.name} and {body.name} are the same mesh: a body does not wear itself.",
-                "Name the garment first, then its bodies by --made-for and --to; --part takes some vertices of a file.",
-            )
-
-
-def _make_directory(directory: Path) -> None:
-    """An output directory without files of an earlier fit."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        for name in LEFT:
-            (directory / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error
 
 
 STANDS = 0.5

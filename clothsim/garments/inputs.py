@@ -257,7 +257,11 @@ def read_body_mesh(
     if scale is not None:
         scale = as_positive("scale", scale)
     if file.suffix.lower() == ".toml":
-        return _read_scene_body(file)
+        scene = load_scene(file)
+        if not scene.bodies:
+            raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
+        first, notes = body_mesh(scene)
+        return BodyMesh(first.name, first.positions, first.triangles, 1.0, notes)
     named = [group] if isinstance(group, str) else list(group or ())
     whole = read_mesh(file, parts=named)
     if named:
@@ -288,15 +292,6 @@ def _in_metres(file: Path, mesh: MeshFile, scale: float | None, option: str) -> 
     factor, unit = (scale, ()) if scale is not None else _guess_unit(file, _extent(mesh), option)
     notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *unit))
     return BodyMesh(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
-
-
-def _read_scene_body(file: Path) -> BodyMesh:
-    """First body of a scene, as placed there."""
-    scene = load_scene(file)
-    if not scene.bodies:
-        raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
-    body, notes = body_mesh(scene)
-    return BodyMesh(body.name, body.positions, body.triangles, 1.0, notes)
 
 
 def as_body_mesh(body: Any) -> BodyMesh:

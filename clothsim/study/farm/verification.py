@@ -172,33 +172,24 @@ def faults(farm: Farm) -> Faults:
         hashes[job.id] = ""
         try:
             hashes[job.id] = file_hash(read_file(farm.folder(job.id), HASHES))
-            for digest in _own_meshes(farm, job):
+            files = whole_files(farm.directory, job.id)
+            summary, parameters = json.loads(files[SUMMARY]), json.loads(files[PARAMETERS])
+            if summary["id"] != job.id or parameters != {"index": job.index, **job.values}:
+                raise InputError(f"Drape {job.id} is torn: its files are those of another drape.", REPAIR)
+            if summary["usable"] and CLOTH not in files:
+                raise InputError(f"Drape {job.id} is torn: it has no {CLOTH}.", REPAIR)
+            for digest in (digest for kind in summary["meshes"].values() for digest in kind.values()):
                 if digest not in meshes:
-                    meshes[digest], names[digest] = _mesh_fault(farm.directory, digest), job.id
+                    meshes[digest], names[digest] = "", job.id
+                    try:
+                        read_stored_mesh(farm.directory, digest)
+                    except InputError as error:
+                        meshes[digest] = error.sentence
                 if meshes[digest]:
                     raise InputError(f"Drape {job.id} is torn: {meshes[digest]}", REPAIR)
         except InputError as error:
             torn[job.id] = error.sentence
     return Faults(torn, {digest: names[digest] for digest in names if meshes[digest]}, hashes)
-
-
-def _own_meshes(farm: Farm, job: DrapeJob) -> list[str]:
-    """The meshes that a drape names. InputError where its files are not what was published."""
-    files = whole_files(farm.directory, job.id)
-    summary, parameters = json.loads(files[SUMMARY]), json.loads(files[PARAMETERS])
-    if summary["id"] != job.id or parameters != {"index": job.index, **job.values}:
-        raise InputError(f"Drape {job.id} is torn: its files are those of another drape.", REPAIR)
-    if summary["usable"] and CLOTH not in files:
-        raise InputError(f"Drape {job.id} is torn: it has no {CLOTH}.", REPAIR)
-    return [digest for kind in summary["meshes"].values() for digest in kind.values()]
-
-
-def _mesh_fault(farm: Path, digest: str) -> str:
-    try:
-        read_stored_mesh(farm, digest)
-    except InputError as error:
-        return error.sentence
-    return ""
 
 
 def _repeat_drape(farm: Farm, job: DrapeJob) -> Mapping[str, Any]:
