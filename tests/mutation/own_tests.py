@@ -102,11 +102,12 @@ MORE: dict[str, tuple[str, ...]] = {
     "gradients/gradient": ("gradients/test_run", "gradients/test_parameters"),
     "gradients/parameters": ("gradients/test_run", "gradients/test_histories"),
     "gradients/pattern_numbers": ("gradients/test_design",),
+    "gradients/placed_drape": ("gradients/test_pulled_drape",),
     "gradients/run": ("gradients/test_parameters",),
     "gradients/recover_views": ("gradients/test_pulled_drape",),
     "gradients/scene_of_pattern": ("gradients/test_design",),
     "gradients/state_at_rest": ("study/test_goal_error",),
-    "gradients/targets": ("gradients/test_recover",),
+    "gradients/losses": ("gradients/test_recover",),
 }
 
 
