@@ -20,8 +20,12 @@ from clothsim.base.inputs import did_you_mean
 from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients, thread_axes
 from clothsim.geometry.kinematics.kabsch_frames import vertex_frames as kabsch_frames
-from clothsim.geometry.kinematics.stretch import PolarDecomposition, polar_decomposition, principal_stretches
-from clothsim.geometry.kinematics.thickness import deformed_thickness
+from clothsim.geometry.kinematics.stretch import (
+    PolarDecomposition,
+    deformed_thickness,
+    polar_decomposition,
+    principal_stretches,
+)
 from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy

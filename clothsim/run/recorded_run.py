@@ -5,7 +5,7 @@
   solve (k,)                solve of each iterate, 0..s-1; its first iterate is the start
   positions (k, N, 3)       all rows of x: cloths, bodies, ghosts [m], relative to `world.origin`
   fraction (k,)             fraction of the Newton step that contact and line search allowed; 0 at a start, nan after a
-                            nonlinear elimination (`newton.nonlinear_elimination`)
+                            nonlinear elimination (`linear_system.Patch`)
   speed (k,)                |dx|_inf / dt of that full step [m/s]; nan at a start and after an elimination
   residual (k,)             largest force where that step began [N]; nan also while Dirichlet vertices are displaced
   energy (k,)               E(x) of the step [J]
@@ -43,7 +43,7 @@ from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
 from clothsim.run.step_reports import Progress, SimulationState, progress_of, record_entry, state_after, step_forces
 from clothsim.run.summary import summary_of
-from clothsim.solve.newton.observer import Iterate, Observer, unobserved
+from clothsim.solve.newton.outcome import Iterate, Observer, unobserved
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.failure import Failure, crossing_failure
 from clothsim.solve.stepping.state import State

@@ -18,7 +18,7 @@ from clothsim.scene.scene import Scene
 from clothsim.solve.linear.dependent_rows import DependentRows
 from clothsim.solve.linear.linear_solvers import slowness
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.linear.pardiso_library import load_library
+from clothsim.solve.linear.pardiso_factor import load_library
 from clothsim.solve.linear.sparsity import SparsityPattern, make_pattern
 from clothsim.solve.newton.convergence import LEAST_SPEED
 from clothsim.solve.newton.newton import NewtonSettings

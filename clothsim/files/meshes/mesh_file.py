@@ -21,7 +21,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import bounded_decompression, read_regular_file
-from clothsim.base.own_process import in_own_process
+from clothsim.base.process_memory import in_own_process
 from clothsim.files.meshes.polygons import MeshFile, MeshPart, Polygons, choose, cut_polygons
 from clothsim.files.meshes.readers.gmsh import read_msh
 from clothsim.files.meshes.readers.obj import read_obj
