@@ -239,7 +239,9 @@ def fit(
         source = _read_body(base, scale, body_group)
         file = base if isinstance(base, str | Path) else None
         worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
-    target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
+    in_files = isinstance(base, str | Path) and isinstance(to, str | Path)
+    same = Path(base).resolve() == Path(to).resolve() if in_files else base is to
+    target = source if same and scale_to in (None, scale) else _target(to, scale_to, body_group)
     for body in () if of_scene else (source, target):
         if np.array_equal(worn.positions, body.positions):
             raise InputError(
@@ -348,13 +350,6 @@ def _write(done: Fit, watch: Stopwatch) -> None:
         failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**previous, **fitted})
-
-
-def _same(one: Any, other: Any) -> bool:
-    """True for the same file, or the same mesh in memory."""
-    if isinstance(one, str | Path) and isinstance(other, str | Path):
-        return Path(one).resolve() == Path(other).resolve()
-    return one is other
 
 
 STANDS = 0.5

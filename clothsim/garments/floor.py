@@ -134,9 +134,11 @@ def floor_of(run: "Run") -> Floor:
     for frame in range(len(run)):
         digest.update(np.ascontiguousarray(run.positions(frame)).tobytes())
     file, key = run.directory / FLOOR_NAME, digest.hexdigest()
-    found = _written(file, key, len(run))
-    if found is not None:
-        return found
+    with suppress(InputError, ValueError, KeyError, TypeError, RecursionError):  # written by an earlier command
+        stored = json.loads(read_regular_file(file))
+        arrays = [np.array(stored[name], np.float64) for name in ("start", "stop")]
+        if stored["run"] == key and all(each.shape == (len(run),) for each in arrays):
+            return Floor(*arrays)
     with tempfile.TemporaryDirectory(prefix="clothsim-") as folder:
         twins = [
             _twin(aside(run.scene), run, Path(folder) / "start"),
@@ -171,15 +173,3 @@ def _twin(scene: Scene, run: "Run", output: Path) -> Floats:
     for frame in range(min(len(run), len(twin))):
         out[frame] = ((twin.positions(frame) - run.positions(frame)) ** 2).sum(axis=1).mean()
     return out
-
-
-def _written(file: Path, key: str, frames: int) -> Floor | None:
-    try:
-        content = json.loads(read_regular_file(file))
-        arrays = [np.array(content[name], np.float64) for name in ("start", "stop")]
-        of_run = content["run"]
-    except (InputError, ValueError, KeyError, TypeError, RecursionError):
-        return None
-    if of_run != key or any(each.shape != (frames,) for each in arrays):
-        return None
-    return Floor(*arrays)

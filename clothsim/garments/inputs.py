@@ -289,8 +289,19 @@ def _extent(mesh: MeshFile) -> float:
 
 
 def _in_metres(file: Path, mesh: MeshFile, scale: float | None, option: str) -> BodyMesh:
-    factor, unit = (scale, ()) if scale is not None else _guess_unit(file, _extent(mesh), option)
-    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *unit))
+    factor, guess = scale, ""
+    if factor is None:  # the unit that makes the extent that of a person
+        extent = _extent(mesh)
+        unit = next((name for name, size in UNITS.items() if SMALLEST <= size * extent <= LARGEST), None)
+        if unit is None:
+            raise InputError(
+                f"{file} is {extent:.3g} units tall, which is a person's height in none of the units "
+                f"{', '.join(UNITS)}.",
+                f"Give its unit with {option} METRES_PER_UNIT, which may be anything.",
+            )
+        factor = UNITS[unit]
+        guess = "" if unit == "m" else f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
+    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *([guess] if guess else [])))
     return BodyMesh(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
 
 
@@ -407,15 +418,3 @@ def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> MeshFile:
 def is_closed(triangles: Ints) -> bool:
     """True where each edge has exactly two triangles."""
     return bool((distinct_edges(half_edges(triangles))[2] == 2).all())
-
-
-def _guess_unit(file: Path, extent: float, option: str) -> tuple[float, tuple[str, ...]]:
-    """The metres per unit that make `extent` that of a person, and the guess in words where it is not the metre."""
-    for unit, factor in UNITS.items():
-        if SMALLEST <= factor * extent <= LARGEST:
-            guess = f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
-            return factor, () if unit == "m" else (guess,)
-    raise InputError(
-        f"{file} is {extent:.3g} units tall, which is a person's height in none of the units {', '.join(UNITS)}.",
-        f"Give its unit with {option} METRES_PER_UNIT, which may be anything.",
-    )

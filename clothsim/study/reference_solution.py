@@ -280,10 +280,16 @@ def _best(
     whole = norm(sum((each.field - base for each in limits.values()), start=np.zeros_like(base)))
     left = 1.0 - norm(shifts[finest]) / whole if whole > 0 else 0.0
     order = float(np.clip(-np.log2(left) / finest, *ORDERS)) if left > 0 else ORDERS[1]
-    estimates = _product(mismatches, list(limits.values()), ratios, apart, norm) or [
-        _scaled(shifts[finest], mismatches[finest], 1.0 / (1.0 - 2.0 ** (-order * finest)), apart, norm),
-        *_limit_of_combined(base, combined, order, limits, norm, noise),
-    ]
+    estimates = _product(mismatches, list(limits.values()), ratios, apart, norm)
+    if not estimates:
+        # the mismatch of the finest run of several, times the whole error over what that level removes of it; where it
+        # counts one push of the single limits three times, it counts its doubt three times too
+        factor = 1.0 / (1.0 - 2.0 ** (-order * finest))
+        summed, mismatch = shifts[finest], mismatches[finest]
+        removed = norm(summed)
+        scale = min(1.0, norm(summed + mismatch) / removed) if removed > 0 else 1.0
+        estimates = [_Estimate(factor * mismatch, _rss([scale * apart, factor * norm(mismatch)]))]
+        estimates += _limit_of_combined(base, combined, order, limits, norm, noise)
     best, *others = sorted(estimates, key=lambda each: each.error)
     excess = [norm(best.interaction - each.interaction) - each.error for each in others]
     return _Estimate(best.interaction, max([best.error, *excess, *(each.doubt for each in limits.values())]))
@@ -291,17 +297,6 @@ def _best(
 
 def _rss(values: Sequence[float], *more: float) -> float:
     return float(np.sqrt(sum(each**2 for each in (*values, *more))))
-
-
-def _scaled(summed: Floats, mismatch: Floats, factor: float, apart: float, norm: Norm) -> _Estimate:
-    """The mismatch of the finest run of several, times the whole error over what that level removes of it.
-
-    The errors of the single limits are scaled as the sum of the parameters is by the run of several: where it counts
-    one push three times, it counts its doubt three times too.
-    """
-    removed = norm(summed)
-    scale = min(1.0, norm(summed + mismatch) / removed) if removed > 0 else 1.0
-    return _Estimate(factor * mismatch, _rss([scale * apart, factor * norm(mismatch)]))
 
 
 def _limit_of_combined(

@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from hashlib import sha256
@@ -28,7 +28,7 @@ from clothsim.study.goal_report import NamedGoal, goal_report, refuse_goal
 from clothsim.study.observations import gathered
 from clothsim.study.parameters import usable, with_explicit_lengths
 from clothsim.study.pictures import draw_study
-from clothsim.study.points import BASE, Bench, Point, point
+from clothsim.study.points import BASE, Bench, point
 from clothsim.study.report import markdown
 from clothsim.study.result import UNFINISHED, StudyData, document, headline, needed_seconds
 from clothsim.study.workers import ProcessorTime, Runner, worker_processes
@@ -195,11 +195,17 @@ def study_accuracy(
     def left() -> float:
         return 0.0 if stopped() else most - spent.seconds()
 
+    coarser: dict[str, int] = {}  # every parameter one level, as far as it goes
+    for each, parameter in bench.parameters.items():
+        with suppress(InputError):
+            parameter.value(bench.base, -1)
+            coarser[each] = -1
+
     with runners(count, spent) as runner:
         gatherer = Gatherer(
             bench,
             material,
-            bench.scene(_coarsest(bench)).to_text(),
+            bench.scene(point(coarser)).to_text(),
             directory,
             fingerprint,
             runner,
@@ -234,18 +240,6 @@ def study_accuracy(
     if known is not None:
         draw_study(study_data, known, directory / PICTURE_NAME)
     return Study(directory, result)
-
-
-def _coarsest(bench: Bench) -> Point:
-    """Every parameter one level coarser, as far as it goes."""
-    levels: dict[str, int] = {}
-    for name, parameter in bench.parameters.items():
-        try:
-            parameter.value(bench.base, -1)
-        except InputError:
-            continue
-        levels[name] = -1
-    return point(levels)
 
 
 def _no_data_point(reason: str) -> InputError:

@@ -17,8 +17,20 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.triangles import vertex_normals
 from clothsim.engine import Colouring
-from clothsim.viewer.served import LOOPBACK, PORT, Gate, Served, require_viser, serve
-from clothsim.viewer.side_texts import certificate_text, legend_html, solver_text, speeds, state_text, vertex_text
+from clothsim.viewer.served import (
+    LOOPBACK,
+    PORT,
+    Gate,
+    Served,
+    certificate_text,
+    legend_html,
+    require_viser,
+    serve,
+    solver_text,
+    speeds,
+    state_text,
+    vertex_text,
+)
 
 TICK = 1 / 30
 """Time between two looks at the clock while it plays [s]."""

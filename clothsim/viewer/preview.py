@@ -17,8 +17,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.engine import MovingGarment, Predictor, checked_motion
 from clothsim.viewer.page import add_background, add_body, look_at, up_direction
-from clothsim.viewer.served import LOOPBACK, PORT, Gate, Served, require_viser, serve
-from clothsim.viewer.side_texts import state_text
+from clothsim.viewer.served import LOOPBACK, PORT, Gate, Served, require_viser, serve, state_text
 
 if TYPE_CHECKING:
     import viser

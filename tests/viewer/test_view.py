@@ -16,8 +16,7 @@ from clothsim.run.frames import PLAIN, STRETCH, Colouring
 from clothsim.run.results import open_run
 from clothsim.viewer import page as view_module
 from clothsim.viewer.page import PANEL_WIDTH, WINDOW, as_glb, first_view, picked_vertex
-from clothsim.viewer.served import Gate
-from clothsim.viewer.side_texts import legend_html, solver_text, speeds
+from clothsim.viewer.served import Gate, legend_html, solver_text, speeds
 
 
 def status_of(url: str) -> int:

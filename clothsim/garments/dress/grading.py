@@ -331,7 +331,21 @@ def _grade_along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: l
         for name, each in pattern.panels.items()
         if is_of_arm(each) and (each.placed(each.vertices)[:, 0].mean() > middle) == side
     }
-    root, tip = _ends_of_sleeve(sleeve, pattern)
+    sewn: set[tuple[str, int]] = set()
+    roots, tips = [], []  # middles of its seams with others, and of its free edges, each (3,) [m]
+    for stitch in pattern.stitches:
+        for here, there in (stitch.sides, stitch.sides[::-1]):
+            sewn.add((here.panel, here.edge))
+            if here.panel in sleeve and there.panel not in sleeve:
+                roots.append(_edge_middle(sleeve[here.panel], here.edge))
+    for name, each in sleeve.items():
+        tips += [_edge_middle(each, k) for k in range(len(each.edges)) if (name, k) not in sewn]
+    if roots and tips:
+        root, tip = np.mean(roots, axis=0), np.mean(tips, axis=0)
+    else:
+        points = np.concatenate([each.placed(each.vertices) for each in sleeve.values()])
+        order = np.argsort(np.abs(points[:, 0]))
+        root, tip = points[order[0]], points[order[-1]]
     shoulder = float(sizes.height(np.array([root[1] + levels[0]]))[0]) - levels[1]
     wider = float(sizes.trunk_girth(np.array([root[1] + levels[0]]))[0])
     moved = np.array([wider * root[0], shoulder, wider * root[2]]) - root
@@ -346,24 +360,6 @@ def _grade_along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: l
     before = panel.placed(origin[None])[0]
     off = (before - root) * max(1.0, float(sizes.factors.named["arm"]))
     return _translate_to(image.panel(panel), origin, root + moved + off)
-
-
-def _ends_of_sleeve(sleeve: Mapping[str, Panel], pattern: Pattern) -> tuple[Floats, Floats]:
-    """Middles of the seams of a sleeve with others and of its free edges, each (3,) [m]; else its ends in x."""
-    sewn: set[tuple[str, int]] = set()
-    roots, tips = [], []
-    for stitch in pattern.stitches:
-        for side, other in (stitch.sides, stitch.sides[::-1]):
-            sewn.add((side.panel, side.edge))
-            if side.panel in sleeve and other.panel not in sleeve:
-                roots.append(_edge_middle(sleeve[side.panel], side.edge))
-    for name, panel in sleeve.items():
-        tips += [_edge_middle(panel, k) for k in range(len(panel.edges)) if (name, k) not in sewn]
-    if roots and tips:
-        return np.mean(roots, axis=0), np.mean(tips, axis=0)
-    points = np.concatenate([panel.placed(panel.vertices) for panel in sleeve.values()])
-    order = np.argsort(np.abs(points[:, 0]))
-    return points[order[0]], points[order[-1]]
 
 
 def _edge_middle(panel: Panel, edge: int) -> Floats:

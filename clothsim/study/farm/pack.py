@@ -280,30 +280,27 @@ def contact_sheet(farm: Farm, target: str | Path, samples: int = 12, failures: i
 
 def contact_page(farm: Farm, target: str | Path, samples: int = 12, failures: int = 12) -> Path:
     """Write the same drapes as one HTML file with their pictures, whole sentences, certificates and parameters."""
+    figures = []
     with tempfile.TemporaryDirectory(prefix="clothsim-sheet-") as scratch:
-        tiles = "\n".join(_tile(farm, row, Path(scratch) / "drape.png") for row in _shown(farm, samples, failures))
-    name = escape(farm.directory.resolve().name)
+        for row in _shown(farm, samples, failures):
+            picture, file = "", Path(scratch) / "drape.png"
+            if row["hash"] is not None:
+                draw(file, surfaces(farm, row), size=TILE, colour="plain")
+                picture = f'<img alt="" src="data:image/png;base64,{b64encode(file.read_bytes()).decode()}">'
+            measured = {name: row[name] for name in ("minimum_gap", "stretch_max", "newton_iterations", "cpu_seconds")}
+            numbers = {**row["parameters"], **{name: value for name, value in measured.items() if value is not None}}
+            texts = {
+                name: f"{value:.4g}" if isinstance(value, float) else str(value) for name, value in numbers.items()
+            }
+            lines = "".join(f"<tr><td>{escape(name)}<td>{escape(text)}" for name, text in texts.items())
+            head = f"{picture}<figcaption><code>{row['id']}</code> {escape(verdict_text(row))}</figcaption>"
+            kind = "usable" if row["usable"] else "failed"
+            figures.append(f'<figure class="{kind}">{head}<table>{lines}</table></figure>')
+    name, tiles = escape(farm.directory.resolve().name), "\n".join(figures)
     page = f'<!doctype html>\n<html lang="en"><meta charset="utf-8"><title>{name}</title>{STYLE}\n{tiles}\n</html>\n'
     path = Path(target)
     write_atomically(path, page.encode())
     return path
-
-
-def _tile(farm: Farm, row: Mapping[str, Any], scratch: Path) -> str:
-    """A figure: picture, verdict and a table of the certificate and the parameters."""
-    picture = ""
-    if row["hash"] is not None:
-        draw(scratch, surfaces(farm, row), size=TILE, colour="plain")
-        picture = f'<img alt="" src="data:image/png;base64,{b64encode(scratch.read_bytes()).decode()}">'
-    measured = {name: row[name] for name in ("minimum_gap", "stretch_max", "newton_iterations", "cpu_seconds")}
-    numbers = {**row["parameters"], **{name: value for name, value in measured.items() if value is not None}}
-    texts = {name: f"{value:.4g}" if isinstance(value, float) else str(value) for name, value in numbers.items()}
-    lines = "".join(f"<tr><td>{escape(name)}<td>{escape(text)}" for name, text in texts.items())
-    kind = "usable" if row["usable"] else "failed"
-    return (
-        f'<figure class="{kind}">{picture}<figcaption><code>{row["id"]}</code> {escape(verdict_text(row))}</figcaption>'
-        f"<table>{lines}</table></figure>"
-    )
 
 
 def _shown(farm: Farm, samples: int, failures: int) -> list[Mapping[str, Any]]:
