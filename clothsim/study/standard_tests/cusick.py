@@ -17,10 +17,9 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 import clothsim
-from clothsim import engine
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError
-from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, OutlineShape, outline_radii, outline_shape
+from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, OutlineShape, outline_shape, shadow_radii
 
 FALL = 0.1
 """Speed of the supporting ring [m/s]; see `docs/results/reality.md` for how it was chosen."""
@@ -87,9 +86,7 @@ def lay(cloth: Mapping[str, Any], size: float, seed: int, fall: float = FALL) ->
             raise ClothsimError(f"Lay {seed} failed: {run.reason}", "Try another --size.")
         positions = run.positions(-1)[: len(flat)]
         at_rest = bool(run.summary["certificate"]["at_rest"])
-    border, _ = engine.border_edges(triangles)
-    outer = border[(border >= held).all(axis=1)]
-    radii = outline_radii(positions, outer)
+    radii = shadow_radii(positions, triangles)
     return Lay(positions, triangles, radii, outline_shape(radii), at_rest)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_finite
 from clothsim.base.errors import InputError
+from clothsim.base.triangles import unique_edges
 
 RADIUS, PLATE = 0.15, 0.09
 """Radii of the specimen and of the plate of a Cusick tester, ISO 9073-9 and BS 5058 [m]."""
@@ -105,3 +106,23 @@ def outline_radii(positions: Floats, border: Ints) -> Floats:
     if not (radii > 0).all():
         raise InputError(f"No border lies at {np.argmin(radii) * 360 / ANGLES:g} degrees.", "Check the centre.")
     return radii
+
+
+def shadow_radii(positions: Floats, triangles: Ints) -> Floats:
+    """Radii of the shadow of a cloth that lies on a plate and hangs over it, by angle.
+
+    The shadow is no smaller than the plate, where soft cloth hangs under it.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+        Vertices about the centre of the plate [m]; those that the plate holds are among them.
+    triangles : (m, 3) int array
+        The cloth outside the plate.
+
+    Returns
+    -------
+    (360,) float64
+        See `outline_radii`.
+    """
+    return outline_radii(positions, unique_edges(triangles))
