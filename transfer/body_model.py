@@ -201,7 +201,16 @@ def read_body_model(path: str | Path) -> BodyModel:
         lacking = [key for key in KEYS if key not in file.files]
         if lacking:
             raise TransferError(f"{name} has no {lacking[0]!r}.", f"A body model has {', '.join(KEYS)}.")
-        return body_model({key: _entry(file, key, name) for key in KEYS})
+        arrays = {}
+        for key in KEYS:
+            try:
+                arrays[key] = np.asarray(file[key])
+            except UNREADABLE as error:
+                raise TransferError(
+                    f"{key!r} of {name} is not a plain array.",
+                    "Pickled data is not read: save it as an array of numbers.",
+                ) from error
+        return body_model(arrays)
 
 
 def body_model(arrays: Mapping[str, ArrayLike]) -> BodyModel:
@@ -247,15 +256,6 @@ def body_model(arrays: Mapping[str, ArrayLike]) -> BodyModel:
         _normalized_rows(_floats(arrays, "weights", (n, j)), "weights", below_zero=False),
         parents,
     )
-
-
-def _entry(file: np.lib.npyio.NpzFile, key: str, name: str) -> NDArray:
-    try:
-        return np.asarray(file[key])
-    except UNREADABLE as error:
-        raise TransferError(
-            f"{key!r} of {name} is not a plain array.", "Pickled data is not read: save it as an array of numbers."
-        ) from error
 
 
 def _floats(arrays: Mapping[str, ArrayLike], key: str, shape: tuple[int | None, ...]) -> Floats:

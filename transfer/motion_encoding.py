@@ -229,7 +229,12 @@ def trained_motion_encoding(
     random, batches = np.random.default_rng(given.seed), (given.rate, given.batch, len(y), given.seed)
     between = (y.shape[1], given.hidden, given.latent_size)
     start = {"encoder": random_layers(random, between), "decoder": random_layers(random, between[::-1])}
-    found = minimised(start, _shape_loss(coefficients), given.steps, *batches)
+
+    def shape_loss(networks: Any, rows: Any, _: Any) -> Any:
+        made = network(networks["decoder"], network(networks["encoder"], coefficients[rows], relu6), relu6)
+        return ((made - coefficients[rows]) ** 2).sum(axis=1).mean()
+
+    found = minimised(start, shape_loss, given.steps, *batches)
     widths, maps = (given.latent_size, given.code_size, given.code_size), given.motion[-1]
     first = {
         "motion": random_layers(random, (x.shape[1], *given.motion)),
@@ -240,14 +245,6 @@ def trained_motion_encoding(
     found |= minimised(first, loss, given.code_steps, *batches)
     plain = {name: in_double_precision(layers) for name, layers in found.items()}
     return MotionEncoding(space, unit, centre, scale, **plain)
-
-
-def _shape_loss(coefficients: Any) -> Callable[..., Any]:
-    def loss(networks: Any, rows: Any, _: Any) -> Any:
-        made = network(networks["decoder"], network(networks["encoder"], coefficients[rows], relu6), relu6)
-        return ((made - coefficients[rows]) ** 2).sum(axis=1).mean()
-
-    return loss
 
 
 def _code_loss(coefficients: Any, inputs: Any, partner: Any, shape: Any, invariance: float) -> Callable[..., Any]:

@@ -144,7 +144,11 @@ def _trained_units(
         "learned": np.array(learned),
     }
     loss = _loss({name: single(each, "float32") for name, each in frames.items()}, shapes.decoder, given.noise)
-    first = _first_unit(np.random.default_rng(given.seed), projection.shape[1], given.state, shapes.code_size)
+    # before its training the output of the unit is 0: then the model is its linear part
+    random, state = np.random.default_rng(given.seed), given.state
+    into, again = (random.standard_normal((n, 3 * state)) / np.sqrt(n) for n in (projection.shape[1], state))
+    start = {"into": into, "again": again, "bias": np.zeros(3 * state), "out": np.zeros((state, shapes.code_size))}
+    first = {name: np.asarray(each, np.float32) for name, each in start.items()}
     found = minimised_each(first, loss, given.steps, given.rate, given.batch, len(clips), given.seed)
     plain = [{name: np.asarray(each, np.float64) for name, each in unit.items()} for unit in found]
     return [unit | {"into": projection @ unit["into"]} for unit in plain]
@@ -154,13 +158,6 @@ def _padded(values: ArrayLike, count: int) -> Floats:
     """Rows and, up to a count, the last one again: frames that are not learned."""
     given = np.asarray(values, np.float64)
     return np.concatenate([given, np.repeat(given[-1:], count - len(given), axis=0)])
-
-
-def _first_unit(random: np.random.Generator, inputs: int, state: int, code: int) -> dict[str, Any]:
-    """A gated unit before its training, whose output is 0: then the model is its linear part."""
-    into, again = (random.standard_normal((n, 3 * state)) / np.sqrt(n) for n in (inputs, state))
-    arrays = {"into": into, "again": again, "bias": np.zeros(3 * state), "out": np.zeros((state, code))}
-    return {name: np.asarray(each, np.float32) for name, each in arrays.items()}
 
 
 def _loss(frames: dict[str, Any], decoder: Any, noise: float) -> Callable[..., Any]:

@@ -104,7 +104,15 @@ class BodySurface:
         triangles, closest = self.outer[rows.ravel()], closest.reshape(-1, 3)
         distance = np.sqrt(squared.ravel())
         sign = np.where(igl.fast_winding_number(self.positions, self.triangles, queries) > 0.5, -1.0, 1.0)
-        normals = self._normals(sign[:, None] * (queries - closest), distance, closest, triangles)
+        normals = unit(sign[:, None] * (queries - closest))
+        # On the surface itself interpolated vertex normals: at an edge or a corner the direction to the point is the
+        # one in which the distance grows, and no triangle's is.
+        touching = distance < SKIN * self.size
+        corners = self.triangles[triangles[touching]]
+        weights = barycentric(self.positions[corners], closest[touching])
+        smooth = unit((weights[:, :, None] * self.vertex_normals[corners]).sum(axis=1))
+        flat = self.triangle_normals[triangles[touching]]
+        normals[touching] = np.where((smooth * flat).sum(axis=1, keepdims=True) > 0, smooth, flat)
         return Closest(sign * distance, closest, normals, triangles)
 
     def penetration(self, points: ArrayLike) -> Penetration:
@@ -136,20 +144,6 @@ class BodySurface:
     def size(self) -> float:
         """Diagonal of the bounding box [m]."""
         return float(np.linalg.norm(np.ptp(self.positions[self.triangles.ravel()], axis=0)))
-
-    def _normals(self, outward: Floats, distance: Floats, closest: Floats, triangles: Ints) -> Floats:
-        """Unit vectors from closest point to query, reversed inside; interpolated vertex normals on the surface itself.
-
-        At an edge or a corner the direction to the point is the one in which the distance grows, and no triangle's is.
-        """
-        normals = unit(outward)
-        touching = distance < SKIN * self.size
-        corners = self.triangles[triangles[touching]]
-        weights = barycentric(self.positions[corners], closest[touching])
-        smooth = unit((weights[:, :, None] * self.vertex_normals[corners]).sum(axis=1))
-        flat = self.triangle_normals[triangles[touching]]
-        normals[touching] = np.where((smooth * flat).sum(axis=1, keepdims=True) > 0, smooth, flat)
-        return normals
 
 
 def body_surface(positions: ArrayLike, triangles: ArrayLike) -> BodySurface:

@@ -78,7 +78,16 @@ def wrap(surface: BodySurface, garments: Sequence[TriangleMesh], layer: float, c
 
     nodes = low + cell * np.argwhere(np.ones(shape[::-1], bool))[:, ::-1]
     positions, triangles, _ = igl.marching_cubes(values.ravel(order="F"), nodes, *(int(n) for n in shape), 0.0)
-    return _outer(np.asarray(positions, np.float64), np.asarray(triangles, np.int64))
+    x, faces = np.asarray(positions, np.float64), np.asarray(triangles, np.int64)
+    if not len(faces):
+        return x, faces
+    # the pieces that are not cavities, turned outward
+    label = vertex_components(faces, len(x))[faces[:, 0]]
+    corners = x[faces]
+    volume = np.bincount(label, np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))
+    sign = np.sign(volume[np.argmax(np.abs(volume))])
+    x, faces = _only(x, faces[(sign * volume > 0)[label]])
+    return x, faces if sign > 0 else faces[:, [0, 2, 1]]
 
 
 def union(surface: BodySurface, cell: float) -> TriangleMesh:
@@ -124,21 +133,18 @@ def union(surface: BodySurface, cell: float) -> TriangleMesh:
         own = label[triangles[:, 0]]
         parts = np.sort(np.bincount(own))[::-1] / len(own)  # all triangles have about the same area
         if (parts[1:] < CRUMBS).all():
-            return _rounded(*_only(positions, triangles[own == largest_component(triangles, label)]))
+            positions, triangles = _only(positions, triangles[own == largest_component(triangles, label)])
+            ring = adjacency(edges_of(triangles), len(positions))
+            count = ring.sum(axis=1)[:, None]
+            for step in ROUNDINGS:
+                positions = positions + step * ((ring @ positions) / count - positions)
+            return positions, triangles
     if not len(parts):
         raise TransferError("The body is thinner than a cell of the lattice on which it is wrapped.")
     raise TransferError(
         f"The pieces of the body are more than {4e3 * cell:.3g} mm apart: wrapped in one surface they are still "
         f"{np.count_nonzero(parts >= CRUMBS)} parts, the largest with {100 * parts[0]:.0f} % of the area."
     )
-
-
-def _rounded(positions: Floats, triangles: Ints) -> TriangleMesh:
-    ring = adjacency(edges_of(triangles), len(positions))
-    count = ring.sum(axis=1)[:, None]
-    for step in ROUNDINGS:
-        positions = positions + step * ((ring @ positions) / count - positions)
-    return positions, triangles
 
 
 def _only(positions: Floats, triangles: Ints) -> TriangleMesh:
@@ -160,16 +166,3 @@ class _Shell:
         squared = self._tree.squared_distance(*self._mesh, points)[0].ravel()
         inside = np.abs(np.asarray(igl.fast_winding_number(*self._mesh, points)).ravel()) > 0.5
         return np.asarray(np.where(inside, -1.0, 1.0) * np.sqrt(squared), np.float64)
-
-
-def _outer(positions: Floats, triangles: Ints) -> TriangleMesh:
-    """The pieces of a level set that are not cavities, turned outward."""
-    if not len(triangles):
-        return positions, triangles
-    label = vertex_components(triangles, len(positions))[triangles[:, 0]]
-    corners = positions[triangles]
-    volumes = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    volume = np.bincount(label, volumes)
-    sign = np.sign(volume[np.argmax(np.abs(volume))])
-    points, faces = _only(positions, triangles[(sign * volume > 0)[label]])
-    return points, faces if sign > 0 else faces[:, [0, 2, 1]]

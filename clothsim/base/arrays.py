@@ -98,22 +98,13 @@ def _as_floats(name: str, values: ArrayLike) -> Floats:
     try:
         return np.asarray(_plain(values), dtype=np.float64)
     except (ValueError, TypeError, OverflowError) as error:
-        uneven = _uneven_row(values)
-        if uneven is not None:
-            raise InputError(f"{name} has rows of different lengths: {name}{uneven}.") from error
+        rows = values if isinstance(values, list | tuple) else ()
+        sizes = [len(row) if isinstance(row, list | tuple | np.ndarray) else None for row in rows]
+        k = next((k for k, size in enumerate(sizes) if size != sizes[0]), None)
+        if k is not None:
+            own, first = ("is a number" if size is None else f"has {size} entries" for size in (sizes[k], sizes[0]))
+            raise InputError(f"{name} has rows of different lengths: {name}[{k}] {own}, the first {first}.") from error
         raise InputError(f"{name} must be numbers: {error}.") from error
-
-
-def _uneven_row(values: ArrayLike) -> str | None:
-    """The first row of nested sequences whose length is not that of the first, in words; None where all are alike."""
-    if not isinstance(values, list | tuple):
-        return None
-    sizes = [len(row) if isinstance(row, list | tuple | np.ndarray) else None for row in values]
-    k = next((k for k, size in enumerate(sizes) if size != sizes[0]), None)
-    if k is None:
-        return None
-    have = ["is a number" if size is None else f"has {size} entries" for size in (sizes[k], sizes[0])]
-    return f"[{k}] {have[0]}, the first {have[1]}"
 
 
 def _plain(values: ArrayLike) -> NDArray[np.generic]:

@@ -26,7 +26,12 @@ def require_space(path: Path, size: int) -> None:
         raise full_or_forbidden(path, error) from error
     length = os.fstat(handle).st_size
     try:
-        _extend(handle, length, size)
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(handle, length, size)
+        else:
+            os.lseek(handle, length, os.SEEK_SET)
+            while size > 0:
+                size -= os.write(handle, bytes(min(size, _ZEROS)))
     except OSError as error:
         if error.errno in _FULL:
             raise full_or_forbidden(path, error) from error
@@ -44,15 +49,6 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except (OSError, RuntimeError) as error:
         raise full_or_forbidden(path, error) from error
-
-
-def _extend(handle: int, length: int, size: int) -> None:
-    if hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(handle, length, size)
-        return
-    os.lseek(handle, length, os.SEEK_SET)
-    while size > 0:
-        size -= os.write(handle, bytes(min(size, _ZEROS)))
 
 
 def full_or_forbidden(path: Path, error: Exception) -> MachineError:

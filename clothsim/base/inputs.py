@@ -156,17 +156,14 @@ def with_remedies(
             except TypeError as error:
                 unknown = next((name for name in keywords if name not in signature.parameters), "")
                 remedy = did_you_mean(unknown, signature.parameters, 0.75) or hint(unknown) if unknown else ""
-                raise InputError(f"{function.__name__}() {_of_binding(error, unknown)}.", remedy or usage) from error
+                reason = str(error).replace("missing a required argument:", "needs the argument")
+                if unknown:  # comes first
+                    reason = f"got an unexpected keyword argument {unknown!r}"
+                elif not reason.startswith(("got", "needs")):
+                    reason = f"got {reason}"
+                raise InputError(f"{function.__name__}() {reason}.", remedy or usage) from error
             return function(*args, **keywords)
 
         return called
 
     return decorate
-
-
-def _of_binding(error: TypeError, unknown: str) -> str:
-    """What `inspect.Signature.bind` says, as the error of a call does; an unknown keyword comes first."""
-    if unknown:
-        return f"got an unexpected keyword argument {unknown!r}"
-    text = str(error).replace("missing a required argument:", "needs the argument")
-    return text if text.startswith(("got", "needs")) else f"got {text}"

@@ -31,7 +31,14 @@ def lazy_names(
         The names in alphabetical order.
     """
     own = sys.modules[module]
-    homes = _homes(Path(str(own.__file__)).read_text(encoding="utf-8"))
+    homes = {  # module and original name of each name that an `if TYPE_CHECKING:` block imports
+        alias.asname or alias.name: (node.module, alias.name)
+        for block in ast.parse(Path(str(own.__file__)).read_text(encoding="utf-8")).body
+        if isinstance(block, ast.If) and isinstance(block.test, ast.Name) and block.test.id == "TYPE_CHECKING"
+        for node in block.body
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+    }
 
     def __getattr__(name: str) -> Any:
         if earlier and name in earlier:
@@ -48,19 +55,3 @@ def lazy_names(
         return [*sorted(homes), *more]
 
     return __getattr__, __dir__, sorted(homes)
-
-
-def _homes(source: str) -> dict[str, tuple[str, str]]:
-    """Module and original name of each name that an `if TYPE_CHECKING:` block imports."""
-    blocks = [
-        node
-        for node in ast.parse(source).body
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-    ]
-    return {
-        alias.asname or alias.name: (node.module, alias.name)
-        for block in blocks
-        for node in block.body
-        if isinstance(node, ast.ImportFrom) and node.module
-        for alias in node.names
-    }

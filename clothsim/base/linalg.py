@@ -75,19 +75,6 @@ def kabsch(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, NDArray[n
         False where the best rotation is not unique, as for collinear or coincident points (s2 + d s3 = 0); R is then
         one of the best. Planar rings are determined, mirrored ones too.
     """
-    P, Q, noise = _centred_pair(reference, deformed)
-    A, s, Bt = np.linalg.svd(np.swapaxes(P, -1, -2) @ Q)
-    sign = np.where(np.linalg.det(A) * np.linalg.det(Bt) < 0, -1.0, 1.0)
-    Bt[..., 2, :] *= sign[..., None]
-    rotations = np.swapaxes(A @ Bt, -1, -2)
-    size_p, size_q = np.linalg.norm(P, axis=(-2, -1)), np.linalg.norm(Q, axis=(-2, -1))
-    floor = LINE_TOLERANCE * s[..., 0] + noise[0] * size_q + noise[1] * size_p
-    return rotations, s[..., 1] + sign * s[..., 2] > floor
-
-
-def _centred_pair(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
-    """Both point sets minus their means, and the round-off of their coordinates (...) [as the coordinates]."""
-    dtypes = np.asarray(reference).dtype, np.asarray(deformed).dtype
     points = as_finite("reference", reference), as_finite("deformed", deformed)
     shape = points[0].shape
     if len(shape) < 2 or shape[-1] != 3 or shape[-2] == 0 or points[1].shape != shape:
@@ -95,9 +82,15 @@ def _centred_pair(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Fl
             f"reference and deformed must both have shape (..., k, 3) with k >= 1, not {shape} and {points[1].shape}."
         )
     P, Q = (p - p.mean(axis=-2, keepdims=True) for p in points)
-    noise = [_NOISE * _epsilon(t) * np.abs(p).max(axis=(-2, -1)) for t, p in zip(dtypes, points, strict=True)]
-    return P, Q, (noise[0], noise[1])
-
-
-def _epsilon(dtype: np.dtype) -> float:
-    return float(np.finfo(dtype if np.issubdtype(dtype, np.floating) else np.float64).eps)
+    noise = []  # of the coordinates, in their own precision
+    for given, p in zip((reference, deformed), points, strict=True):
+        dtype = np.asarray(given).dtype
+        epsilon = float(np.finfo(dtype if np.issubdtype(dtype, np.floating) else np.float64).eps)
+        noise.append(_NOISE * epsilon * np.abs(p).max(axis=(-2, -1)))
+    A, s, Bt = np.linalg.svd(np.swapaxes(P, -1, -2) @ Q)
+    sign = np.where(np.linalg.det(A) * np.linalg.det(Bt) < 0, -1.0, 1.0)
+    Bt[..., 2, :] *= sign[..., None]
+    rotations = np.swapaxes(A @ Bt, -1, -2)
+    size_p, size_q = np.linalg.norm(P, axis=(-2, -1)), np.linalg.norm(Q, axis=(-2, -1))
+    floor = LINE_TOLERANCE * s[..., 0] + noise[0] * size_q + noise[1] * size_p
+    return rotations, s[..., 1] + sign * s[..., 2] > floor

@@ -40,8 +40,12 @@ class RecordWriter(ClosingWriter):
 
         InputError where the file cannot be written or has fewer lines.
         """
-        earlier = b"" if resume_at is None else _first_lines(Path(path), resume_at)
-        write_atomically(Path(path), earlier)
+        earlier: list[bytes] = []
+        if resume_at is not None:
+            earlier = read_regular_file(Path(path)).split(b"\n")[:-1]
+            if not 0 <= resume_at <= len(earlier):
+                raise InputError(f"{path} has {len(earlier)} lines, so no run can go on from line {resume_at}.")
+        write_atomically(Path(path), b"".join(line + b"\n" for line in earlier[:resume_at]))
         self._path = Path(path)
         self._file = self._path.open("ab", buffering=0)  # closed by `close`
 
@@ -124,10 +128,3 @@ def _parse(text: bytes) -> dict[str, Any] | None:
     except (ValueError, RecursionError):
         return None
     return value if isinstance(value, dict) else None
-
-
-def _first_lines(path: Path, count: int) -> bytes:
-    lines = read_regular_file(path).split(b"\n")[:-1]
-    if not 0 <= count <= len(lines):
-        raise InputError(f"{path} has {len(lines)} lines, so no run can go on from line {count}.")
-    return b"".join(line + b"\n" for line in lines[:count])

@@ -40,17 +40,17 @@ COMMANDS = {
     "run": Command("run_command", "simulate a scene", _SCENE),
     "resume": Command("run_command", "continue a stopped run", _RUN),
     "check": Command("check_command", "examine a mesh, a scene or a run", _MESH),
-    "explain": Command("explain_command", "list the effects and their cost", _SCENE),
-    "view": Command("view_command", "show a run in a browser", _RUN),
+    "explain": Command("check_command", "list the effects and their cost", _SCENE),
+    "view": Command("export_command", "show a run in a browser", _RUN),
     "render": Command("export_command", "draw a picture or a movie of a run", _RUN),
     "export": Command("export_command", "write a run for other programs", _RUN),
     "bundle": Command("export_command", "pack a run to replay it elsewhere", _RUN),
     "fit": Command("garment_command", "fit a garment onto a body", _GARMENT),
     "dress": Command("garment_command", "sew a pattern on a body", _PATTERN),
     "body": Command("body_command", "make a body from measurements"),
-    "unpose": Command("unpose_command", "bring the garments of a run to the rest pose", _RUN),
+    "unpose": Command("body_command", "bring the garments of a run to the rest pose", _RUN),
     "repose": Command(
-        "unpose_command",
+        "body_command",
         "put a canonical garment on another body",
         "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     ),
@@ -61,15 +61,15 @@ COMMANDS = {
     "sweep": Command("sweep_command", "run a scene with several values of its keys", _SCENE),
     "learn": Command("learn_command", "train a model on the drapes of a farm", _FARM),
     "preview": Command(
-        "view_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
+        "export_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),
-    "gradient": Command("gradient_command", "differentiate a loss of a run", _SCENE),
+    "gradient": Command("design_command", "differentiate a loss of a run", _SCENE),
     "recover": Command("recover_command", "find parameters of a scene from a drape or pictures", _SCENE),
     "design": Command("design_command", "find a pattern that hangs as you wish", _SCENE),
     "scenes": Command("info_command", "list the example scenes"),
     "keys": Command("info_command", "list the keys of a scene file"),
     "fabrics": Command("info_command", "list the named fabrics"),
-    "test": Command("test_command", "test a fabric", "`clothsim fabrics` lists the named fabrics."),
+    "test": Command("study_command", "test a fabric", "`clothsim fabrics` lists the named fabrics."),
     "completion": Command("info_command", "print a script that completes commands in a shell"),
 }
 
@@ -110,7 +110,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = join_vectors(sys.argv[1:] if argv is None else argv)
     if argv is None:  # called as a program, whose settings are its own
         gc.set_threshold(*_MANY_OBJECTS)
-        _open_closed_streams()
+        # what is printed to a stream that the caller has closed goes nowhere
+        for name in ("stdout", "stderr"):
+            if getattr(sys, name) is None:
+                setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115, it lasts
     with never_silent(words), events(words):
         return _guarded(words)
 
@@ -135,7 +138,16 @@ def _guarded(words: Sequence[str]) -> int:
     except Exception as error:
         if "--debug" in words:
             raise
-        lines = _explain_system_error(error)
+        if (
+            isinstance(error, OSError) and error.filename is not None
+        ):  # a name that is too long, a folder without rights
+            lines = f"{error.filename} cannot be used: {error.strerror}.", "Choose another name, or change its rights."
+        elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            lines = "No space is left for what is written or printed.", "Make room, or send it elsewhere."
+        elif isinstance(error, MemoryError):
+            lines = f"There is not enough memory ({error}).", "Use a coarser mesh, or a part of it."
+        else:
+            lines = None
         if isinstance(error, OSError) and error.errno == errno.ENOSPC and error.filename is None:
             _print_nothing_more(sys.stdout)
         _two_lines(*lines or (f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where."))
@@ -146,24 +158,6 @@ def _print_nothing_more(to: TextIO) -> None:
     """Leave out what is still to be printed to a stream, which Python would try again at its end."""
     with contextlib.suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), to.fileno())
-
-
-def _open_closed_streams() -> None:
-    """Send what is printed to a stream that the caller has closed to nowhere."""
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115, it lasts
-
-
-def _explain_system_error(error: Exception) -> tuple[str, str] | None:
-    """Sentence and remedy of an error of files or memory; None of another one."""
-    if isinstance(error, OSError) and error.filename is not None:  # a name that is too long, a folder without rights
-        return f"{error.filename} cannot be used: {error.strerror}.", "Choose another name, or change its rights."
-    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-        return "No space is left for what is written or printed.", "Make room, or send it elsewhere."
-    if isinstance(error, MemoryError):
-        return f"There is not enough memory ({error}).", "Use a coarser mesh, or a part of it."
-    return None
 
 
 def parser_of_all() -> Parser:

@@ -51,28 +51,29 @@ class Parser(argparse.ArgumentParser):
             if not unknown:  # else the one that is missing may be meant
                 raise
         if unknown:
-            self._refuse(words, unknown)
+            command = self._of(words)
+            of_options = [word for word in unknown if re.match(r"-[^\d.]", word)]
+            given = of_options[0] if of_options else ""
+            name, _, value = given.partition("=")
+            if given and not value and len(unknown) > len(of_options):  # its value may have been taken for a name
+                value = next((word for word in words[words.index(given) + 1 :] if word not in of_options), "")
+            actions = [action for action in command._actions if not isinstance(action, Renamed)]
+            options = [option for action in actions for option in action.option_strings if option.startswith("--")]
+            long = [option for option in options if name.startswith("--") and option.startswith(name)]
+            hint = (
+                f"Did you mean {long[0]!r}?"
+                if long
+                else did_you_mean(name, options, 0.7)
+                if name.startswith("--")
+                else ""
+            )
+            key = nearest_key(name.lstrip("-").replace("-", "_")) if name and "--set" in options and not hint else ""
+            if key:
+                hint = f"Write it as --set {key}={value or '...'}."
+            where = f"`{command.prog}` does not take {' '.join(of_options or unknown)}."
+            hint = command.remedies.get(name, hint)
+            raise InputError(where, hint or f"`{command.prog} --help` lists what it takes.")
         return values
-
-    def _refuse(self, words: Sequence[str], unknown: Sequence[str]) -> NoReturn:
-        """InputError with the option of the command that is meant, or the key that --set changes."""
-        command = self._of(words)
-        of_options = [word for word in unknown if re.match(r"-[^\d.]", word)]
-        given = of_options[0] if of_options else ""
-        name, _, value = given.partition("=")
-        if given and not value and len(unknown) > len(of_options):  # its value may have been taken for a name
-            value = next((word for word in words[words.index(given) + 1 :] if word not in of_options), "")
-        options = command._options()
-        long = [option for option in options if name.startswith("--") and option.startswith(name)]
-        hint = (
-            f"Did you mean {long[0]!r}?" if long else did_you_mean(name, options, 0.7) if name.startswith("--") else ""
-        )
-        key = nearest_key(name.lstrip("-").replace("-", "_")) if name and "--set" in options and not hint else ""
-        if key:
-            hint = f"Write it as --set {key}={value or '...'}."
-        where = f"`{command.prog}` does not take {' '.join(of_options or unknown)}."
-        hint = command.remedies.get(name, hint)
-        raise InputError(where, hint or f"`{command.prog} --help` lists what it takes.")
 
     def _of(self, words: Sequence[str]) -> "Parser":
         """The parser of the command in some words."""
@@ -81,11 +82,6 @@ class Parser(argparse.ArgumentParser):
                 named = next((k for k, word in enumerate(words) if word in action.choices), None)
                 return self if named is None else action.choices[words[named]]._of(words[named + 1 :])
         return self
-
-    def _options(self) -> list[str]:
-        """Its long options, but for earlier words."""
-        actions = [action for action in self._actions if not isinstance(action, Renamed)]
-        return [option for action in actions for option in action.option_strings if option.startswith("--")]
 
 
 def nearest_key(name: str) -> str:

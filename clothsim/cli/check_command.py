@@ -1,7 +1,6 @@
-"""`clothsim check`: all faults of a mesh, a scene or a run."""
+"""`clothsim check` and `explain`: all faults of a mesh, a scene or a run; effects that are on, and their cost."""
 
 import argparse
-from collections.abc import Iterator
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
-from clothsim.base.text import length_text
+from clothsim.base.text import length_text, text_table
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     add_output_options,
@@ -18,12 +17,13 @@ from clothsim.cli.arguments import (
     as_positive_number,
     as_range,
     as_scale,
+    as_seconds,
     refuse_output,
 )
 from clothsim.cli.report import DONE, FAILED, Report
 
 if TYPE_CHECKING:
-    from clothsim import Pattern
+    pass
 
 _DESCRIPTION = """\
 Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a body. Exit code 1: something is wrong.
@@ -68,6 +68,12 @@ def add_to(commands: Any) -> None:
     check.add_argument("--motion", action="store_true", help="for a scene: where parts of a moving body model meet")
     add_overwrite(check)
     add_output_options(check, json="as JSON: {target, code, findings, ...}", handler=_check)
+    explain = commands.add_parser("explain", description=_EXPLAIN)
+    explain.add_argument("target", type=Path, metavar="SCENE|DIR", help="a scene file (TOML), or a run")
+    explain.add_argument("--steps", metavar="N", help="number of steps of a scene (default 5)")
+    explain.add_argument("--absent", action="store_true", help="also measure the effects that a scene does not name")
+    explain.add_argument("--budget", metavar="TIME", help="time for --absent: 90s, 10min (default 60s)")
+    add_output_options(explain, json="the effects as JSON: {effect: {on, reason, seconds, ...}}", handler=_explain)
 
 
 def _check(arguments: argparse.Namespace) -> Report:
@@ -89,7 +95,9 @@ def _check(arguments: argparse.Namespace) -> Report:
         lines.append(f"  {finding.severity}: {finding.sentence}")
         if finding.remedy and (following is None or following.remedy != finding.remedy):
             lines.append(f"    {finding.remedy}")
-    return Report(document, "\n".join([*lines, found.verdict or _counts(len(errors), len(warnings))]), not errors)
+    counts = ((len(errors), "error"), (len(warnings), "warning"))
+    parts = [f"{n} {what}{'' if n == 1 else 's'}" for n, what in counts if n] or ["Nothing is wrong"]
+    return Report(document, "\n".join([*lines, found.verdict or f"{' and '.join(parts)}."]), not errors)
 
 
 def _examined(arguments: argparse.Namespace) -> "engine.Examination":
@@ -128,13 +136,6 @@ def _examined(arguments: argparse.Namespace) -> "engine.Examination":
     return engine.examined(target, "body" if arguments.body else None, **part)
 
 
-def _counts(errors: int, warnings: int) -> str:
-    if not errors and not warnings:
-        return "Nothing is wrong."
-    parts = [f"{n} {what}{'' if n == 1 else 's'}" for n, what in ((errors, "error"), (warnings, "warning")) if n]
-    return f"{' and '.join(parts)}."
-
-
 def _examined_pattern(arguments: argparse.Namespace, target: Path) -> "engine.Examination":
     """The panels, edges and seams of a pattern, drawn with -o; an error where it cannot be meshed."""
     others = ("body", "scale", "group", "component", "body_group", "body_scale", "part", "weld", "motion")
@@ -146,7 +147,14 @@ def _examined_pattern(arguments: argparse.Namespace, target: Path) -> "engine.Ex
     try:
         without_sewing_file = target.suffix.lower() == ".dxf"
         pattern = files.read_pattern(target, seams=arguments.seams, sewn=not without_sewing_file)
-        notes += _pattern_lines(pattern)
+        for name, panel in pattern.panels.items():
+            width, height = panel.extent
+            lengths = ", ".join(f"{edge}: {100 * panel.edge_length(edge):.1f}" for edge in range(len(panel.edges)))
+            notes.append(f"{name}: {100 * width:.1f} x {100 * height:.1f} cm; edges [cm] {lengths}")
+        for number, stitch in enumerate(pattern.stitches):
+            first, second = (100 * pattern.panels[side.panel].edge_length(side.edge) for side in stitch.sides)
+            notes.append(f"seam {number}: {stitch.first} to {stitch.second}, {first:.1f} and {second:.1f} cm")
+        notes += pattern.notes
         if arguments.output is not None:
             drawn = render.draw_pattern(arguments.output, pattern, target.name, edge_numbers=True)
             notes.append(f"drawn: {drawn}")
@@ -154,18 +162,6 @@ def _examined_pattern(arguments: argparse.Namespace, target: Path) -> "engine.Ex
     except InputError as error:
         findings.append(clothsim.Finding("error", "pattern", error.sentence, error.remedy))
     return engine.Examination(f"{target}, as a sewing pattern", tuple(notes), tuple(findings))
-
-
-def _pattern_lines(pattern: "Pattern") -> Iterator[str]:
-    """Panels with the lengths of their edges, seams with those of both sides, and notes."""
-    for name, panel in pattern.panels.items():
-        width, height = panel.extent
-        lengths = ", ".join(f"{edge}: {100 * panel.edge_length(edge):.1f}" for edge in range(len(panel.edges)))
-        yield f"{name}: {100 * width:.1f} x {100 * height:.1f} cm; edges [cm] {lengths}"
-    for number, stitch in enumerate(pattern.stitches):
-        first, second = (100 * pattern.panels[side.panel].edge_length(side.edge) for side in stitch.sides)
-        yield f"seam {number}: {stitch.first} to {stitch.second}, {first:.1f} and {second:.1f} cm"
-    yield from pattern.notes
 
 
 def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination":
@@ -199,3 +195,93 @@ def _examined_penetration(arguments: argparse.Namespace) -> "engine.Examination"
         far = f"Nothing intersects, but the garment is {away} away from the body: give their units, --scale."
         verdict = "" if nearest <= WORN * report.body.size else far
     return engine.Examination(f"{arguments.target} on {arguments.on}", tuple(notes), tuple(findings), verdict)
+
+
+_EXPLAIN = """\
+List every effect of a run, or of a scene's first steps: on or off, the reason, and its cost.
+With --absent also the cost of adding each effect that the scene does not name.
+
+  clothsim explain scenes/sphere.toml --steps 5
+  clothsim explain scenes/sphere.toml --absent --budget 2min
+"""
+
+
+def _explain(arguments: argparse.Namespace) -> Report:
+    if arguments.target.is_dir():
+        for option in ("steps", "absent", "budget"):
+            if getattr(arguments, option):
+                raise InputError(f"--{option} is for scenes.", "Leave it out for a run.")
+        receipt = engine.explain(arguments.target)
+    else:
+        steps = 5 if arguments.steps is None else as_count("--steps", arguments.steps)
+        budget = as_seconds("--budget", "60s" if arguments.budget is None else arguments.budget)
+        if arguments.budget is not None and not arguments.absent:
+            raise InputError("--budget is for --absent.", "Add --absent, or leave it out.")
+        scene = clothsim.load_scene(arguments.target)
+        receipt = engine.explain(scene, steps, budget if arguments.absent else None)
+    return Report(dict(sorted(receipt.effects.items())), table(receipt))
+
+
+def table(receipt: "engine.Receipt") -> str:
+    """The receipt as text: effects that are on, phases, effects that are off, the cost of adding one."""
+    absent = receipt.absent
+    on = {name: entry for name, entry in receipt.effects.items() if entry["on"]}
+    off = {name: entry for name, entry in receipt.effects.items() if not entry["on"]}
+    shown = ("bytes", "idle_steps")  # columns that may be empty altogether
+    columns = [key for key in _COLUMNS if key not in shown or any(entry.get(key) for entry in on.values())]
+    rows = []
+    for name, entry in on.items():
+        counts = {key: entry.get(key, 0) for key in columns}
+        counters = [f"{n / 1e3:,.1f}" if key == "bytes" else f"{n:,}" if n else "" for key, n in counts.items()]
+        rows.append([name, *_time(entry["seconds"], receipt.seconds), *counters])
+        for part, seconds in entry["parts"].items():
+            rows.append([f"  of it {part}", *_time(seconds, receipt.seconds), *("" for _ in columns)])
+    for name in sorted(receipt.phases, key=lambda name: -receipt.phases[name]):
+        rows.append([f"({name})", *_time(receipt.phases[name], receipt.seconds), *("" for _ in columns)])
+    rows.append(["all", *_time(receipt.seconds, receipt.seconds), *("" for _ in columns)])
+    header = ["effect (phase)", "CPU s", "fraction", *(_COLUMNS[key] for key in columns)]
+    lines = [f"Measured: {receipt.source}", "", text_table(header, rows)]
+    left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
+    if left:
+        width = max(len(name) for name in left)
+        reasons = {name: f"{effect['summary']}: {effect['reason']}" for name, effect in left.items()}
+        lines += ["", "Off:", *(f"  {name:<{width}}  {reason}" for name, reason in reasons.items())]
+    return "\n".join([*lines, *_added(receipt)])
+
+
+def _added(receipt: "engine.Receipt") -> list[str]:
+    """Lines with the cost of each effect that the scene does not name."""
+    if (absent := receipt.absent) is None:
+        return []
+    measured = {name: each for name, each in absent.effects.items() if not each.why}
+    others = {name: each for name, each in absent.effects.items() if each.why}
+    lines = []
+    if measured:
+        rows = [
+            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", receipt.effects[name]["summary"]]
+            for name, each in measured.items()
+        ]
+        rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])
+        times = f"the first {absent.steps} step{'s' * (absent.steps > 1)}, median of {absent.rounds}"
+        lines += ["", f"Not named; the cost of adding one ({times}):", ""]
+        lines.append(text_table(["effect", "CPU s a step", "times as much", "meaning"], rows))
+    if others:
+        width = max(len(name) for name in others)
+        lines += ["", "Not named, nor measured:", *(f"  {name:<{width}}  {each.why}" for name, each in others.items())]
+    return lines
+
+
+_COLUMNS = {
+    "evaluations": "values",
+    "gradients": "gradients",
+    "hessians": "Hessians",
+    "hessian_nonzeros": "non-zeros",
+    "pairs": "pairs",
+    "ccd_calls": "CCD calls",
+    "bytes": "kB held",
+    "idle_steps": "idle steps",
+}
+
+
+def _time(seconds: float, total: float) -> tuple[str, str]:
+    return f"{seconds:.4f}", f"{100 * seconds / total:.1f} %" if total else ""

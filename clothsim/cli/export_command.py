@@ -1,19 +1,24 @@
-"""`clothsim export`, `render` and `bundle`: what is made of a run for other programs, for people, and to replay it."""
+"""`clothsim export`, `render`, `bundle`, `view` and `preview`: a run as files, pictures, an archive or a page."""
 
 import argparse
 import re
 import shlex
+import sys
+import time
+import webbrowser
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import clothsim
-from clothsim import engine
-from clothsim.base.errors import InputError
+from clothsim import engine, files
+from clothsim.base.errors import ClothsimError, InputError
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     add_output_options,
     add_overwrite,
+    as_count,
     as_direction,
     as_frame,
     as_limits,
@@ -22,10 +27,11 @@ from clothsim.cli.arguments import (
     refuse_output,
 )
 from clothsim.cli.progress import frame_counter
-from clothsim.cli.report import Report, program
+from clothsim.cli.report import DONE, Report, end_watch, program
 
 if TYPE_CHECKING:
-    from clothsim import Run
+    pass
+    from clothsim.viewer.served import Served
 
 VIEW = "Give front, back, left, right or top, or three numbers, such as 1,-2,0.5."
 _EXPORT = """\
@@ -94,6 +100,20 @@ def add_to(commands: Any) -> None:
     bundle.add_argument("-o", "--output", type=Path, metavar="FILE", help="the archive (default: DIR.zip)")
     add_overwrite(bundle)
     add_output_options(bundle, json="print file and size as JSON", handler=_bundle)
+    view = commands.add_parser("view", description=_VIEW)
+    view.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
+    view.add_argument("--field", metavar="NAME", help="plain, stretch, stress, compression, ... (default: stretch)")
+    _add_address(view)
+    view.add_argument("--wait", action="store_true", help="wait for the first frame of a run that has just begun")
+    view.add_argument("--browser", action="store_true", help="open the browser too")
+    add_output_options(view, json="print the address as JSON", quiet="print nothing", handler=_view)
+    shown = commands.add_parser("preview", description=_PREVIEW)
+    shown.add_argument("directory", type=Path, metavar="DIR", help="the farm's folder, or its scene file")
+    shown.add_argument("--motion", action="store_true", help="a garment in motion: the first argument is a scene")
+    shown.add_argument("model", type=Path, metavar="MODEL", help="the output of `clothsim learn`")
+    _add_address(shown)
+    shown.add_argument("--browser", action="store_true", help="open the browser too")
+    add_output_options(shown, json="print the address as JSON", quiet="print nothing", handler=_preview)
 
 
 def _export(arguments: argparse.Namespace) -> Report:
@@ -135,39 +155,28 @@ def _render(arguments: argparse.Namespace) -> Report:
         target.name in on_demand.RUN_PICTURES and target.parent.resolve() == run.directory.resolve()
     ):  # the run's own
         refuse_output(target, arguments)
-    note = _drawn(run, target, arguments, settings, dots_per_inch)
-    return Report({"file": str(target), "note": note}, f"{target}: {note}")
-
-
-def _drawn(
-    run: "Run", target: Path, arguments: argparse.Namespace, settings: dict[str, Any], dots_per_inch: float
-) -> str:
-    """Draw the picture or the movie that the ending asks for; return the line that names the renderer."""
     ending, of_movies = target.suffix.lower(), arguments.frames_per_second is not None or arguments.follow
-    if ending == ".png" and of_movies:
-        option = "--follow" if arguments.follow else "--frames-per-second"
-        raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .webp with -o.")
     if ending == ".png":
-        frame = _frame(run, arguments.frame or "last")
-        return engine.draw_run(run, target, frame, dots_per_inch=dots_per_inch, **settings)
-    if ending not in (".mp4", ".webp", ".gif"):
-        raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4, .webp or .gif.")
-    if arguments.frame is not None:
-        raise InputError("--frame is for pictures.", "Leave it out, or name a .png with -o.")
-    if arguments.frames_per_second is not None:
-        settings["frames_per_second"] = as_positive_number("--frames-per-second", arguments.frames_per_second)
-    counter = frame_counter(arguments.quiet)
-    return engine.draw_run(run, target, progress=counter, follow=arguments.follow, **settings)
-
-
-def _frame(run: "Run", text: str) -> int:
-    if text == "last":
-        return len(run.times) - 1
-    if not re.fullmatch(r"-?\d{1,9}", text):
-        raise InputError(f"--frame is {text!r}.", f"Give 0 to {len(run.times) - 1}, or last.")
-    if not -len(run.times) <= int(text) < len(run.times):
-        raise InputError(f"There is no frame {text}.", f"The run has frames 0 to {len(run.times) - 1}.")
-    return int(text)
+        if of_movies:
+            option = "--follow" if arguments.follow else "--frames-per-second"
+            raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .webp with -o.")
+        frame, last = arguments.frame or "last", len(run.times) - 1
+        if frame != "last" and not re.fullmatch(r"-?\d{1,9}", frame):
+            raise InputError(f"--frame is {frame!r}.", f"Give 0 to {last}, or last.")
+        number = last if frame == "last" else int(frame)
+        if not -len(run.times) <= number <= last:
+            raise InputError(f"There is no frame {frame}.", f"The run has frames 0 to {last}.")
+        note = engine.draw_run(run, target, number, dots_per_inch=dots_per_inch, **settings)
+    else:
+        if ending not in (".mp4", ".webp", ".gif"):
+            raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4, .webp or .gif.")
+        if arguments.frame is not None:
+            raise InputError("--frame is for pictures.", "Leave it out, or name a .png with -o.")
+        if arguments.frames_per_second is not None:
+            settings["frames_per_second"] = as_positive_number("--frames-per-second", arguments.frames_per_second)
+        counter = frame_counter(arguments.quiet)
+        note = engine.draw_run(run, target, progress=counter, follow=arguments.follow, **settings)
+    return Report({"file": str(target), "note": note}, f"{target}: {note}")
 
 
 def _bundle(arguments: argparse.Namespace) -> Report:
@@ -183,3 +192,81 @@ def _bundle(arguments: argparse.Namespace) -> Report:
     size = target.stat().st_size
     replay = f"{program()} resume {shlex.quote(str(target))}"
     return Report({"file": str(target), "bytes": size}, f"{target}: {size / 1e6:.2g} MB. Replay it with: {replay}")
+
+
+_VIEW = """\
+Show a run in a browser, also one in progress: turn and scrub it, colour it by a field, pick a vertex. Needs
+pip install 'clothsim[view]'. Ctrl-C ends it.
+
+  clothsim view drape
+  clothsim view drape --field stress --port 9000
+"""
+_PREVIEW = """\
+Show a model of drapes in a browser: sliders for its inputs, the predicted garment with the result of the exact test,
+and a button that drapes and certifies. Needs pip install 'clothsim[view]'. Ctrl-C ends it.
+
+  clothsim preview drapes model.npz
+
+With --motion, MODEL is from `clothsim learn --motion`, and the first argument is a scene with a moving body: the
+figure moves, each frame with its verdict: certified as predicted, repaired, or simulated.
+
+  clothsim preview walking.toml moving.npz --motion
+"""
+
+
+def _add_address(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)"
+    )
+    command.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="0.0.0.0 opens it to the network")
+    command.add_argument(
+        "--trust",
+        action="append",
+        default=[],
+        metavar="NAME:PORT",
+        help="another name by which a browser reaches it, such as localhost:9000 for a tunnel",
+    )
+
+
+LONGEST_WAIT, PAUSE = 600.0, 0.3
+"""Time to wait for a first frame, and between two looks [s]."""
+
+
+def _view(arguments: argparse.Namespace) -> int:
+    port = as_count("--port", arguments.port)
+    if arguments.wait:
+        _await_frame(arguments.directory)
+    page = clothsim.view(arguments.directory, port, arguments.host, arguments.field, arguments.trust)
+    return served(page, arguments, arguments.directory)
+
+
+def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
+    """Tell the address of a page as --json, --quiet and --browser ask for it, and serve it until Ctrl-C."""
+    Report({"url": page.url}, f"{page.url} shows {what}. Ctrl-C ends it.").show(arguments)
+    if arguments.browser and not webbrowser.open(page.url):
+        print(f"No browser was found: open {page.url}.", file=sys.stderr)
+    end_watch()
+    page.wait()
+    return DONE
+
+
+def _await_frame(directory: Path) -> None:
+    """Return when a run that was begun after now has a frame. InputError after LONGEST_WAIT."""
+    begun = time.time()
+    for _ in range(int(LONGEST_WAIT / PAUSE)):
+        file = directory / files.TRAJECTORY_NAME
+        if file.is_file() and file.stat().st_mtime >= begun:
+            with suppress(ClothsimError):
+                if len(clothsim.open_run(directory)):
+                    return
+        time.sleep(PAUSE)
+    raise InputError(f"{directory} had no frame after {LONGEST_WAIT:g} s.", "Start `clothsim view` when it has one.")
+
+
+def _preview(arguments: argparse.Namespace) -> int:
+    port, given = as_count("--port", arguments.port), arguments.directory
+    is_scene = arguments.motion or given.suffix == ".toml"
+    scene = clothsim.load_scene(given) if is_scene else on_demand.open_farm(given).scene
+    show: Any = on_demand.preview_motion if arguments.motion else on_demand.preview
+    page = show(scene, arguments.model, port, arguments.host, arguments.trust)
+    return served(page, arguments, arguments.model)

@@ -1,4 +1,4 @@
-"""`clothsim farm`, `sweep` and `learn`: many drapes of one recipe, none lost, and a model of them."""
+"""`clothsim farm`: many drapes of one recipe, none lost."""
 
 import argparse
 import contextlib
@@ -33,7 +33,7 @@ from clothsim.cli.report import FAILED, INTERRUPTED, Report
 
 if TYPE_CHECKING:
     from clothsim.study.farm.drape import Drape
-    from clothsim.study.farm.plan import DrapeJob, Farm
+    from clothsim.study.farm.plan import DrapeJob
     from clothsim.study.farm.recipe import Recipe
     from clothsim.study.farm.status import Status
 
@@ -42,7 +42,29 @@ def add_to(commands: Any) -> None:
     """Add the commands to the parser."""
     farm = commands.add_parser("farm", description=_FARM)
     actions = farm.add_subparsers(metavar="ACTION", dest="action", parser_class=Parser, required=True)
-    plan, sample, work = _add_making(actions)
+    plan = actions.add_parser("plan", help="write the scene and values of every drape")
+    plan.add_argument("recipe", type=Path, metavar="RECIPE", help=_RECIPE)
+    plan.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the farm")
+    plan.add_argument("--no-pilot", action="store_true", help="skip the pilot drape that tests the recipe")
+    plan.set_defaults(handler=_plan)
+    sample = actions.add_parser("sample", help="plan, make, verify and pack the drapes of a recipe, in one process")
+    sample.add_argument("recipe", type=Path, metavar="RECIPE", help=_RECIPE)
+    sample.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", required=True, help="folder; its data.h5 is the set"
+    )
+    sample.set_defaults(handler=_sample)
+    for each in (plan, sample):
+        each.remedies["--count"] = "The number of drapes is count under [farm] in the recipe."
+    work = actions.add_parser("work", help="make the drapes that are left")
+    work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    how = work.add_mutually_exclusive_group()
+    how.add_argument("--workers", metavar="N", help="processes of Dask on this machine (default: this process)")
+    how.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler: tcp://host:8786")
+    work.add_argument("--attempts", default="3", metavar="N", help="tries before a drape counts as killed (default 3)")
+    work.add_argument(
+        "--stale", default="60s", metavar="TIME", help="when a claim without heartbeat expires (default 60s)"
+    )
+    work.set_defaults(handler=_work)
     status = actions.add_parser("status", help="count what is done, failed and left")
     status.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     status.add_argument("--watch", action="store_true", help="print it every 2 s until all drapes are done")
@@ -67,34 +89,6 @@ def add_to(commands: Any) -> None:
     pack.set_defaults(handler=_pack)
     for action in (plan, sample, work, status, verify, mend, pack):
         add_output_options(action, json="print the result as JSON", quiet="print nothing but errors")
-
-
-def _add_making(actions: Any) -> tuple[Parser, Parser, Parser]:
-    """Add the actions that make drapes: plan, sample, work."""
-    plan = actions.add_parser("plan", help="write the scene and values of every drape")
-    plan.add_argument("recipe", type=Path, metavar="RECIPE", help=_RECIPE)
-    plan.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the farm")
-    plan.add_argument("--no-pilot", action="store_true", help="skip the pilot drape that tests the recipe")
-    plan.set_defaults(handler=_plan)
-    sample = actions.add_parser("sample", help="plan, make, verify and pack the drapes of a recipe, in one process")
-    sample.add_argument("recipe", type=Path, metavar="RECIPE", help=_RECIPE)
-    sample.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", required=True, help="folder; its data.h5 is the set"
-    )
-    sample.set_defaults(handler=_sample)
-    for each in (plan, sample):
-        each.remedies["--count"] = "The number of drapes is count under [farm] in the recipe."
-    work = actions.add_parser("work", help="make the drapes that are left")
-    work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
-    how = work.add_mutually_exclusive_group()
-    how.add_argument("--workers", metavar="N", help="processes of Dask on this machine (default: this process)")
-    how.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler: tcp://host:8786")
-    work.add_argument("--attempts", default="3", metavar="N", help="tries before a drape counts as killed (default 3)")
-    work.add_argument(
-        "--stale", default="60s", metavar="TIME", help="when a claim without heartbeat expires (default 60s)"
-    )
-    work.set_defaults(handler=_work)
-    return plan, sample, work
 
 
 SHIPPED = ("shirt_by_body", "skirt_by_fabric", "outfit_by_pose", "outfit_that_walks", "shirt_in_motion")
@@ -182,14 +176,21 @@ def _work(arguments: argparse.Namespace) -> Report | int:
     with terminated_like_interrupted():
         try:
             if arguments.workers is None and arguments.scheduler is None:
-                on_demand.work(
-                    farm,
-                    on_demand.worker_of(stale),
-                    attempts,
-                    None if arguments.quiet or arguments.json else _line(farm),
-                )
+
+                def show(job: "DrapeJob", made: "Drape") -> None:
+                    if not (arguments.quiet or arguments.json):
+                        verdict = on_demand.verdict_text(made.summary)
+                        print(f"{job.id} {made.summary.get('cpu_seconds', 0.0):.1f} s {verdict}", flush=True)
+
+                on_demand.work(farm, on_demand.worker_of(stale), attempts, show)
             else:
-                _work_with_dask(arguments, farm, attempts, stale)
+
+                def announce(link: str) -> None:
+                    if not arguments.quiet:
+                        print(f"dashboard: {link}", file=sys.stderr, flush=True)
+
+                workers = 1 if arguments.workers is None else as_count("--workers", arguments.workers)
+                on_demand.work_with_dask(farm, arguments.scheduler, workers, attempts, announce, stale)
         except KeyboardInterrupt:
             left = many(len(farm.unpublished()), "drape")
             print(f"Stopped: {left} left. `clothsim farm work {farm.directory}` continues.", file=sys.stderr)
@@ -202,15 +203,6 @@ def _work(arguments: argparse.Namespace) -> Report | int:
         raise InputError(f"{farm.plan_fault} The drapes of its other lines are made.", on_demand.REPLAN)
     state = on_demand.status(farm)
     return Report(asdict(state), _text(state))
-
-
-def _work_with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale: float) -> None:
-    def announce(link: str) -> None:
-        if not arguments.quiet:
-            print(f"dashboard: {link}", file=sys.stderr, flush=True)
-
-    workers = 1 if arguments.workers is None else as_count("--workers", arguments.workers)
-    on_demand.work_with_dask(farm, arguments.scheduler, workers, attempts, announce, stale)
 
 
 def _status(arguments: argparse.Namespace) -> Report:
@@ -297,16 +289,6 @@ def terminated_like_interrupted() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
         if ignored:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _line(farm: "Farm") -> Any:
-    """A callback that prints a line for each drape."""
-
-    def show(job: "DrapeJob", made: "Drape") -> None:
-        verdict = on_demand.verdict_text(made.summary)
-        print(f"{job.id} {made.summary.get('cpu_seconds', 0.0):.1f} s {verdict}", flush=True)
-
-    return show
 
 
 def _text(state: "Status") -> str:

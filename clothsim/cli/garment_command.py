@@ -173,7 +173,10 @@ def _fit(arguments: argparse.Namespace) -> Report:
             progress=listener,
             overwrite=arguments.overwrite,
         )
-    trouble = [] if arguments.no_picture else _picture(done)
+    wanted = (
+        [] if arguments.no_picture else [(PICTURE_NAME, lambda: on_demand.draw_fit(done, directory / PICTURE_NAME))]
+    )
+    trouble = _drawn(directory, wanted)
     lines = [*_fit_verdict(done), *trouble]
     if done.status == "distorted":
         lines.append(f"  worst     at {', '.join(f'{value:.3f}' for value in done.look.place)} m")
@@ -187,12 +190,21 @@ def _stage(stage: "Stage") -> str:
 
 
 def _fit_verdict(done: "Fit") -> list[str]:
-    cost, look = done.cost, done.look
+    cost, look, stage = done.cost, done.look, ""
+    if done.status == "failed":  # then it is not the last one
+        stage = f"stage {done.answer_number + 1} of {len(done.stages)}, {done.answer.name}: "
+    flypapered = []
+    if len(done.flypapered):
+        at = ", ".join(f"{value:.3f}" for value in done.positions[done.flypapered].mean(axis=0))
+        flypapered = [
+            f"  carried   {len(done.flypapered)} vertices about ({at}) m, where {done.target.name} overlaps itself: "
+            "one part carries them, and what they intersect is not counted"
+        ]
     return [
         f"{done.status}: {done.reason}",
         *(f"  note      {note}" for note in done.notes),
-        f"  fitted    {_answer(done)}{done.counts}",
-        *_flypapered(done),
+        f"  fitted    {stage}{done.counts}",
+        *flypapered,
         f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as given)",
         *([f"  size      {done.size}"] if str(done.size) and done.source is not done.target else []),
         f"  look      edges {look.edge_low:.2f} to {look.edge_high:.2f} with the scale {look.scale:.2f} taken out, "
@@ -200,33 +212,6 @@ def _fit_verdict(done: "Fit") -> list[str]:
         f"  moved     at most {length_text(cost.displacement)} from where it was worn",
         f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
     ]
-
-
-def _flypapered(done: "Fit") -> list[str]:
-    """A line on the vertices that the body carries, where it overlaps itself."""
-    if not len(done.flypapered):
-        return []
-    at = ", ".join(f"{value:.3f}" for value in done.positions[done.flypapered].mean(axis=0))
-    return [
-        f"  carried   {len(done.flypapered)} vertices about ({at}) m, where {done.target.name} overlaps itself: "
-        "one part carries them, and what they intersect is not counted"
-    ]
-
-
-def _answer(done: "Fit") -> str:
-    """The stage that is the result, where it is not the last one."""
-    if done.status != "failed":
-        return ""
-    return f"stage {done.answer_number + 1} of {len(done.stages)}, {done.answer.name}: "
-
-
-def _picture(done: "Fit") -> list[str]:
-    try:
-        on_demand.draw_fit(done, done.directory / PICTURE_NAME)
-        on_demand.record_peak_memory(done.directory / on_demand.SUMMARY_NAME)
-    except (ClothsimError, OSError, ImportError) as error:
-        return [f"No {PICTURE_NAME}: {error}"]
-    return []
 
 
 def as_fabrics(given: list[str]) -> dict[str, str]:
@@ -285,7 +270,13 @@ def _dress(arguments: argparse.Namespace) -> Report:
         if several:
             settings |= {"over": arguments.over}
             worn = clothsim.outfit(arguments.patterns, arguments.on, directory, progress=listener, **settings)
-            trouble = [] if arguments.no_picture else _drawn(directory, [("picture", lambda: _draw_outfit(worn))])
+
+            def draw_all() -> None:
+                for each in worn.sewn:
+                    on_demand.draw_dress(each)
+                on_demand.draw_outfit(worn)
+
+            trouble = [] if arguments.no_picture else _drawn(directory, [("picture", draw_all)])
             status, lines = worn.status, _outfit_verdict(worn)
         else:
             if arguments.on is None:
@@ -298,12 +289,6 @@ def _dress(arguments: argparse.Namespace) -> Report:
             status, lines = done.status, _dress_verdict(done)
     summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
     return Report(summary, "\n".join([*lines, *trouble]), status == "completed", verdict=True)
-
-
-def _draw_outfit(done: "Outfit") -> None:
-    for each in done.sewn:
-        on_demand.draw_dress(each)
-    on_demand.draw_outfit(done)
 
 
 def _outfit_verdict(done: "Outfit") -> list[str]:

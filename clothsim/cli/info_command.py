@@ -110,18 +110,15 @@ def keys_of_section(name: str) -> str:
     parts = []
     for section, content in engine.reference(name).items():
         head = f"[{section}]" if "=" not in section else section
-        rows = [_key(key, columns) for key, columns in content["keys"].items()]
+        rows = []
+        for key, columns in content["keys"].items():
+            unit = "" if columns["unit"] in ("", "-") else f" [{columns['unit']}]"
+            facts = ", ".join(filter(None, [columns["type"], columns["range"]]))
+            default = f" = {columns['default']}" if columns["default"] not in ("", "-") else ""
+            rows.append(_wrapped(f"{key}{default}{unit}", f"{facts}. {columns['meaning']}"))
         summary = textwrap.fill(f"{head}: {content['summary']}", WIDTH)
         parts.append("\n".join([summary, "", *rows]) if rows else f"{summary}\nIt takes no keys.")
     return "\n\n".join(parts)
-
-
-def _key(name: str, columns: dict[str, str]) -> str:
-    """A key in lines: name, default, unit, type and range; its meaning below."""
-    unit = "" if columns["unit"] in ("", "-") else f" [{columns['unit']}]"
-    facts = ", ".join(filter(None, [columns["type"], columns["range"]]))
-    default = f" = {columns['default']}" if columns["default"] not in ("", "-") else ""
-    return _wrapped(f"{name}{default}{unit}", f"{facts}. {columns['meaning']}")
 
 
 def _wrapped(head: str, text: str) -> str:
@@ -161,20 +158,16 @@ def _fabrics(arguments: argparse.Namespace) -> Report:
         note = engine.draw_swatches([name] if name is not None else list(engine.FABRICS), file)
         return Report({"file": str(file), "note": note}, f"{file}. {note}")
     names = list(engine.FABRICS) if name is None else [name]
-    document = {each: _document(each) for each in names}
+    document = {}
+    for each in names:
+        named = engine.FABRICS[each]
+        document[each] = {
+            "made_of": named.made_of,
+            "values": {key: getattr(named.fabric, key) for key in _VALUES},  # in SI units, null where no source has one
+            "sources": dict(named.sources),
+            "compared": asdict(named.compared),
+        }
     return Report(document, table(names) if name is None else sheet(name))
-
-
-def _document(name: str) -> dict[str, Any]:
-    """Values of a fabric in SI units, null where no source gives one, and their sources."""
-    named = engine.FABRICS[name]
-    values = {key: getattr(named.fabric, key) for key in _VALUES}
-    return {
-        "made_of": named.made_of,
-        "values": values,
-        "sources": dict(named.sources),
-        "compared": asdict(named.compared),
-    }
 
 
 def table(names: Sequence[str]) -> str:

@@ -3,17 +3,14 @@
 import argparse
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from clothsim.base.errors import InputError
 from clothsim.base.text import text_table
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import Parser, add_output_options, add_overwrite, as_count, refuse_output
+from clothsim.cli.arguments import add_output_options, add_overwrite, as_count, refuse_output
 from clothsim.cli.farm_command import make_drapes, read_recipe
 from clothsim.cli.report import Report
-
-if TYPE_CHECKING:
-    from clothsim.study.farm.recipe import Recipe
 
 _LEARN = """\
 Train a model of the drapes of a farm as a function of varied parameters, for [seed] from = "model". With --motion it
@@ -34,23 +31,18 @@ def add_to(commands: Any) -> None:
     learn.add_argument(
         "--components", type=int, metavar="K", help="principal components (default 16, with --motion 48)"
     )
-    _add_motion(learn)
-    add_overwrite(learn)
-    add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
-
-
-MODELS = ("skinned", "nearest", "ridge", "recurrent")
-"""Kinds of models of motion; a test compares them with those of the package."""
-
-
-def _add_motion(learn: Parser) -> None:
-    """Add the options of models of motion."""
     learn.add_argument("--motion", action="store_true", help="learn a garment in motion, from a farm of clips")
     learn.add_argument("--held-kind", metavar="KIND", help="with --motion: kind held out (default: drawn)")
     learn.add_argument("--held-bodies", default="2", metavar="N", help="with --motion: bodies held out (default 2)")
     learn.add_argument("--model", choices=["recurrent"], help="with --motion: also train this one (clothsim[learn])")
     learn.add_argument("--kind", choices=MODELS, help="with --motion: write that kind of model, not the best")
     learn.add_argument("--seed", default="0", metavar="N", help="with --motion: seed of random choices (default 0)")
+    add_overwrite(learn)
+    add_output_options(learn, json="print the errors as JSON", quiet="print nothing but errors", handler=_learn)
+
+
+MODELS = ("skinned", "nearest", "ridge", "recurrent")
+"""Kinds of models of motion; a test compares them with those of the package."""
 
 
 def _learn(arguments: argparse.Namespace) -> Report | int:
@@ -86,7 +78,13 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     bodies = as_count("--held-bodies", arguments.held_bodies, least=0)
     if not directory.is_dir():
         recipe = read_recipe(directory)
-        _refuse_too_few(recipe, arguments.held_kind, bodies, seed)
+        labels = []
+        for values in (recipe.values(k) for k in range(recipe.count)):
+            clip = next((str(value) for key, value in values.items() if key.endswith("motion.clip")), "")
+            body = {key: value for key, value in values.items() if key.startswith("body.") and ".motion" not in key}
+            labels.append((str(body), clip, clip.partition(":")[0]))
+        if any(clip for _, clip, _ in labels):
+            on_demand.division(labels, arguments.held_kind, bodies, seed)
         directory = arguments.output.with_name(f"{arguments.output.stem}_farm")
         worked, _ = make_drapes(recipe, directory, arguments)
         if not isinstance(worked, Report):
@@ -99,10 +97,11 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     made.write(arguments.output, arguments.kind, arguments.overwrite)
     sets = made.division
     counts = {name: len(sets.rows(name)) for name in ("training", *on_demand.SETS)}
-    rows = [
-        [name, *(_missed(made.errors[name][part], made.inside[name][part]) for part in on_demand.SETS)]
-        for name in made.models
-    ]
+    rows = []
+    for name in made.models:
+        both = [(made.errors[name][part], made.inside[name][part]) for part in on_demand.SETS]
+        missed = ("none" if isnan(error) else f"{1e3 * error:.1f} mm {100 * inside:.2f} %" for error, inside in both)
+        rows.append([name, *missed])
     text = (
         f"{arguments.output}: {arguments.kind or made.best}; {counts['training']} clips learned, "
         f"{counts['validation']} for validation. Held out: {counts['new motion']} clips of the kind {sets.kind}, "
@@ -111,18 +110,3 @@ def _learn_motion(arguments: argparse.Namespace) -> Report | int:
     )
     document = {"model": str(arguments.output), "kind": arguments.kind or made.best, "clips": counts}
     return Report({**document, "errors": made.errors, "inside": made.inside}, text)
-
-
-def _refuse_too_few(recipe: "Recipe", kind: str | None, bodies: int, seed: int) -> None:
-    """InputError where the clips of a recipe, not yet made, cannot be divided into those learned and held out."""
-    labels = []
-    for values in (recipe.values(k) for k in range(recipe.count)):
-        clip = next((str(value) for key, value in values.items() if key.endswith("motion.clip")), "")
-        body = {key: value for key, value in values.items() if key.startswith("body.") and ".motion" not in key}
-        labels.append((str(body), clip, clip.partition(":")[0]))
-    if any(clip for _, clip, _ in labels):
-        on_demand.division(labels, kind, bodies, seed)
-
-
-def _missed(error: float, inside: float) -> str:
-    return "none" if isnan(error) else f"{1e3 * error:.1f} mm {100 * inside:.2f} %"

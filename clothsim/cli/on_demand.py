@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from clothsim.study.evaluation import FOLDER
     from clothsim.study.fabric_test import draw_drape, fabric_tested
     from clothsim.study.farm.claims import worker_of
-    from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
     from clothsim.study.farm.dask_work import LostWorkersError, work_with_dask
-    from clothsim.study.farm.pack import pack, packed_files
-    from clothsim.study.farm.pilot import pilot
+    from clothsim.study.farm.drape import pilot
+    from clothsim.study.farm.pack import contact_page, contact_sheet, pack, packed_files
     from clothsim.study.farm.plan import open_farm, plan, refuse_other_plan, refuse_unbuildable
     from clothsim.study.farm.recipe import load_recipe, make_recipe
     from clothsim.study.farm.status import status, verdict_text, write_manifest
@@ -38,8 +37,7 @@ if TYPE_CHECKING:
     from clothsim.study.points import with_preset
     from clothsim.study.report import answer_lines, settings_text
     from clothsim.study.result import UNFINISHED
-    from clothsim.viewer.motion_preview import preview_motion
-    from clothsim.viewer.preview import preview
+    from clothsim.viewer.preview import preview, preview_motion
     from transfer.motion_regressor import RegressorTraining
     from transfer.signed_distance import body_surface
 

@@ -3,7 +3,6 @@
 import argparse
 import math
 import sys
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -126,9 +125,13 @@ def _recover(arguments: argparse.Namespace) -> Report:
 
 def _progress(starts: int) -> Any:
     """A callback that prints each run of a search."""
-    return lambda start, each: _shown(
-        f"start {start} of {starts}" if start else "folds", each.values, each.failure or f"loss {each.loss:.4g}"
-    )
+
+    def show(start: int, each: Any) -> None:
+        numbers = ", ".join(f"{path} {value:.4g}" for path, value in each.values.items())
+        where = f"start {start} of {starts}" if start else "folds"
+        print(f"{where}: {numbers}: {each.failure or f'loss {each.loss:.4g}'}", file=sys.stderr, flush=True)
+
+    return show
 
 
 PATTERN_NAME, DRESSED = "pattern.json", "dressed"
@@ -143,7 +146,16 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts or "1")
     if not arguments.views.is_file():
         raise InputError(f"There is no {arguments.views}.", "Write a TOML file with a table [[view]] for each picture.")
-    scene, mesh = _dressed(arguments) if arguments.on is not None else _of_scene(arguments)
+    if arguments.on is not None:
+        scene, mesh = _dressed(arguments)
+    else:
+        if arguments.scene is None:
+            raise InputError("recover needs SCENE.", "Name it, or a pattern and a body with --pattern and --on.")
+        scene = scene_of(arguments, or_run=True)
+        if arguments.output is not None:
+            inputs = (arguments.scene, scene, arguments.views, arguments.pattern)
+            engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
+        mesh = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
     messages(arguments, f"{', '.join(free)} from {arguments.views}")
     progress = None if arguments.quiet else _progress(starts)
     found = clothsim.recover_views(
@@ -187,17 +199,6 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
 def overlay_name(view: str) -> str:
     """File of the picture of a view: letters and digits of its name."""
     return f"view_{''.join(c if c.isalnum() else '_' for c in view)}.png"
-
-
-def _of_scene(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMesh | None]":
-    """The scene and the mesh of its pattern."""
-    if arguments.scene is None:
-        raise InputError("recover needs SCENE.", "Name it, or a pattern and a body with --pattern and --on.")
-    scene = scene_of(arguments, or_run=True)
-    if arguments.output is not None:
-        inputs = (arguments.scene, scene, arguments.views, arguments.pattern)
-        engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
-    return scene, None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
 
 
 def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMesh | None]":
@@ -300,11 +301,6 @@ def _recover_drape(arguments: argparse.Namespace) -> Report:
         write_atomically(arguments.output / RECOVERY_NAME, on_demand.to_json(found.document()).encode())
         lines += f"\n  files     {arguments.output}: {RECOVERY_NAME}"
     return Report(found.document(), lines, verdict=True)
-
-
-def _shown(start: str, values: Mapping[str, float], state: str) -> None:
-    numbers = ", ".join(f"{path} {value:.4g}" for path, value in values.items())
-    print(f"{start}: {numbers}: {state}", file=sys.stderr, flush=True)
 
 
 def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from clothsim.cli.progress import clock, frame_counter
 from clothsim.cli.report import INTERRUPTED, Report, messages, program
 
 if TYPE_CHECKING:
-    from clothsim import Run, Scene
+    from clothsim import Run
     from clothsim.engine import Session
 
 ITERATES = "iterates_{}.npz"
@@ -129,7 +129,9 @@ def _run(arguments: argparse.Namespace) -> int:
         raise InputError(f"{arguments.scene} is not a scene file.", "`clothsim resume` replays an archive.")
     scene = clothsim.load_scene(arguments.scene)
     if arguments.preset is not None:
-        scene = _apply_preset(scene, arguments)
+        scene, settings_text = on_demand.with_preset(scene, arguments.preset)
+        messages(arguments)(f"preset {arguments.preset}: {settings_text}")
+        scene = engine.replace(scene, "solver.estimate", True)
     scene = engine.override(scene, *arguments.set)
     if arguments.error is not None:
         scene = engine.replace(scene, "solver.error", as_length("--error", arguments.error))
@@ -164,13 +166,6 @@ def _run(arguments: argparse.Namespace) -> int:
     if code != INTERRUPTED:
         let_finish()  # the rest of its kernels serves the next run
     return code
-
-
-def _apply_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
-    """The scene with the settings of a preset, whose error is estimated; prints them."""
-    scene, settings_text = on_demand.with_preset(scene, arguments.preset)
-    messages(arguments)(f"preset {arguments.preset}: {settings_text}")
-    return engine.replace(scene, "solver.estimate", True)
 
 
 def _resume(arguments: argparse.Namespace) -> int:
@@ -309,7 +304,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
 def verdict(run: "Run", trouble: list[str]) -> str:
     """The result of a run: status, reason, certificate in three lines, error, final notes, effort, files."""
     summary = run.summary
-    files = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
+    written = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
     rejections = summary["rejected_steps"]
     rejected = f" ({rejections:,} rejected for their error)" if rejections else ""
     restarts = summary.get("restarted_steps", 0)
@@ -327,25 +322,20 @@ def verdict(run: "Run", trouble: list[str]) -> str:
         *run.certificate_rows,
         *(("found", text) for text in summary.get("found", [])),
         ("effort", effort),
-        ("files", f"{run.directory}{os.sep}: {', '.join(files)}"),
+        ("files", f"{run.directory}{os.sep}: {', '.join(written)}"),
     ]
     lines = [f"{summary['status']}: {summary['reason']}", *(_row(name, text) for name, text in rows), *trouble]
     if summary["status"] != "completed":
-        lines += _after_failure(run)
+        failure, at = summary["failure"], shlex.quote(str(run.directory))
+        state = files.read_checkpoint(run.directory / files.CHECKPOINT_NAME).state
+        good = f"The last good state is step {state.step} at {state.time:g} s"
+        lines += [
+            failure["remedy"],
+            f"{good}; the last frame is number {len(run.times) - 1}.",
+            f"To examine it: {program()} resume {at} --dump-iterates {failure['step']}",
+            f"To report it: {program()} bundle {at}",
+        ]
     return "\n".join(lines)
-
-
-def _after_failure(run: "Run") -> list[str]:
-    """The remedy, the last good state, and the commands that examine and pack the failure."""
-    failure = run.summary["failure"]
-    state = files.read_checkpoint(run.directory / files.CHECKPOINT_NAME).state
-    directory = shlex.quote(str(run.directory))
-    return [
-        failure["remedy"],
-        f"The last good state is step {state.step} at {state.time:g} s; the last frame is number {len(run.times) - 1}.",
-        f"To examine it: {program()} resume {directory} --dump-iterates {failure['step']}",
-        f"To report it: {program()} bundle {directory}",
-    ]
 
 
 def stopped(directory: Path) -> str:

@@ -104,7 +104,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         compile_kernels(scenes, arguments.duration)
         return 0
     try:
-        print(_shipped(scenes, arguments.duration, arguments.wheel))
+        if not 0.0 < arguments.duration < math.inf:
+            raise InputError(f"--duration is {arguments.duration}.", "Give a time above 0 [s], such as 0.3.")
+        for name in scenes:
+            clothsim.load_scene(name)  # refuses what is not a scene before anything is compiled
+        if arguments.wheel is None:
+            print(f"{ship(scenes, arguments.duration)} kernels")
+        else:
+            count, wheel = build_wheel(scenes, arguments.duration, arguments.wheel)
+            print(f"{wheel}: {count} kernels")
     except ClothsimError as error:
         print(error, file=sys.stderr)
         return 2
@@ -112,18 +120,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{error.cmd[2]} ended with code {error.returncode}: nothing was built.", file=sys.stderr)
         return 1
     return 0
-
-
-def _shipped(scenes: Sequence[str], duration: float, folder: Path | None) -> str:
-    """Compile, and build the wheel where a folder is named; the line that says what was made."""
-    if not 0.0 < duration < math.inf:
-        raise InputError(f"--duration is {duration}.", "Give a time above 0 [s], such as 0.3.")
-    for name in scenes:
-        clothsim.load_scene(name)  # refuses what is not a scene before anything is compiled
-    if folder is None:
-        return f"{ship(scenes, duration)} kernels"
-    count, wheel = build_wheel(scenes, duration, folder)
-    return f"{wheel}: {count} kernels"
 
 
 if __name__ == "__main__":

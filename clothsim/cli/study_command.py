@@ -1,4 +1,4 @@
-"""`clothsim study`: error against computing time."""
+"""`clothsim study` and `test`: error against computing time; a standard test of a fabric, simulated."""
 
 import argparse
 import signal
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import clothsim
 from clothsim import engine
-from clothsim.base.file_writing import refuse_replacing
+from clothsim.base.file_writing import make_directory, refuse_replacing, write_atomically
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
     Renamed,
@@ -19,7 +19,9 @@ from clothsim.cli.arguments import (
     add_overwrite,
     add_set,
     as_count,
+    as_length,
     as_seconds,
+    assigned_number,
     loss_of,
     scene_of,
     words,
@@ -28,7 +30,6 @@ from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
-    from clothsim import Scene
     from clothsim.study.evaluation import StudyProgress
     from clothsim.study.goal_report import NamedGoal
 
@@ -59,6 +60,19 @@ def add_to(commands: Any) -> None:
     add_output_options(
         study, json="print study.json, the rest on stderr", quiet="print only the result", handler=_study
     )
+    test = commands.add_parser("test", description=_TEST)
+    test.add_argument("fabric", metavar="FABRIC", help="a named fabric (`clothsim fabrics` lists them)")
+    methods = ("cusick", "cantilever", "bias", "tensile", "shear")
+    test.add_argument("--method", choices=methods, default="cusick", help="the test (default cusick)")
+    test.add_argument("--lays", metavar="N", help="specimens (default 16 lays, or 3 strips of each direction)")
+    test.add_argument("--size", metavar="L", help="distance between vertices of a drape (default 6mm)")
+    test.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a key of [cloth] to replace")
+    test.add_argument("-o", "--output", type=Path, metavar="DIR", help="write test.json (and drape.png) there")
+    add_overwrite(test)
+    test.add_argument("--quiet", action="store_true", help="print only the result")
+    test.add_argument("--json", action="store_true", help="print test.json, the rest on stderr")
+    test.add_argument("--debug", action="store_true", help="show tracebacks")
+    test.set_defaults(handler=_test)
 
 
 def _study(arguments: argparse.Namespace) -> Report:
@@ -66,7 +80,10 @@ def _study(arguments: argparse.Namespace) -> Report:
     parameters = None if arguments.parameters is None else words("--parameters", arguments.parameters, "dt,cells")
     workers = None if arguments.workers is None else as_count("--workers", arguments.workers)
     scene = scene_of(arguments)
-    goal = None if arguments.goal is None else _goal(arguments.goal, scene)
+    goal: NamedGoal | None = None
+    if (text := arguments.goal) is not None:
+        loss_of(text, engine.build(scene, affordable=True).world, "--goal")  # refuses what is none before anything runs
+        goal = on_demand.NamedGoal(text, lambda world: loss_of(text, world, "--goal"))
     directory = arguments.output or Path(f"{arguments.scene.stem}_study")
     if not (directory / on_demand.FOLDER).is_dir():  # else a study that goes on
         refuse_replacing([directory / name for name in FILES], arguments.overwrite, (arguments.scene,))
@@ -91,12 +108,6 @@ def _study(arguments: argparse.Namespace) -> Report:
     return Report(document, "\n".join([*lines, f"  files     {directory}: {files}"]), answered, verdict=True)
 
 
-def _goal(text: str, scene: "Scene") -> "NamedGoal":
-    """The goal of --goal; InputError for one that is none, before anything runs."""
-    loss_of(text, engine.build(scene, affordable=True).world, "--goal")
-    return on_demand.NamedGoal(text, lambda world: loss_of(text, world, "--goal"))
-
-
 @contextmanager
 def terminated() -> "Iterator[Callable[[], bool]]":
     """A function that is True once SIGTERM came: the study then ends its workers, and with what it has."""
@@ -113,10 +124,6 @@ def terminated() -> "Iterator[Callable[[], bool]]":
 
 def study_progress(quiet: bool) -> "AbstractContextManager[Callable[[StudyProgress], None]]":
     """A callback that shows the progress of a study on stderr: a bar on a terminal, else a line every few seconds."""
-    return listener_for(quiet, _bar, _lines())
-
-
-def _lines() -> "Callable[[StudyProgress], None]":
     last = [-SECONDS_BETWEEN_LINES]
 
     def listener(progress: "StudyProgress") -> None:
@@ -124,7 +131,7 @@ def _lines() -> "Callable[[StudyProgress], None]":
             last[0] = progress.seconds
             print(_state(progress), file=sys.stderr, flush=True)
 
-    return listener
+    return listener_for(quiet, _bar, listener)
 
 
 @contextmanager
@@ -143,3 +150,37 @@ def _state(progress: "StudyProgress") -> str:
     """Time of the budget, runs done, the one that began or ended."""
     time = f"{clock(progress.seconds)} of {clock(progress.budget)}"
     return f"{time}: {progress.done} runs done, {progress.known - progress.done} to go ({progress.label})"
+
+
+_TEST = """\
+Simulate a standard test of a fabric: cusick, the drape of ISO 9073-9 (coefficient, folds, their depth over many lays);
+cantilever, the bending length of ASTM D1388; tensile, bias and shear, force against stretch. Each value comes with its
+spread over the specimens and with what is known of its error.
+
+  clothsim test cotton --method cusick
+  clothsim test denim --method cantilever --set bending_warp=3e-5
+"""
+
+
+TEST_NAME, DRAPE_NAME = "test.json", "drape.png"
+
+
+def _test(arguments: argparse.Namespace) -> Report:
+    engine.fabric_named("FABRIC", arguments.fabric)
+    lays = None if arguments.lays is None else as_count("--lays", arguments.lays)
+    cloth = {"fabric": arguments.fabric, **dict(assigned_number(text) for text in arguments.set)}
+    size = {} if arguments.size is None else {"size": as_length("--size", arguments.size, "6mm")}
+    if arguments.output is not None:
+        refuse_replacing([arguments.output / name for name in (TEST_NAME, DRAPE_NAME)], arguments.overwrite)
+    message = messages(arguments, f"{arguments.fabric} by {arguments.method}")
+    done = on_demand.fabric_tested(cloth, arguments.method, lays, message=message, **size)
+    lines = done.text()
+    if arguments.output is not None:
+        make_directory(arguments.output)
+        write_atomically(arguments.output / TEST_NAME, on_demand.to_json(done.document()).encode())
+        files = [TEST_NAME]
+        if arguments.method == "cusick":
+            on_demand.draw_drape(done, arguments.output / DRAPE_NAME)
+            files.append(DRAPE_NAME)
+        lines += f"\n  files     {arguments.output}: {', '.join(files)}"
+    return Report(done.document(), lines, verdict=True)

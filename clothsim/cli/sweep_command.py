@@ -55,47 +55,6 @@ def _sweep(arguments: argparse.Namespace) -> Report | int:
             return INTERRUPTED
     rows = on_demand.write_manifest(farm)
     good = all(row["usable"] for row in rows)
-    return Report({"directory": str(farm.directory), "drapes": rows}, _table(rows), good)
-
-
-def _values(text: str) -> tuple[str, Any]:
-    """Key and grid of "solver.dt=0.02,0.01"; each value is read as a number where it is one."""
-    key, equals, values = text.partition("=")
-    given = _outside_brackets(values)
-    if re.fullmatch(r"\s*[-+.\de]+:[-+.\de:]+\s*", values):
-        raise InputError(f"--vary {text!r} is a range.", f"List the values: --vary {key.strip()}=0.01,0.02,0.03.")
-    if not equals or not given:
-        raise InputError(f"--vary {text!r} names no values.", "Write --vary solver.dt=0.02,0.01.")
-    return key.strip(), {"grid": [_value(part) for part in given]}
-
-
-def _outside_brackets(text: str) -> list[str]:
-    """The parts of a text between commas that are in no brackets and no quotes, empty ones left out."""
-    parts, depth, quote = [""], 0, ""
-    for letter in text:
-        if letter in "\"'" and quote in ("", letter):
-            quote = "" if quote else letter
-        depth += 0 if quote else (letter in "[{") - (letter in "]}")
-        if letter == "," and depth <= 0 and not quote:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts if part.strip()]
-
-
-def _value(text: str) -> Any:
-    """A value of --vary: as of --set, and ".02" is a number."""
-    with contextlib.suppress(ValueError):
-        return int(text)
-    with contextlib.suppress(ValueError):
-        return float(text)
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        return text
-
-
-def _table(rows: list[dict[str, Any]]) -> str:
     keys = list(rows[0]["parameters"])
     lines = [
         [
@@ -109,4 +68,36 @@ def _table(rows: list[dict[str, Any]]) -> str:
     ]
     table = text_table([*keys, "verdict", "Newton", "CPU s", "drape"], lines)
     reasons = [f"{row['id']}: {row['reason']}" for row in rows if not row["usable"]]
-    return "\n".join([table, *reasons])
+    return Report({"directory": str(farm.directory), "drapes": rows}, "\n".join([table, *reasons]), good)
+
+
+def _values(text: str) -> tuple[str, Any]:
+    """Key and grid of "solver.dt=0.02,0.01"; each value is read as a number where it is one."""
+    key, equals, values = text.partition("=")
+    parts, depth, quote = [""], 0, ""
+    for letter in values:
+        if letter in "\"'" and quote in ("", letter):
+            quote = "" if quote else letter
+        depth += 0 if quote else (letter in "[{") - (letter in "]}")
+        if letter == "," and depth <= 0 and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    given = [part.strip() for part in parts if part.strip()]
+    if re.fullmatch(r"\s*[-+.\de]+:[-+.\de:]+\s*", values):
+        raise InputError(f"--vary {text!r} is a range.", f"List the values: --vary {key.strip()}=0.01,0.02,0.03.")
+    if not equals or not given:
+        raise InputError(f"--vary {text!r} names no values.", "Write --vary solver.dt=0.02,0.01.")
+    return key.strip(), {"grid": [_value(part) for part in given]}
+
+
+def _value(text: str) -> Any:
+    """A value of --vary: as of --set, and ".02" is a number."""
+    with contextlib.suppress(ValueError):
+        return int(text)
+    with contextlib.suppress(ValueError):
+        return float(text)
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text

@@ -17,8 +17,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import shown
 from clothsim.base.record import to_json
-from clothsim.garments.authoring.arrays import scene_of_arrays
-from clothsim.garments.authoring.floor import Floor, floor_of
+from clothsim.garments.floor import Floor, floor_of, scene_of_arrays
 from clothsim.garments.unpose import unposed
 
 if TYPE_CHECKING:
@@ -182,7 +181,13 @@ def author(
         raise InputError(f"The run is {shown(run)}.", "Open one: clothsim.open_run(directory).")
     if not isinstance(keys, Mapping):
         raise InputError(f"The keys are {shown(keys)}.", "Give a dict: {10: positions}.")
-    _refuse_other_form(quick, free, rest, rate, space)
+    if quick and (free or not rest):
+        raise InputError(
+            f"--quick explains no edit: {'--free' if free else '--no-rest'} changes nothing.",
+            "Leave out one of the two.",
+        )
+    if not quick and (space is not None or rate != RATE):
+        raise InputError(f"{'--rate' if space is None else '--space'} is for the quick form.", "Add --quick.")
     scene = run.scene
     inputs = [run.directory, scene, *(each for each in keys.values() if isinstance(each, str | Path))]
     directory = Path(output)
@@ -198,7 +203,19 @@ def author(
         return UNKNOWN if found is None else found.rms(set(keys))
 
     if not quick:
-        found = _recovered(run, edited, free, twins, rest)
+        of_keys = scene
+        if not scene.rods:  # whose rest shape is not a key
+            with suppress(InputError):  # without lengths where it cannot be of arrays, as with labels of a pattern
+                of_arrays = scene_of_arrays(scene)
+                engine.build(of_arrays)
+                of_keys = of_arrays
+        frames = {key.frame: key.positions for key in edited}
+
+        def floor_of_frames() -> Floats:  # found after the names of what is free were looked at
+            found = twins()
+            return np.zeros(len(frames)) if found is None else found.at(sorted(frames))
+
+        found = clothsim.recover_clip(of_keys, frames, free, floor=floor_of_frames, rest=rest)
         new = clothsim.simulate(found.scene, directory, progress=progress, overwrite=overwrite)
         (directory / TARGETS_NAME).unlink(missing_ok=True)  # of an earlier clip there
         missed = found.misfits[2] > MISSED * float(np.nanmax([*noise(), *found.noise]))
@@ -225,40 +242,6 @@ def _written(
     found = Authored(new, distances(run, new, edited), space, tested, noise, recovery, own_floor)
     write_atomically(new.directory / AUTHORED_NAME, to_json(found.as_json()).encode())
     return found
-
-
-def _refuse_other_form(quick: bool, free: Sequence[str], rest: bool, rate: float, space: str | None) -> None:
-    """InputError for an option that the form has not: it would change nothing."""
-    if quick and (free or not rest):
-        raise InputError(
-            f"--quick explains no edit: {'--free' if free else '--no-rest'} changes nothing.",
-            "Leave out one of the two.",
-        )
-    if not quick and (space is not None or rate != RATE):
-        raise InputError(f"{'--rate' if space is None else '--space'} is for the quick form.", "Add --quick.")
-
-
-def _recovered(
-    run: "Run",
-    edited: tuple[EditedFrame, ...],
-    free: Sequence[str],
-    twins: Callable[[], Floor | None],
-    rest: bool,
-) -> "ClipRecovery":
-    """What explains edited frames; without lengths where the scene cannot be of arrays, as with labels of a pattern."""
-    scene = run.scene
-    if not scene.rods:  # whose rest shape is not a key
-        with suppress(InputError):
-            of_arrays = scene_of_arrays(scene)
-            engine.build(of_arrays)
-            scene = of_arrays
-    keys = {key.frame: key.positions for key in edited}
-
-    def floor() -> Floats:  # found after the names of what is free were looked at
-        found = twins()
-        return np.zeros(len(keys)) if found is None else found.at(sorted(keys))
-
-    return clothsim.recover_clip(scene, keys, free, floor=floor, rest=rest)
 
 
 def explained(recovery: "ClipRecovery") -> dict[str, Any]:
@@ -303,8 +286,20 @@ def edited_frames(run: "Run", keys: Mapping[int, Any]) -> tuple[EditedFrame, ...
         if not 1 <= frame <= last:
             raise InputError(f"There is no frame {frame} to edit.", f"The run has frames 1 to {last}.")
         points = _positions(run, f"The edited frame {frame}", keys[frame])
-        _refuse_far(frame, points, run.positions(frame))
-        found.append(EditedFrame(frame, points, _intersecting(run, frame, points)))
+        before = run.positions(frame)
+        moved = np.linalg.norm(points - before, axis=1)
+        size = float(np.linalg.norm(np.ptp(before, axis=0)))
+        if moved.max() > FARTHEST * size:
+            raise InputError(
+                f"The edited frame {frame} moves vertex {moved.argmax()} by {moved.max():.4g} m, and the cloths of the "
+                f"run are {size:.3g} m large.",
+                "Save the frame in metres, where it was: `clothsim export` wrote it so.",
+            )
+        count = len(engine.intersecting_pairs(points, run.triangles))
+        for _, body, triangles in run.bodies(frame):
+            both = np.concatenate([points, body])
+            count += len(engine.intersecting_pairs(both, run.triangles, triangles + len(points)))
+        found.append(EditedFrame(frame, points, count))
     return tuple(found)
 
 
@@ -338,31 +333,10 @@ def _positions(run: "Run", what: str, given: Any) -> Floats:
     return points
 
 
-def _refuse_far(frame: int, points: Floats, before: Floats) -> None:
-    """InputError where an edit moves a vertex by more than `FARTHEST` sizes of the garment."""
-    moved = np.linalg.norm(points - before, axis=1)
-    size = float(np.linalg.norm(np.ptp(before, axis=0)))
-    if moved.max() > FARTHEST * size:
-        raise InputError(
-            f"The edited frame {frame} moves vertex {moved.argmax()} by {moved.max():.4g} m, and the cloths of the run "
-            f"are {size:.3g} m large.",
-            "Save the frame in metres, where it was: `clothsim export` wrote it so.",
-        )
-
-
 def _as_set(triangles: Any) -> Any:
     """Triangles without an order among them and of their corners: a program may sort faces, and turn them."""
     sorted_ = np.sort(triangles, axis=1)
     return sorted_[np.lexsort(sorted_.T)]
-
-
-def _intersecting(run: "Run", frame: int, points: Floats) -> int:
-    """Number of pairs of triangles that intersect where the cloths of a frame are moved to `points`, (n, 3) [m]."""
-    count = len(engine.intersecting_pairs(points, run.triangles))
-    for _, body, triangles in run.bodies(frame):
-        both = np.concatenate([points, body])
-        count += len(engine.intersecting_pairs(both, run.triangles, triangles + len(points)))
-    return count
 
 
 def targets(run: "Run", edited: Iterable[EditedFrame], space: str) -> Floats:

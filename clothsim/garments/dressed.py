@@ -181,21 +181,16 @@ def seam_entries(state: SewingState) -> list[Mapping[str, Any]]:
 def sewn_obj(state: SewingState) -> str:
     """OBJ of the sewn garment: welded vertices, the pattern as texture coordinates, a group for each panel."""
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in state.positions.tolist()]
-    lines += [f"vt {u!r} {v!r}" for u, v in _texture(state).tolist()]
+    shifts, _ = laid_out({name: panel.outline for name, panel in state.mesh.pattern.panels.items()})
+    coordinates = state.mesh.panel_coordinates.copy()
+    for name, rows in state.mesh.vertices.items():
+        coordinates[rows] += shifts[name]
+    lines += [f"vt {u!r} {v!r}" for u, v in coordinates.tolist()]
     corners = np.stack([state.triangles, state.mesh.triangles], axis=2) + 1
     for name, rows in state.mesh.faces.items():
         lines.append(f"g {'_'.join(name.split())}")
         lines += [f"f {' '.join(f'{v}/{t}' for v, t in face)}" for face in corners[rows].tolist()]
     return "\n".join(lines) + "\n"
-
-
-def _texture(state: SewingState) -> Floats:
-    """Texture coordinates of each vertex of the panels, (n, 2) [m]: as laid out, y along the warp."""
-    shifts, _ = laid_out({name: panel.outline for name, panel in state.mesh.pattern.panels.items()})
-    coordinates = state.mesh.panel_coordinates.copy()
-    for name, rows in state.mesh.vertices.items():
-        coordinates[rows] += shifts[name]
-    return coordinates
 
 
 @renamed(cut_for="made_for", hold="waistband")
@@ -295,7 +290,13 @@ def dress(
     body = body_of_wearer(on, scale, body_group)
     if waistband:
         parts_for_edges(body)  # an error now, not after the closing
-    grading = _graded(read, body, made_for, grade or {}, origin)
+    grading = None
+    if made_for is not None or grade:
+        source = body
+        if made_for is not None:
+            in_file = isinstance(made_for, str | Path)
+            source = read_body_mesh(made_for, option="made_for") if in_file else as_body_mesh(made_for)
+        grading = graded(read, source, body, origin, grade or {})
     if grading is not None:
         read, origin = grading.pattern, grading.origin
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
@@ -390,16 +391,6 @@ def _directory(output: str | Path | None, overwrite: bool, inputs: tuple[object,
     directory = Path(output)
     refuse_earlier_run(directory, overwrite, (GARMENT, PATTERN, DRAWING, GRADED, REST, START, BODY), inputs)
     return directory
-
-
-def _graded(
-    pattern: Pattern, body: BodyMesh, made_for: Any, factors: Mapping[str, float], origin: str
-) -> Grading | None:
-    """The pattern graded for a body; None if it is sewn as cut."""
-    if made_for is None:
-        return graded(pattern, body, body, origin, factors) if factors else None
-    source = read_body_mesh(made_for, option="made_for") if isinstance(made_for, str | Path) else as_body_mesh(made_for)
-    return graded(pattern, source, body, origin, factors)
 
 
 PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, such as tunic"

@@ -239,13 +239,24 @@ def fit(
         source = _read_body(base, scale, body_group)
         file = base if isinstance(base, str | Path) else None
         worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
-    target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
-    if not of_scene:
-        _refuse_a_body(worn, source, target)
+    in_files = isinstance(base, str | Path) and isinstance(to, str | Path)
+    same = Path(base).resolve() == Path(to).resolve() if in_files else base is to
+    target = source if same and scale_to in (None, scale) else _target(to, scale_to, body_group)
+    for body in () if of_scene else (source, target):
+        if np.array_equal(worn.positions, body.positions):
+            raise InputError(
+                f"{worn.name} and {body.name} are the same mesh: a body does not wear itself.",
+                "Name the garment first, then its bodies by --made-for and --to; --part takes some vertices of a file.",
+            )
     for body in (target,) if source is target else (target, source):
         refuse_lying(body)
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
-    _make_directory(directory)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name in LEFT:
+            (directory / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error
     task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress, announce)
     return _finish_fit(task, run_fit(task), watch)
 
@@ -339,32 +350,6 @@ def _write(done: Fit, watch: Stopwatch) -> None:
         failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**previous, **fitted})
-
-
-def _same(one: Any, other: Any) -> bool:
-    """True for the same file, or the same mesh in memory."""
-    if isinstance(one, str | Path) and isinstance(other, str | Path):
-        return Path(one).resolve() == Path(other).resolve()
-    return one is other
-
-
-def _refuse_a_body(worn: Garment, *bodies: BodyMesh) -> None:
-    for body in bodies:
-        if np.array_equal(worn.positions, body.positions):
-            raise InputError(
-                f"{worn.name} and {body.name} are the same mesh: a body does not wear itself.",
-                "Name the garment first, then its bodies by --made-for and --to; --part takes some vertices of a file.",
-            )
-
-
-def _make_directory(directory: Path) -> None:
-    """An output directory without files of an earlier fit."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        for name in LEFT:
-            (directory / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error
 
 
 STANDS = 0.5

@@ -257,7 +257,11 @@ def read_body_mesh(
     if scale is not None:
         scale = as_positive("scale", scale)
     if file.suffix.lower() == ".toml":
-        return _read_scene_body(file)
+        scene = load_scene(file)
+        if not scene.bodies:
+            raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
+        first, notes = body_mesh(scene)
+        return BodyMesh(first.name, first.positions, first.triangles, 1.0, notes)
     named = [group] if isinstance(group, str) else list(group or ())
     whole = read_mesh(file, parts=named)
     if named:
@@ -285,18 +289,20 @@ def _extent(mesh: MeshFile) -> float:
 
 
 def _in_metres(file: Path, mesh: MeshFile, scale: float | None, option: str) -> BodyMesh:
-    factor, unit = (scale, ()) if scale is not None else _guess_unit(file, _extent(mesh), option)
-    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *unit))
+    factor, guess = scale, ""
+    if factor is None:  # the unit that makes the extent that of a person
+        extent = _extent(mesh)
+        unit = next((name for name, size in UNITS.items() if SMALLEST <= size * extent <= LARGEST), None)
+        if unit is None:
+            raise InputError(
+                f"{file} is {extent:.3g} units tall, which is a person's height in none of the units "
+                f"{', '.join(UNITS)}.",
+                f"Give its unit with {option} METRES_PER_UNIT, which may be anything.",
+            )
+        factor = UNITS[unit]
+        guess = "" if unit == "m" else f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
+    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *([guess] if guess else [])))
     return BodyMesh(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
-
-
-def _read_scene_body(file: Path) -> BodyMesh:
-    """First body of a scene, as placed there."""
-    scene = load_scene(file)
-    if not scene.bodies:
-        raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
-    body, notes = body_mesh(scene)
-    return BodyMesh(body.name, body.positions, body.triangles, 1.0, notes)
 
 
 def as_body_mesh(body: Any) -> BodyMesh:
@@ -412,15 +418,3 @@ def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> MeshFile:
 def is_closed(triangles: Ints) -> bool:
     """True where each edge has exactly two triangles."""
     return bool((distinct_edges(half_edges(triangles))[2] == 2).all())
-
-
-def _guess_unit(file: Path, extent: float, option: str) -> tuple[float, tuple[str, ...]]:
-    """The metres per unit that make `extent` that of a person, and the guess in words where it is not the metre."""
-    for unit, factor in UNITS.items():
-        if SMALLEST <= factor * extent <= LARGEST:
-            guess = f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
-            return factor, () if unit == "m" else (guess,)
-    raise InputError(
-        f"{file} is {extent:.3g} units tall, which is a person's height in none of the units {', '.join(UNITS)}.",
-        f"Give its unit with {option} METRES_PER_UNIT, which may be anything.",
-    )

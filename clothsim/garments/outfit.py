@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Body, Cloth, Pattern, Run, Scene, open_run
+from clothsim import Body, Cloth, Pattern, Run, open_run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory
@@ -161,7 +161,15 @@ def outfit(
     >>> clothsim.outfit(["trousers.json", "shirt.json"], on="body.obj", output="worn").status  # doctest: +SKIP
     'completed'
     """
-    patterns = [example_file(pattern, "_specification.json", PATTERN_FILE) for pattern in _listed(patterns)]
+    if isinstance(patterns, str | Path | Pattern):
+        raise InputError("patterns is one pattern.", "Give a list, the innermost garment first: [trousers, shirt].")
+    if not isinstance(patterns, Iterable):
+        raise InputError(f"patterns is of the type {type(patterns).__name__}.", "Give a list of files or Patterns.")
+    listed = list(patterns)
+    for each in listed:
+        if not isinstance(each, str | Path | Pattern):
+            raise InputError(f"A pattern is of the type {type(each).__name__}.", "Give files or Patterns.")
+    patterns = [example_file(pattern, "_specification.json", PATTERN_FILE) for pattern in listed]
     body, worn = _wearer(on, over, scale, body_group)
     names = _names(patterns, [each.name for each in worn])
     if output is None:
@@ -195,7 +203,12 @@ def outfit(
         return _written(replace(end, run=run, reason=f"In the drape of all: {run.reason}"))
     counts = count_penetrations(run.positions(-1), run.triangles, surface)
     last = tuple(each.moved_to(run[-1].positions[each.name]) for each in worn)
-    notes += _sunk(worn, last, body)
+    sank = SANK * float(np.ptp(body.positions @ body.up))
+    notes += [
+        f"{before.name} sank by {1e3 * down:.0f} mm when all garments were draped"
+        for before, after in zip(worn, last, strict=True)
+        if (down := float((before.positions @ body.up).max() - (after.positions @ body.up).max())) > sank
+    ]
     names_of_all, moving = ", ".join(each.name for each in worn), unrest(run, body.name)
     status, reason = "completed", f"{len(worn)} garments rest on {body.name}: {names_of_all}."
     if moving:
@@ -233,19 +246,6 @@ def _wearer(
     return body, worn_in(run, str(summary.get("pattern", run.directory.name)))
 
 
-def _listed(patterns: Any) -> list[Any]:
-    """The patterns of an outfit. InputError for a single one, and for what is none."""
-    if isinstance(patterns, str | Path | Pattern):
-        raise InputError("patterns is one pattern.", "Give a list, the innermost garment first: [trousers, shirt].")
-    if not isinstance(patterns, Iterable):
-        raise InputError(f"patterns is of the type {type(patterns).__name__}.", "Give a list of files or Patterns.")
-    listed = list(patterns)
-    for each in listed:
-        if not isinstance(each, str | Path | Pattern):
-            raise InputError(f"A pattern is of the type {type(each).__name__}.", "Give files or Patterns.")
-    return listed
-
-
 def _names(patterns: Sequence[str | Path | Pattern], taken: Sequence[str]) -> list[str]:
     """Name of the garment of each pattern. InputError for no pattern, and for a name that is there twice."""
     if not patterns:
@@ -275,18 +275,12 @@ def worn_in(run: Run, name: str) -> tuple[Worn, ...]:
         called = name if len(scene.cloths) == 1 else own
         rest = mesh.vertices if mesh.rest is None else mesh.rest
         made = Cloth(last[own], mesh.triangles, rest=rest, groups=mesh.groups or None, name=called, **keys)
-        found.append(Worn(made, _seams_of(scene, own, called)))
-    return tuple(found)
-
-
-def _seams_of(scene: Scene, cloth: str, called: str) -> tuple[Mapping[str, Any], ...]:
-    """Tables of the seams of one cloth of a scene, with its new name."""
-    every = scene.effects["seams"].seam if "seams" in scene.effects else ()
-    found = []
-    for seam in every:
-        lines = {side: dict(seam[side]) for side in ("from", "to")}
-        if lines["from"].get("cloth") in (None, cloth):
-            found.append({**dict(seam), **{side: {**line, "cloth": called} for side, line in lines.items()}})
+        seams = []
+        for seam in scene.effects["seams"].seam if "seams" in scene.effects else ():
+            lines = {side: dict(seam[side]) for side in ("from", "to")}
+            if lines["from"].get("cloth") in (None, own):
+                seams.append({**dict(seam), **{side: {**line, "cloth": called} for side, line in lines.items()}})
+        found.append(Worn(made, tuple(seams)))
     return tuple(found)
 
 
@@ -304,17 +298,6 @@ def draped_together(
         cloth=[each.cloth for each in worn], body=Body(body.positions, body.triangles, name="body")
     )
     return simulate_stage(scene, folder, named_stage("drape of all garments", listener), announce, ends)
-
-
-def _sunk(before: Sequence[Worn], after: Sequence[Worn], body: BodyMesh) -> list[str]:
-    """A note for each garment whose top sank in the drape of all."""
-    least = SANK * float(np.ptp(body.positions @ body.up))
-    found = []
-    for first, last in zip(before, after, strict=True):
-        down = float((first.positions @ body.up).max() - (last.positions @ body.up).max())
-        if down > least:
-            found.append(f"{first.name} sank by {1e3 * down:.0f} mm when all garments were draped")
-    return found
 
 
 def _written(done: Outfit) -> Outfit:

@@ -15,7 +15,7 @@ from clothsim.base.triangles import distinct_edges, vertex_normals
 from clothsim.engine import Fabric
 from clothsim.garments.dress.corrections import touching_seams
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.garments.inputs import BodyMesh, Garment
+from clothsim.garments.inputs import BodyMesh
 from clothsim.render import WIDTHS, Surface, picture_setup, rendered, write_movie
 
 if TYPE_CHECKING:
@@ -32,10 +32,31 @@ def draw_fit(done: "Fit", file: Path) -> str:
 
     All panels have one camera, moved with the body, so that bodies and garments are drawn in one size.
     """
-    panels = _panels(done)
+    plain = np.zeros((0, 2))
+    first = done.stages[0]
+    panels = [(f"before, on {done.source.name}", first.positions, done.source, plain)]
+    seed = next((stage for stage in done.stages if stage.name == ("size" if done.size.factors else "transfer")), None)
+    if seed is not None:
+        panels.append((f"transferred to {done.target.name}", seed.positions, done.target, plain))
+    ending = {
+        "completed": "fitted and draped",
+        "distorted": "draped, distorted",
+        "refined": "refined, not simulated",
+        "failed": f"failed; the best: {done.answer.name}",
+    }
+    strain = done.cost.stretches  # against the garment as given
+    if done.run is not None and done.status in ("completed", "distorted"):
+        strain = np.asarray(done.run.stretches(-1), np.float64)  # as graded: a larger garment is not strained
+    panels.append((ending[done.status], done.positions, done.target, strain))
     title, _, target, _ = panels[-1]
     right, up, front = FRONT
-    surfaces = [_surfaces(done.garment, points, wearer, each) for _, points, wearer, each in panels]
+    surfaces = [
+        [
+            Surface(done.garment.name, points, done.garment.triangles, "cloth", stretches),
+            Surface(wearer.name, wearer.positions, wearer.triangles, "body", plain),
+        ]
+        for _, points, wearer, stretches in panels
+    ]
     setup = picture_setup(
         [surfaces[-1]],
         size=SIZE,
@@ -62,38 +83,6 @@ def _displacement_to(wearer: BodyMesh, target: BodyMesh) -> Floats:
         return np.zeros(3)
     own, other = (np.array([each.positions.min(axis=0), each.positions.max(axis=0)]) for each in (wearer, target))
     return np.asarray(other.mean(axis=0) - own.mean(axis=0), np.float64)
-
-
-def _panels(done: "Fit") -> list[tuple[str, Floats, BodyMesh, Floats]]:
-    plain = np.zeros((0, 2))
-    first = done.stages[0]
-    panels = [(f"before, on {done.source.name}", first.positions, done.source, plain)]
-    seed = next((stage for stage in done.stages if stage.name == ("size" if done.size.factors else "transfer")), None)
-    if seed is not None:
-        panels.append((f"transferred to {done.target.name}", seed.positions, done.target, plain))
-    ending = {
-        "completed": "fitted and draped",
-        "distorted": "draped, distorted",
-        "refined": "refined, not simulated",
-        "failed": f"failed; the best: {done.answer.name}",
-    }
-    panels.append((ending[done.status], done.positions, done.target, _strain(done)))
-    return panels
-
-
-def _strain(done: "Fit") -> Floats:
-    """Principal stretches (m, 2) of the cloth as it was cut for the body; against the garment as given if not draped.
-
-    Grading makes a larger garment of the same cloth, which is not a strain.
-    """
-    if done.run is None or done.status not in ("completed", "distorted"):
-        return done.cost.stretches
-    return np.asarray(done.run.stretches(-1), np.float64)
-
-
-def _surfaces(garment: Garment, positions: Floats, wearer: BodyMesh, stretches: Floats) -> list[Surface]:
-    body = Surface(wearer.name, wearer.positions, wearer.triangles, "body", np.zeros((0, 2)))
-    return [Surface(garment.name, positions, garment.triangles, "cloth", stretches), body]
 
 
 LINE = 0.003

@@ -166,21 +166,17 @@ def taken_in(state: SewingState, material: Floats, band: WaistBorder, factor: fl
     corners, faces = material[rows], state.triangles[rows]
     edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
     F = np.asarray(deformation_gradients(state.positions, faces, np.linalg.inv(edges)))
-    along = np.einsum("tij,tj->ti", np.linalg.pinv(F), _along(state, band, faces))
+    ends = state.positions[band.edges]
+    nearest = cKDTree(ends.mean(axis=1)).query(state.positions[faces].mean(axis=1))[1]
+    edge = ends[nearest, 1] - ends[nearest, 0]
+    edge = edge / np.linalg.norm(edge, axis=1)[:, None]
+    along = np.einsum("tij,tj->ti", np.linalg.pinv(F), edge)
     along /= np.linalg.norm(along, axis=1)[:, None]
     shorter = (factor - 1.0) * fraction[rows]
     offsets = corners - corners[:, :1]
     taken = material.copy()
     taken[rows] = corners + (shorter[:, None] * np.einsum("tci,ti->tc", offsets, along))[..., None] * along[:, None]
     return taken
-
-
-def _along(state: SewingState, band: WaistBorder, faces: Ints) -> Floats:
-    """Unit direction (t, 3) of the edge of a band that is nearest to each triangle."""
-    ends = state.positions[band.edges]
-    nearest = cKDTree(ends.mean(axis=1)).query(state.positions[faces].mean(axis=1))[1]
-    direction = ends[nearest, 1] - ends[nearest, 0]
-    return np.asarray(direction / np.linalg.norm(direction, axis=1)[:, None], np.float64)
 
 
 def rest_length(state: SewingState, edges: Ints) -> float:

@@ -19,15 +19,14 @@ import numpy as np
 
 import clothsim
 from clothsim import Scene
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.engine import World, build, refuse_earlier_run
-from clothsim.garments.authoring.arrays import table_of_arrays
-from clothsim.garments.wrinkle.compression import Rings, blended_in_time, compression_of, ring_tensors
+from clothsim.garments.floor import table_of_arrays
+from clothsim.garments.wrinkle.compression import Rings, Waves, blended_in_time, compression_of, ring_tensors
 from clothsim.garments.wrinkle.curves import CompressionField, Crest, FineSheet, followed_curves, heights
 from clothsim.garments.wrinkle.finer import Subdivision, normals_or_zero, subdivision
-from clothsim.garments.wrinkle.waves import Waves
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -111,7 +110,12 @@ def wrinkle(
             "little is missing. effects.membrane.compression = 0.05 lets a coarse cloth shorten where it would wrinkle."
         )
     start = np.concatenate([one.linear(run.positions(0)[rows]) for one, rows in _rows(world, finer)])
-    displacements = _on_frames(np.array(shapes) - start, run)
+    displacements = np.array(shapes) - start
+    late = len(run) / run.scene.run_settings.frames_per_second
+    spare = (len(run) - 1) / run.scene.run_settings.frames_per_second - float(run.times[-1])
+    if spare > 1e-9 * late:  # a last frame that comes early is put where its motion would be at the next even time
+        part = spare / (float(run.times[-1]) - float(run.times[-2]))
+        displacements[-1] += part * (displacements[-1] - displacements[-2])
     output.mkdir(parents=True, exist_ok=True)
     content = BytesIO()
     np.save(content, displacements.astype(np.float32))
@@ -170,7 +174,11 @@ def finer_scene(run: "Run", world: World, finer: list[Subdivision]) -> Scene:
     cloths = []
     for keys, cloth, (one, rows) in zip(scene.cloths, world.cloths, _rows(world, finer), strict=True):
         rest = one.of_triangles(cloth.material_coordinates) if cloth.flat else one.curved(cloth.rest_positions)
-        panels = {name: _pieces(faces, one.parts) for name, faces in cloth.groups.items()}
+        count = one.parts**2  # finer triangles of each
+        panels = {
+            name: (np.asarray(faces)[:, None] * count + np.arange(count)).ravel()
+            for name, faces in cloth.groups.items()
+        }
         cloths.append(table_of_arrays(keys, cloth.name, one.linear(start[rows]), one.triangles, rest, panels))
     effects: dict[str, Any] = {name: keys for name, keys in scene.effects.items() if name in COPIED_EFFECTS}
     effects = {name: _on_finer(f"effects.{name}", keys, world, finer) for name, keys in effects.items()}
@@ -186,11 +194,6 @@ def finer_scene(run: "Run", world: World, finer: list[Subdivision]) -> Scene:
 
 def _rows(world: World, finer: list[Subdivision]) -> list[tuple[Subdivision, slice]]:
     return list(zip(finer, world.cloth_slices, strict=True))
-
-
-def _pieces(faces: Ints, parts: int) -> Ints:
-    """The finer triangles of coarse ones."""
-    return (np.asarray(faces)[:, None] * parts**2 + np.arange(parts**2)).ravel()
 
 
 def _on_finer(where: str, keys: Any, world: World, finer: list[Subdivision]) -> Any:
@@ -221,17 +224,6 @@ def _selected(select: Any, world: World, finer: list[Subdivision]) -> Any:
         found.append(first + np.flatnonzero(one.linear(chosen[rows].astype(np.float64)) > 1 - 1e-9))
         first += one.weights.shape[0]
     return [int(row) for row in np.concatenate(found)]
-
-
-def _on_frames(displacements: Floats, run: "Run") -> Floats:
-    """Displacements at even times: a last frame that comes early is put where its motion would be at the next."""
-    late = len(run) / run.scene.run_settings.frames_per_second
-    spare = (len(run) - 1) / run.scene.run_settings.frames_per_second - float(run.times[-1])
-    if spare > 1e-9 * late:
-        part = spare / (float(run.times[-1]) - float(run.times[-2]))
-        displacements = displacements.copy()
-        displacements[-1] += part * (displacements[-1] - displacements[-2])
-    return displacements
 
 
 # The targets, frame by frame.

@@ -64,18 +64,13 @@ def held_inside(world: World, x: Floats) -> list[HeldInside]:
     for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
         labels, firsts, points = _labels(cloth), first_vertices(cloth), x[rows]
         for body, body_rows in zip(world.bodies, world.body_slices, strict=True):
-            inside = [
-                int(first)
-                for first in firsts
-                if is_inside(points[first], x[body_rows], body.triangles)
-                and _outermost_inside(points[labels == labels[first]], x[body_rows], body.triangles)
-            ]
+            inside = []
+            for first in firsts:
+                piece = points[labels == labels[first]]
+                examined = [points[first], *piece[np.unique((piece @ DIRECTIONS.T).argmax(axis=0))]]
+                if all(is_inside(point, x[body_rows], body.triangles) for point in examined):
+                    inside.append(int(first))
             if inside:
                 touch = bool(len(cloth.triangles)) or body.name not in rigid
                 found.append(HeldInside(cloth.name, body.name, len(inside), len(firsts), inside[0], touch))
     return found
-
-
-def _outermost_inside(points: Floats, body: Floats, triangles: Ints) -> bool:
-    """True where the points (n, 3) that lie farthest out in DIRECTIONS are inside a body."""
-    return all(is_inside(points[row], body, triangles) for row in np.unique((points @ DIRECTIONS.T).argmax(axis=0)))

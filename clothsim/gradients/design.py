@@ -235,7 +235,20 @@ class _Search:
             trace = traced(self.shaped.with_numbers(values), stiffness) if taken is None else taken
             aims = [aim.cut_to(material) if isinstance(aim, SeesMaterial) else aim for aim in self.aims]
             gradient = trace.gradient(aims)
-            slope = derivatives(values, gradient, self.shaped) + self._at_held_positions(trace, values, material)
+            slope = derivatives(values, gradient, self.shaped)
+            # of the aims by the numbers by way of the rest shape alone
+            at_held_positions = np.zeros(len(self.paths))
+            of_cloth = trace.session.built.world.triangles
+            for aim in self.aims:
+                if not isinstance(aim, SeesMaterial):
+                    continue
+                x = trace.cloth_positions(aim.frame)
+                for k, path in enumerate(self.paths):
+                    field = self.shaped.numbers.field(values, path)
+                    step = DIFFERENCE * self.shaped.numbers.size(path)
+                    sides = [aim.cut_to(material + sign * step * field).evaluate(x, of_cloth)[0] for sign in (1, -1)]
+                    at_held_positions[k] += (sides[0] - sides[1]) / (2 * step)
+            slope = slope + at_held_positions
         except InputError as error:
             return DesignRun(values, area=area, failure=error.sentence)
         except ClothsimError as error:
@@ -244,21 +257,6 @@ class _Search:
         each = tuple(aim.evaluate(trace.cloth_positions(aim.frame), triangles)[0] for aim in aims)
         stretch = largest_stretch(trace.cloth_positions(), triangles, material)
         return DesignRun(values, each, slope, area, gradient.newton_error, count_intersecting_pairs(trace), stretch)
-
-    def _at_held_positions(self, trace: Trace, values: dict[str, float], material: Floats) -> Floats:
-        """Derivatives of the aims by the numbers by way of the rest shape alone, (k,)."""
-        out = np.zeros(len(self.paths))
-        triangles = trace.session.built.world.triangles
-        for aim in self.aims:
-            if not isinstance(aim, SeesMaterial):
-                continue
-            x = trace.cloth_positions(aim.frame)
-            for k, path in enumerate(self.paths):
-                field = self.shaped.numbers.field(values, path)
-                step = DIFFERENCE * self.shaped.numbers.size(path)
-                sides = [aim.cut_to(material + sign * step * field).evaluate(x, triangles)[0] for sign in (1, -1)]
-                out[k] += (sides[0] - sides[1]) / (2 * step)
-        return out
 
 
 def _area(material: Floats) -> float:

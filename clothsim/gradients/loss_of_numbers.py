@@ -11,13 +11,12 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.geometry.intersection.crossings import crossings
-from clothsim.gradients.finer_cloth import quartered
 from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Loss
 from clothsim.gradients.parameters import full_path, value_at, with_value
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.run import Trace, traced
-from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
+from clothsim.gradients.scene_of_pattern import ShapedScene, quartered, shaped_scene
 from clothsim.mesh.world import world_surfaces
 from clothsim.patterns.pattern_mesh import PatternMesh
 from clothsim.scene.scene import Scene

@@ -18,8 +18,7 @@ from scipy.spatial import cKDTree
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.ray_casting import first_hits
-from clothsim.gradients.camera import Camera
-from clothsim.gradients.picture_loss import Obstacle, PictureLoss, Residuals, as_mask, by_vertices, checked_noise
+from clothsim.gradients.camera import Camera, Obstacle, PictureLoss, Residuals, as_mask, by_vertices, checked_noise
 from clothsim.mesh.refinement import refined
 from clothsim.mesh.topology import border_edges, interior_edges
 
@@ -228,13 +227,34 @@ class MaskBorder(PictureLoss):
         """
         refinement, fine = refined(triangles, len(positions), self.refinements)
         x = np.asarray(refinement @ positions)
-        own = self._own_triangles(len(triangles))
+        count = len(triangles)
+        label, pieces = np.asarray(self.label, np.int64), 4**self.refinements
+        if not len(label):
+            own = np.arange(count * pieces)
+        else:
+            if label.min() < 0 or label.max() >= count:
+                raise InputError(f"The label names triangle {label.max()}, and the cloth has {count}.")
+            own = (pieces * np.unique(label)[:, None] + np.arange(pieces)).ravel()
         ends, tips = _edges(x, fine[own], self.camera.position)
-        found, tips_of = self._sampled(x, ends, tips)
+        # points on edges, none of them seen yet, and the tips (k, 2) of the triangles at each
+        spacing = as_positive("spacing", self.spacing)
+        pixels = self.camera.project(x[ends.ravel()]).reshape(-1, 2, 2)
+        along_edge = pixels[:, 1] - pixels[:, 0]
+        lengths = np.linalg.norm(along_edge, axis=1)
+        counts = np.maximum(np.ceil(lengths / spacing).astype(np.int64), 1)
+        normals = np.column_stack([along_edge[:, 1], -along_edge[:, 0]]) / np.maximum(lengths, 1e-12)[:, None]
+        inward = self.camera.project(x[tips[:, 0]]) - pixels[:, 0]
+        normals *= -np.sign((inward * normals).sum(axis=1))[:, None]
+        edge = np.repeat(np.arange(len(ends)), counts)
+        number = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
+        along = (number + 0.5) / counts[edge]
+        points = (1 - along)[:, None] * x[ends[edge, 0]] + along[:, None] * x[ends[edge, 1]]
+        pixels = self.camera.project(points)
+        found = Contour(ends[edge], along, points, pixels, normals[edge], (lengths / counts)[edge])
         corners = np.concatenate([x[fine], self.obstacle.corners])
         is_own = np.zeros(len(corners), bool)
         is_own[own] = True
-        inner = (1.0 - WITHIN) * found.points[:, None] + WITHIN * x[tips_of]
+        inner = (1.0 - WITHIN) * found.points[:, None] + WITHIN * x[tips[edge]]
         tolerance = 0.25 * float(np.linalg.norm(x[fine[:, 1]] - x[fine[:, 0]], axis=1).mean())
         n, eye = len(inner), self.camera.position
         into = (inner - eye).transpose(1, 0, 2).reshape(-1, 3)
@@ -250,32 +270,6 @@ class MaskBorder(PictureLoss):
         if not len(visible):
             raise InputError("The camera sees no contour of the cloth.", "Check its pose, and what is in front.")
         return found.taken(visible), refinement
-
-    def _own_triangles(self, count: int) -> Ints:
-        """The refined triangles of those of the label, of all `count` without one."""
-        label, pieces = np.asarray(self.label, np.int64), 4**self.refinements
-        if not len(label):
-            return np.arange(count * pieces)
-        if label.min() < 0 or label.max() >= count:
-            raise InputError(f"The label names triangle {label.max()}, and the cloth has {count}.")
-        return (pieces * np.unique(label)[:, None] + np.arange(pieces)).ravel()
-
-    def _sampled(self, x: Floats, ends: Ints, tips: Ints) -> tuple[Contour, Ints]:
-        """Points on edges, none of them seen yet, and the tips (k, 2) of the triangles at each."""
-        spacing = as_positive("spacing", self.spacing)
-        pixels = self.camera.project(x[ends.ravel()]).reshape(-1, 2, 2)
-        along_edge = pixels[:, 1] - pixels[:, 0]
-        lengths = np.linalg.norm(along_edge, axis=1)
-        counts = np.maximum(np.ceil(lengths / spacing).astype(np.int64), 1)
-        normals = np.column_stack([along_edge[:, 1], -along_edge[:, 0]]) / np.maximum(lengths, 1e-12)[:, None]
-        inward = self.camera.project(x[tips[:, 0]]) - pixels[:, 0]
-        normals *= -np.sign((inward * normals).sum(axis=1))[:, None]
-        edge = np.repeat(np.arange(len(ends)), counts)
-        number = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
-        along = (number + 0.5) / counts[edge]
-        points = (1 - along)[:, None] * x[ends[edge, 0]] + along[:, None] * x[ends[edge, 1]]
-        made = Contour(ends[edge], along, points, self.camera.project(points), normals[edge], (lengths / counts)[edge])
-        return made, tips[edge]
 
     def _in_front_of(self, points: Floats) -> Floats:
         """Distance to the camera below which something is in front of points (k, 3), not only beside them, (k,) [m]."""

@@ -10,9 +10,9 @@ from clothsim.base.arrays import Floats, as_finite
 from clothsim.base.errors import InputError
 from clothsim.gradients.backward_pass import Adjoints
 from clothsim.gradients.differentiable_session import RecordedStep, held_energies
-from clothsim.keys.fabric import BENDINGS, THREADS, Fabric
+from clothsim.keys.fabric import BENDINGS, THREADS
 from clothsim.mesh.world import World
-from clothsim.physics.energies.base import Constraint, Energy, Past, Step
+from clothsim.physics.energies.base import Constraint, Energy, Past
 from clothsim.physics.energies.protocols import HistorySensitivity, is_idle
 from clothsim.scene import paths
 from clothsim.scene.assembly.meshes import FABRIC
@@ -51,7 +51,15 @@ def value_at(scene: Scene, world: World, path: str) -> Floats:
     value: Any = paths.get(scene, path)
     if value is None and is_of_fabric(path):
         _, number, keys = paths.located(scene, path)
-        value = _read_fabric(world.cloths[int(number or 0)].fabric, path, str(keys[0]))
+        fabric = world.cloths[int(number or 0)].fabric
+        key = str(keys[0])
+        own = [name for name in RULED.get(key, ()) if getattr(fabric, name) is not None]
+        if own:
+            raise InputError(
+                f"{path} does not act: the fabric {fabric.name!r} has {', '.join(own)} instead.",
+                f"Use cloth.{own[0]}, or give {key} in the scene.",
+            )
+        value = getattr(fabric, key, None)
     if value is None:
         raise InputError(
             f"{path} is not a number of the scene.", "`clothsim keys SECTION` lists the keys of a section."
@@ -85,18 +93,6 @@ def affected_effects(path: str, names: Sequence[str]) -> tuple[str, ...]:
     if is_of_fabric(path):
         return tuple(name for name in names if name not in (*contacts, "friction"))
     return tuple(names)
-
-
-def _read_fabric(fabric: Fabric, path: str, key: str) -> float | None:
-    """The value of a fabric's key. InputError where other keys act in its place."""
-    own = [name for name in RULED.get(key, ()) if getattr(fabric, name) is not None]
-    if own:
-        raise InputError(
-            f"{path} does not act: the fabric {fabric.name!r} has {', '.join(own)} instead.",
-            f"Use cloth.{own[0]}, or give {key} in the scene.",
-        )
-    value = getattr(fabric, key, None)
-    return None if value is None else float(value)
 
 
 # Derivative by a number that the world and the energies are built from, by differences of the force.
@@ -168,7 +164,10 @@ class Variation:
             total += float(np.vdot(adjoints.prescribed[k], held - moved - own))
             if not self.affected:
                 continue
-            step = _shift_origin(record.step(integrator), moved)
+            step = record.step(integrator)
+            if moved.any():  # the origin
+                past = Past(step.past.positions + moved, step.past.velocities, step.past.dt)
+                step = replace(step, positions=step.positions + moved, multistep_past=past)
             bound, x = potential.begin(step).energies, record.solution + moved
             a = np.zeros_like(x)
             a[: world.n_cloth] = adjoints.forces[k]
@@ -187,16 +186,6 @@ def _prescribed(source: Variant | Integrator, time: float) -> Floats:
     target = prescribed(source.world, source.constraints.values(), time)
     rows[target.vertices] = target.positions
     return rows
-
-
-def _shift_origin(step: Step, by: Floats) -> Step:
-    """The step in the coordinates of another origin."""
-    if not by.any():
-        return step
-    past = step.past
-    return replace(
-        step, positions=step.positions + by, multistep_past=Past(past.positions + by, past.velocities, past.dt)
-    )
 
 
 RELATIVE_STEP, OF_FABRIC = 1e-5, 3e-5

@@ -57,7 +57,16 @@ def pattern_field(
             raise InputError(
                 f"The displacements of panel {name} have the shape {corner_moves.shape}, not {panel.vertices.shape}."
             )
-        moved = _extended(mesh, name, _displace_border(mesh, name, corner_moves, given))
+        # harmonic displacements (k, 2) of all vertices of the panel
+        rows = mesh.vertices[name]
+        n, triangles = rows.stop - rows.start, mesh.triangles[mesh.faces[name]] - rows.start
+        moved, held = np.zeros((n, 2)), np.zeros(n, bool)
+        for row, at_border in _displace_border(mesh, name, corner_moves, given).items():
+            moved[row - rows.start], held[row - rows.start] = at_border, True
+        if not held.all():
+            matrix = cotangent_laplacian(np.pad(mesh.panel_coordinates[rows], ((0, 0), (0, 1))), triangles)
+            free = np.flatnonzero(~held)
+            moved[free] = splu(matrix[free][:, free].tocsc()).solve(-(matrix[free] @ moved))
         faces = mesh.faces[name]
         corners = mesh.triangles[faces] - mesh.vertices[name].start
         points = mesh.panel_coordinates[mesh.vertices[name]][corners].reshape(-1, 2)
@@ -156,22 +165,6 @@ def _displace_border(mesh: PatternMesh, name: str, moves: Floats, controls: Mapp
             moved = follow(panel, edge, moves, mesh.panel_coordinates[rows])
         found |= dict(zip(rows.tolist(), moved, strict=True))
     return found
-
-
-def _extended(mesh: PatternMesh, name: str, border: Mapping[int, Floats]) -> Floats:
-    """Harmonic displacements (k, 2) of all vertices of a panel."""
-    rows = mesh.vertices[name]
-    n, triangles = rows.stop - rows.start, mesh.triangles[mesh.faces[name]] - rows.start
-    out = np.zeros((n, 2))
-    held = np.zeros(n, bool)
-    for row, moved in border.items():
-        out[row - rows.start], held[row - rows.start] = moved, True
-    if held.all():
-        return out
-    matrix = cotangent_laplacian(np.pad(mesh.panel_coordinates[rows], ((0, 0), (0, 1))), triangles)
-    free = np.flatnonzero(~held)
-    out[free] = splu(matrix[free][:, free].tocsc()).solve(-(matrix[free] @ out))
-    return out
 
 
 SECTION = "pattern."
@@ -311,7 +304,10 @@ class PatternNumbers:
             for path, number in own.items():
                 if number.vertex >= 0:
                     moved[number.vertex, number.axis] = values[path]
-            factors = np.array([self._factor(own, values, extent) for extent in EXTENTS])
+            of_extents = {path: values[path] / self.value(path) for path, each in own.items() if each.extent}
+            factors = np.array(
+                [np.prod([by for path, by in of_extents.items() if own[path].extent == extent]) for extent in EXTENTS]
+            )
             for k, edge in enumerate(panel.edges):
                 if not isinstance(edge.curve, Bezier):
                     continue
@@ -323,9 +319,6 @@ class PatternNumbers:
                 controls[Side(name, k)] = self._scaled(name, after, factors) - before
             moves[name] = self._scaled(name, moved, factors) - panel.vertices
         return moves, controls
-
-    def _factor(self, own: Mapping[str, PatternNumber], values: Mapping[str, float], extent: str) -> float:
-        return float(np.prod([values[path] / self.value(path) for path, each in own.items() if each.extent == extent]))
 
     def _scaled(self, panel: str, points: Floats, factors: Floats) -> Floats:
         """Points of a panel by the factors of its width, height and flare."""

@@ -19,8 +19,7 @@ from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.ray_casting import first_hits
 from clothsim.base.triangles import area_vectors, barycentric
-from clothsim.gradients.camera import Camera
-from clothsim.gradients.picture_loss import Obstacle, PictureLoss, Residuals, checked_noise
+from clothsim.gradients.camera import Camera, Obstacle, PictureLoss, Residuals, checked_noise
 from clothsim.mesh.refinement import refined
 
 GATE = np.cos(np.radians(60.0))
@@ -113,36 +112,28 @@ class PixelHits:
         across = (sign / sizes)[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None, :])
         slid = self.by_corners(np.einsum("kij,kcj,kcda->kida", across, own_units, self.slides))
         turned = np.einsum("kij,kc,kcjl->kcil", across, self.weights, by_area[number[self.corners]])
-        blocks = _block_matrix(turned, number[self.corners], len(used))
-        summed = self._vector_areas(near, number, len(used))
-        return sign[:, None] * n, csr_array(slid + blocks @ (summed @ self.refinement))
-
-    def _vector_areas(self, near: Ints, number: Ints, count: int) -> csr_array:
-        """Derivatives (3 count, 3 n) of the sums of the vector areas about vertices: [c - b]_x of the corner a."""
+        # a sparse matrix (3 k, 3 used) of blocks (k, c, 3, 3) in columns (k, c)
+        size = len(turned)
+        rows = 3 * np.arange(size)[:, None, None, None] + np.arange(3)[:, None]
+        places = 3 * number[self.corners][:, :, None, None] + np.arange(3)
+        r, c, v = np.broadcast_arrays(rows, places, turned)
+        blocks = csr_array(coo_array((v.ravel(), (r.ravel(), c.ravel())), shape=(3 * size, 3 * len(used))))
+        # derivatives (3 used, 3 n) of the sums of the vector areas about vertices: [c - b]_x of the corner a
         at = self.x[near]
         edges = np.roll(at, -2, axis=1) - np.roll(at, -1, axis=1)
         x, y, z = (edges[:, :, k] for k in range(3))
         zero = np.zeros_like(x)
         crosses = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=2).reshape(len(near), 3, 3, 3)
-        total = csr_array((3 * count, self.x.size))
+        total = csr_array((3 * len(used), self.x.size))
         for k in range(3):
-            own = np.flatnonzero(number[near[:, k]] >= 0)
-            rows = 3 * number[near[own, k]][:, None, None, None] + np.arange(3)[:, None]
-            columns = 3 * near[own][:, :, None, None] + np.arange(3)
-            both = np.broadcast_arrays(rows, columns, crosses[own])
+            seen = np.flatnonzero(number[near[:, k]] >= 0)
+            rows = 3 * number[near[seen, k]][:, None, None, None] + np.arange(3)[:, None]
+            columns = 3 * near[seen][:, :, None, None] + np.arange(3)
+            both = np.broadcast_arrays(rows, columns, crosses[seen])
             total = total + csr_array(
                 coo_array((both[2].ravel(), (both[0].ravel(), both[1].ravel())), shape=total.shape)
             )
-        return csr_array(total)
-
-
-def _block_matrix(blocks: Floats, columns: Ints, count: int) -> csr_array:
-    """Sparse matrix (3 k, 3 count) of blocks (k, c, 3, 3) in columns (k, c)."""
-    k = len(blocks)
-    rows = 3 * np.arange(k)[:, None, None, None] + np.arange(3)[:, None]
-    places = 3 * columns[:, :, None, None] + np.arange(3)
-    r, c, v = np.broadcast_arrays(rows, places, blocks)
-    return csr_array(coo_array((v.ravel(), (r.ravel(), c.ravel())), shape=(3 * k, 3 * count)))
+        return sign[:, None] * n, csr_array(slid + blocks @ (total @ self.refinement))
 
 
 @dataclass(frozen=True, eq=False)

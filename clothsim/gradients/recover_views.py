@@ -5,7 +5,7 @@ logarithms q of the numbers. Its gradient is that of the adjoint of the run. Its
 the derivatives of the cloth's vertices by q are differences of runs at first, and then follow the steps by Broyden's
 update (Broyden 1965, "A class of methods for solving nonlinear simultaneous equations"); the correspondence is found
 again at each run, and held in a step. Friction holds a drape where it was put on: it is first pulled to its pictures
-(`pulled_drape`), and its sum is that beside displacements of the cloth (`placed_drape`). A run begins from the drape
+and its sum is that beside displacements of the cloth (`placed_drape`). A run begins from the drape
 that was accepted last, so that folds go on as they are. How far the end is from a minimum, in standard errors, does not
 rest on the differences.
 """
@@ -23,19 +23,17 @@ from scipy.sparse import csr_array
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients.camera import Obstacle
 from clothsim.gradients.clips.gauss_newton import broyden_update, halved_until_lower
 from clothsim.gradients.exact_system import NoMinimumError
-from clothsim.gradients.fabric_prior import SOURCE, bending_keys, bending_prior
-from clothsim.gradients.finer_cloth import halved
-from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import full_path
 from clothsim.gradients.pattern_numbers import SECTION
-from clothsim.gradients.picture_loss import Obstacle
-from clothsim.gradients.pulled_drape import pulled
-from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
-from clothsim.gradients.view_fit import Seen, ViewFit, by_kind
+from clothsim.gradients.placed_drape import pulled
+from clothsim.gradients.recover import SOURCE, bending_keys, bending_prior
+from clothsim.gradients.scene_of_pattern import ShapedScene, halved, shaped_scene
+from clothsim.gradients.view_fit import Seen, ViewFit, by_kind, finer_fit, of_finer_cloth
 from clothsim.gradients.view_recovery import SearchRecord, ViewRecovery, recovery_of
 from clothsim.gradients.views import View, read_views
 from clothsim.patterns.pattern_mesh import PatternMesh
@@ -123,7 +121,10 @@ def recover_views(
     triangles = world_of(problem.scene).triangles
     fit = ViewFit(problem, made, triangles, problem.origin, np.zeros((len(paths),) * 2))
     if finer:
-        _refuse_to_refine(fit)
+        try:  # now, and not after the search
+            halved(fit.scene_at(fit.problem.origin))
+        except InputError as error:
+            raise InputError(error.sentence, "Leave out --finer.") from error
     note = ""
     if prior:
         fit, note = _with_prior(fit)
@@ -171,26 +172,27 @@ def _drapes(fit: ViewFit, folds: int, rng: np.random.Generator, tell: Callable[[
         raise InputError(f"The pictures cannot be compared with the scene as it is: {first.failure}")
     drapes = [first]
     for _ in range(folds - 1):
-        drapes.append(fit.seen(first.at, first.positions, _kick(first.positions, rng)))
+        # velocities (n, 3) [m/s] that vary smoothly over the cloth, of KICK in the root mean square
+        size = float(np.ptp(first.positions, axis=0).max())
+        waves = 2 * np.pi / size * rng.normal(size=(WAVES, 3))
+        phases, amplitudes = rng.uniform(0, 2 * np.pi, WAVES), rng.normal(size=(WAVES, 3))
+        speeds = np.sin(first.positions @ waves.T + phases) @ amplitudes
+        kick = np.asarray(speeds * (KICK / np.sqrt((speeds**2).sum(axis=1).mean())))
+        drapes.append(fit.seen(first.at, first.positions, kick))
         tell(drapes[-1])
     return drapes
 
 
-def _refuse_to_refine(fit: ViewFit) -> None:
-    """InputError for a cloth that cannot be meshed more finely: now, and not after the search."""
-    try:
-        halved(fit.scene_at(fit.problem.origin))
-    except InputError as error:
-        raise InputError(error.sentence, "Leave out --finer.") from error
-
-
-def _kick(positions: Floats, rng: np.random.Generator) -> Floats:
-    """Velocities (n, 3) [m/s] that vary smoothly over the cloth, of KICK in the root mean square."""
-    size = float(np.ptp(positions, axis=0).max())
-    waves = 2 * np.pi / size * rng.normal(size=(WAVES, 3))
-    phases, amplitudes = rng.uniform(0, 2 * np.pi, WAVES), rng.normal(size=(WAVES, 3))
-    speeds = np.sin(positions @ waves.T + phases) @ amplitudes
-    return np.asarray(speeds * (KICK / np.sqrt((speeds**2).sum(axis=1).mean())))
+def _with_prior(fit: ViewFit) -> tuple[ViewFit, str]:
+    """The fit with the prior of stiffnesses of bending, and what it is."""
+    keys = bending_keys(fit.problem.paths)
+    bending = list(keys)
+    density = world_of(fit.problem.scene).cloths[0].fabric.density
+    before = bending_prior(tuple(keys.values()), density)
+    mean, precision = fit.mean.copy(), fit.precision.copy()
+    mean[bending] = before.mean
+    precision[np.ix_(bending, bending)] = np.linalg.inv(before.covariance)
+    return replace(fit, mean=mean, precision=precision), f"bending of {SOURCE} at {density:g} kg/m2, log-normal"
 
 
 def _views(views: str | Path | Sequence[View], scene: Scene, shaped: ShapedScene | None) -> tuple[View, ...]:
@@ -213,18 +215,6 @@ def _views(views: str | Path | Sequence[View], scene: Scene, shaped: ShapedScene
     return read_views(views, panels, Obstacle(np.concatenate(places), np.concatenate(parts)))
 
 
-def _with_prior(fit: ViewFit) -> tuple[ViewFit, str]:
-    """The fit with the prior of stiffnesses of bending, and what it is."""
-    keys = bending_keys(fit.problem.paths)
-    bending = list(keys)
-    density = world_of(fit.problem.scene).cloths[0].fabric.density
-    before = bending_prior(tuple(keys.values()), density)
-    mean, precision = fit.mean.copy(), fit.precision.copy()
-    mean[bending] = before.mean
-    precision[np.ix_(bending, bending)] = np.linalg.inv(before.covariance)
-    return replace(fit, mean=mean, precision=precision), f"bending of {SOURCE} at {density:g} kg/m2, log-normal"
-
-
 def _moves(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> Floats | None:
     """Derivatives of the vertices by the logarithms, (3 n, k), by differences of runs; None if one fails."""
     steps = by_kind(fit.problem.paths, PATTERN_STEP, FABRIC_STEP)
@@ -240,15 +230,6 @@ def _moves(fit: ViewFit, seen: Seen, tell: Callable[[Seen], None]) -> Floats | N
         else:
             return None
     return np.array(columns).T
-
-
-def _step(fit: ViewFit, gradient: Floats, hessian: Floats, within: tuple[Floats, Floats]) -> Floats:
-    """The step (k,) that reduces the sum most within limits, weakly bound to where it is.
-
-    What the pictures hardly tell goes to its limit then, and what they tell goes on.
-    """
-    factor = np.linalg.cholesky(hessian + np.diag(fit.known**-2.0))
-    return np.asarray(lsq_linear(factor.T, -np.linalg.solve(factor, gradient), bounds=within).x)
 
 
 def _searched(fit: ViewFit, begun: Seen, tell: Callable[[Seen], None]) -> SearchEnd:
@@ -330,7 +311,9 @@ def _descended(
                 gradient = fit.adjoint(seen, seen.trace).slope
             adjoint += process_time() - before_adjoint
         within = np.maximum(low - seen.at, -largest), np.minimum(high - seen.at, largest)
-        step = _step(fit, gradient, hessian, within)
+        # weakly bound to where it is: what the pictures hardly tell goes to its limit, and what they tell goes on
+        factor = np.linalg.cholesky(hessian + np.diag(fit.known**-2.0))
+        step = np.asarray(lsq_linear(factor.T, -np.linalg.solve(factor, gradient), bounds=within).x)
         enough = LEAST * seen.total if fit.held else 0.0
         done = float(step @ hessian @ step) < max(ENOUGH**2, enough)
         better, tried = (None, 0) if done else halved_until_lower(follow, seen, step, tell)

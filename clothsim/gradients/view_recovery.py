@@ -9,13 +9,12 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
-from clothsim.gradients.finer_fit import finer_fit, of_finer_cloth
 from clothsim.gradients.loss_of_numbers import count_intersecting_pairs
 from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION
-from clothsim.gradients.pulled_drape import pulled
+from clothsim.gradients.placed_drape import pulled
 from clothsim.gradients.recover import Recovery
-from clothsim.gradients.view_fit import Seen, ViewFit, errors_of
+from clothsim.gradients.view_fit import Seen, ViewFit, errors_of, finer_fit, of_finer_cloth
 from clothsim.gradients.views import overlay
 from clothsim.patterns.pattern import Pattern
 from clothsim.scene import paths as keys_by_path
@@ -187,6 +186,15 @@ def recovery_of(fit: ViewFit, first: Floats, end: tuple[Seen, Seen, Floats], sea
     shown = dict(zip(paths, np.sqrt(np.diag(by_place)).tolist(), strict=True))
     others = _twins(fit, last, moves, search.coarse) if search.twins else ()
     twins = (*others, Twin("place", shown)) if search.twins else ()
+    out = []
+    for (view, what), each in zip(fit.pairs, last.parts, strict=True):
+        loss = view.losses[what]
+        switched = float("nan")
+        if isinstance(loss, MaskBorder):
+            matches: list[Matches] = [loss.matched(x, fit.triangles) for x in (last.positions, before.positions)]
+            switched = matches[0].switched(matches[1])
+        misfit = float(np.sqrt(each.weights @ each.values**2 / each.weights.sum()))
+        out.append(PictureFit(view.name, what, misfit, each.left_out, switched))
     found = ViewRecovery(
         problem.scene_at(last.at),
         values,
@@ -198,7 +206,7 @@ def recovery_of(fit: ViewFit, first: Floats, end: tuple[Seen, Seen, Floats], sea
         search.minima,
         search.runs + len(others),
         search.note,
-        _fits(fit, last, before),
+        tuple(out),
         twins,
         _errors_of_fewer_pictures(fit, last, moves, spread),
         (),
@@ -267,19 +275,6 @@ def _errors_of_fewer_pictures(fit: ViewFit, last: Seen, moves: Floats, spread: f
         errors = errors_of(by_noise + by_place)
         out[name] = {path: float(error) for path, error in zip(fit.problem.paths, errors, strict=True)}
     return out
-
-
-def _fits(fit: ViewFit, last: Seen, before: Seen) -> tuple[PictureFit, ...]:
-    out = []
-    for (view, what), each in zip(fit.pairs, last.parts, strict=True):
-        loss = view.losses[what]
-        switched = float("nan")
-        if isinstance(loss, MaskBorder):
-            matches: list[Matches] = [loss.matched(x, fit.triangles) for x in (last.positions, before.positions)]
-            switched = matches[0].switched(matches[1])
-        misfit = float(np.sqrt(each.weights @ each.values**2 / each.weights.sum()))
-        out.append(PictureFit(view.name, what, misfit, each.left_out, switched))
-    return tuple(out)
 
 
 def _overlays(fit: ViewFit, first: Floats, last: Floats) -> dict[str, np.ndarray]:

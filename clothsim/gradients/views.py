@@ -29,9 +29,8 @@ from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_numbers, read_regular_file
 from clothsim.base.inputs import as_table, refuse_unknown
-from clothsim.gradients.camera import Camera
+from clothsim.gradients.camera import Camera, Obstacle, PictureLoss
 from clothsim.gradients.mask_border import MaskBorder
-from clothsim.gradients.picture_loss import Obstacle, PictureLoss
 from clothsim.gradients.pixel_losses import Depth, Normals
 
 NOISE = {"mask": 1.0, "normals_degrees": 5.0, "depth": 5e-3}

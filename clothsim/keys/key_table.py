@@ -111,7 +111,12 @@ class KeyTable(Locked, Mapping[str, Any]):
         given = [name for name, value in keys.items() if value is not None]
         known = {key.field: key.default for key in keys_of(cls).values()}
         if len(known) > 1 and known.keys() - _fixed_fields(cls) <= keys.keys():
-            given = [name for name in given if not _equals_default(keys[name], known.get(name))]
+            defaults = {name: known.get(name) for name in given}
+            given = [
+                name
+                for name, default in defaults.items()
+                if keys[name] is not default and not (type(keys[name]) is type(default) and bool(keys[name] == default))
+            ]
         object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in given))
         return made
 
@@ -298,7 +303,10 @@ def _refuse_arguments(cls: type[KeyTable], others: Sequence[Any], keys: Mapping[
     names = [field.name for field in taken]
     refuse_unknown_key(where, keys, names)
     if len(others) > len(first):
-        example = next((f"{each.name}={_default_text(each.default)}" for each in taken if each.kw_only), "")
+        example = ""
+        if named := next((each for each in taken if each.kw_only), None):
+            default = "..." if named.default is MISSING or named.default is None else repr(named.default)
+            example = f"{named.name}={default}"
         raise InputError(
             f"{where} takes its keys by name: {others[len(first)]!r} has none.", f"Write {where}({example})."
         )
@@ -306,15 +314,6 @@ def _refuse_arguments(cls: type[KeyTable], others: Sequence[Any], keys: Mapping[
     for each in taken:
         if each.default is MISSING and each.default_factory is MISSING and each.name not in given:
             raise InputError(f"{where} needs {each.name}.", f"Write {where}({each.name}=...).")
-
-
-def _default_text(default: Any) -> str:
-    return "..." if default is MISSING or default is None else repr(default)
-
-
-def _equals_default(value: Any, default: Any) -> bool:
-    """True for a value that is the default, or of its type and equal to it."""
-    return value is default or (type(value) is type(default) and bool(value == default))
 
 
 def _fixed_fields(section: type[KeyTable]) -> set[str]:

@@ -116,8 +116,19 @@ class MeshArrays:
         faces = _locked(as_triangles(f"{where}.triangles", triangles, len(points)))
         if not len(faces):
             raise InputError(f"{where}.triangles is empty.", "Give at least one triangle.")
-        material = None if rest is None else _rest(f"{where}.rest", rest, faces, len(points))
-        moving = None if frames is None else _frames(f"{where}.frames", frames, len(points))
+        material = None if rest is None else as_finite(f"{where}.rest", rest)
+        n, m = len(points), len(faces)
+        if material is not None and material.shape == (n, 2):
+            material = material[faces]  # by corner
+        elif material is not None and material.shape not in ((n, 3), (m, 3, 2)):
+            raise InputError(
+                f"{where}.rest has shape {material.shape}.",
+                f"Give ({n}, 2) or ({n}, 3) by vertex, or ({m}, 3, 2) by corner.",
+            )
+        material = None if material is None else _locked(material)
+        moving = None if frames is None else _locked(as_finite(f"{where}.frames", frames))
+        if moving is not None and (moving.ndim != 3 or moving.shape[1:] != (len(points), 3) or not len(moving)):
+            raise InputError(f"{where}.frames has shape {moving.shape}.", f"Give (frames, {len(points)}, 3).")
         return cls(points, faces, material, moving, checked_groups(f"{where}.groups", groups or {}, len(faces)))
 
     @property
@@ -173,26 +184,6 @@ class MeshArrays:
 
     def __repr__(self) -> str:
         return f"MeshArrays({len(self.vertices)} vertices, {len(self.triangles)} triangles)"
-
-
-def _rest(name: str, rest: ArrayLike, triangles: Ints, n_vertices: int) -> Floats:
-    """Rest positions (n, 3) or material coordinates (m, 3, 2), of coordinates by vertex or by corner."""
-    values = as_finite(name, rest)
-    if values.shape == (n_vertices, 2):
-        return _locked(values[triangles])
-    if values.shape not in ((n_vertices, 3), (len(triangles), 3, 2)):
-        raise InputError(
-            f"{name} has shape {values.shape}.",
-            f"Give ({n_vertices}, 2) or ({n_vertices}, 3) by vertex, or ({len(triangles)}, 3, 2) by corner.",
-        )
-    return _locked(values)
-
-
-def _frames(name: str, frames: ArrayLike, n_vertices: int) -> Floats:
-    values = as_finite(name, frames)
-    if values.ndim != 3 or values.shape[1:] != (n_vertices, 3) or not len(values):
-        raise InputError(f"{name} has shape {values.shape}.", f"Give (frames, {n_vertices}, 3).")
-    return _locked(values)
 
 
 def _locked(values: Any) -> Any:

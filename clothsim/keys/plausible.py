@@ -129,7 +129,7 @@ class _Implausible:
 
 def _implausible(where: str, section: KeyTable) -> Iterator[_Implausible]:
     """The numbers of a section, and of its nested ones, that are beyond their ranges."""
-    known = keys_of(type(section))
+    known, kinds = keys_of(type(section)), type(section).composed_of or (type(section),)
     of_a_board = _keys_of_a_plate(section)
     for name in section:
         if name in of_a_board:
@@ -141,7 +141,9 @@ def _implausible(where: str, section: KeyTable) -> Iterator[_Implausible]:
             if isinstance(each, KeyTable):
                 place = f"{where}.{name}[{number}]" if isinstance(value, list | tuple) else f"{where}.{name}"
                 yield from _implausible(place, each)
-        found = next(filter(None, (plausible_range(own, key) for own in _declaring(section, name))), None)
+        # the last words of the sections that have the key: "cloth" and "mannequin" of a composed one
+        declaring = (kind.section.rpartition(".")[2] for kind in kinds if name in keys_of(kind))
+        found = next(filter(None, (plausible_range(own, key) for own in declaring)), None)
         size = _magnitude(value)
         if found is not None and size and not found[0] <= size <= found[1]:
             given = f"{value:g}" if isinstance(value, int | float) else f"of {size:.4g}"
@@ -159,12 +161,6 @@ def _keys_of_a_plate(section: KeyTable) -> set[str]:
     modulus, bending = (_magnitude(given.get(name, 0.0)) for name in ("youngs_modulus", "bending_stiffness"))
     stiffest = modulus * thickness**3 / 9  # E t^3 / (12 (1 - nu^2)), nu of a half
     return {"density"} | ({"bending_stiffness"} if 0 < bending <= stiffest else set())
-
-
-def _declaring(section: KeyTable, name: str) -> list[str]:
-    """The last words of the names of the sections that have a key: "cloth" and "mannequin" of a composed one."""
-    kinds = type(section).composed_of or (type(section),)
-    return [kind.section.rpartition(".")[2] for kind in kinds if name in keys_of(kind)]
 
 
 def _magnitude(value: Any) -> float:

@@ -431,13 +431,21 @@ def keys_of_builder(builder: Callable[..., Any], name: str = "") -> type[EffectK
     """The class of the keys of an effect `name`; by default it has the name of the builder."""
     if takes_keys(builder):
         return _positional(builder)[1].annotation
-    meanings = _parameters(inspect.getdoc(builder) or "")
-    declared = []
+    meanings = {}  # and units, of a numpydoc docstring: "rate : float [1/s]" and the indented lines below
+    for key, kind, below in re.findall(r"^(\w+) : (.*)((?:\n[ \t]+.+)*)", inspect.getdoc(builder) or "", re.M):
+        text = " ".join((below or kind).split())
+        unit = re.search(r"\[([^\]]+)\]", f"{kind} {text}")
+        meanings[key] = (text.split(". ")[0].rstrip("."), unit[1] if unit else "-")
+    declared: list[tuple[Any, ...]] = []
     for key, parameter in signature_of(builder).parameters.items():
         if parameter.kind is parameter.KEYWORD_ONLY and key not in SUPPLIED:
             kind = Any if parameter.annotation is parameter.empty else parameter.annotation
             annotation = Annotated[kind, Key(*meanings.get(key, ("", "-")))]  # type: ignore[valid-type]
-            declared.append((f"{key}_", annotation, *_default(parameter)))  # no field hides a method of the section
+            default: tuple[Any, ...] = ()
+            if parameter.default is not parameter.empty:
+                value = frozen(parameter.default)
+                default = (field(default=value if type(value).__hash__ is not None else content_of(value)),)
+            declared.append((f"{key}_", annotation, *default))  # no field hides a method of the section
     name = name or getattr(builder, "__name__", "own")
     namespace = {"section": f"effects.{name}"}
     return make_dataclass(name, declared, bases=(KeywordKeys,), namespace=namespace, frozen=True, kw_only=True)
@@ -458,21 +466,3 @@ def is_builder(builder: Any) -> bool:
 def _positional(builder: Callable[..., Any]) -> list[inspect.Parameter]:
     parameters = signature_of(builder).parameters.values()
     return [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
-
-
-def _default(parameter: inspect.Parameter) -> tuple[Any, ...]:
-    """The default of a keyword as that of a field, which hashes."""
-    if parameter.default is parameter.empty:
-        return ()
-    value = frozen(parameter.default)
-    return (field(default=value if type(value).__hash__ is not None else content_of(value)),)
-
-
-def _parameters(docstring: str) -> dict[str, tuple[str, str]]:
-    """Meaning and unit of each parameter of a numpydoc docstring: "rate : float [1/s]" and the indented lines below."""
-    entries = {}
-    for name, kind, below in re.findall(r"^(\w+) : (.*)((?:\n[ \t]+.+)*)", docstring, re.M):
-        text = " ".join((below or kind).split())
-        unit = re.search(r"\[([^\]]+)\]", f"{kind} {text}")
-        entries[name] = (text.split(". ")[0].rstrip("."), unit[1] if unit else "-")
-    return entries

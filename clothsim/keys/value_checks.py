@@ -46,16 +46,11 @@ def refuse_deep(where: str, value: Any) -> None:
     """InputError for tables and lists nested deeper than DEEPEST: no key of a scene is."""
     level = [value]
     for _ in range(DEEPEST):
-        level = [inner for outer in level for inner in _inner(outer)]
+        nested = [each for each in level if isinstance(each, Mapping | list | tuple)]
+        level = [inner for each in nested for inner in (each.values() if isinstance(each, Mapping) else each)]
         if not level:
             return
     raise InputError(f"{where} holds tables or lists nested deeper than {DEEPEST}.", "Write it flat.")
-
-
-def _inner(value: Any) -> Iterable[Any]:
-    if isinstance(value, Mapping):
-        return value.values()
-    return value if isinstance(value, list | tuple) else ()
 
 
 MOST = 10**6
@@ -72,6 +67,8 @@ def refuse_missing(where: str, keys: Mapping[str, Any], section: type) -> None:
 def check_value(where: str, value: Any, known: SceneKey) -> Any:
     """A value of a key: a float, an int, the sections of nested tables, else as it is. InputError names `where`."""
     parts, key = members(known.annotation), known.key
+    lists = [get_args(part)[0] for part in parts if get_origin(part) is Sequence]
+    entry = lists[0] if len(lists) == 1 and (lists[0] in (int, float) or choices(lists[0])) else None
     if isinstance(value, bool | np.bool_):
         if bool in parts:
             return bool(value)
@@ -80,8 +77,8 @@ def check_value(where: str, value: Any, known: SceneKey) -> Any:
             return _in_range(where, value, known, whole=float not in parts)
     elif isinstance(value, str):
         return _word(where, value, known)
-    elif isinstance(value, list | tuple | np.ndarray) and (entries := _entries(parts)) is not None:
-        _each(where, value, known, entries)
+    elif isinstance(value, list | tuple | np.ndarray) and entry is not None:
+        _each(where, value, known, entry)
         return value
     elif key.tables and not (isinstance(value, Mapping) and set(value) == {FUNCTION}):
         return _nested(where, value, known)
@@ -139,8 +136,14 @@ def _nested(where: str, value: Any, known: SceneKey) -> Any:
     if isinstance(value, sections):
         return value
     if len(sections) > 1 or not several:
+        if isinstance(value, Mapping) and len(sections) == 1:
+            return sections[0].parsed(where, value)
         if isinstance(value, Mapping):
-            return _parse_kind(where, value, sections)
+            by_kind = {keys_of(section)["kind"].default: section for section in sections}
+            kind = value.get("kind")
+            if not isinstance(kind, str) or kind not in by_kind:
+                raise InputError(f"{where}.kind is {kind!r}.", f"Known: {', '.join(by_kind)}; or give a vector.")
+            return by_kind[kind].parsed(where, value)
         if any(_accepts(part, value) for part in members(known.annotation)):
             return value
         raise _wrong_type(where, value, known)
@@ -150,23 +153,6 @@ def _nested(where: str, value: Any, known: SceneKey) -> Any:
         entry if isinstance(entry, sections) else sections[0].parsed(f"{where}[{number}]", entry)
         for number, entry in enumerate(value)
     )
-
-
-def _parse_kind(where: str, value: Mapping[str, Any], sections: tuple[Any, ...]) -> Any:
-    """The only section that a table may be, or the one of its `kind`."""
-    if len(sections) == 1:
-        return sections[0].parsed(where, value)
-    by_kind = {keys_of(section)["kind"].default: section for section in sections}
-    kind = value.get("kind")
-    if not isinstance(kind, str) or kind not in by_kind:
-        raise InputError(f"{where}.kind is {kind!r}.", f"Known: {', '.join(by_kind)}; or give a vector.")
-    return by_kind[kind].parsed(where, value)
-
-
-def _entries(parts: tuple[Any, ...]) -> type | None:
-    """The type of the entries of a list of numbers or words; None where the list may be something else too."""
-    lists = [get_args(part)[0] for part in parts if get_origin(part) is Sequence]
-    return lists[0] if len(lists) == 1 and (lists[0] in (int, float) or choices(lists[0])) else None
 
 
 def _each(where: str, values: Any, known: SceneKey, entry: type) -> None:

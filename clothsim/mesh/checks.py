@@ -190,7 +190,12 @@ def _examine_numbers(points: Floats, raw: Floats, findings: _Findings) -> None:
     used[faces[in_range]] = True
     remedy = "Remove it, or read one part of the file (component = 0)."
     findings.add_if_any("isolated vertex", "in no triangle", "vertex", np.flatnonzero(~used), remedy)
-    rows = _distinct(faces, np.flatnonzero(sound & ~repeated), findings)
+    rows = np.flatnonzero(sound & ~repeated)
+    same, mirrored = duplicates(faces[rows])
+    findings.add_if_any("duplicate", "given twice", "triangle", rows[same], "Remove the repetition.")
+    message = "given twice with opposite winding"
+    findings.add_if_any("flipped duplicate", message, "triangle", rows[mirrored], "Remove one of the two.")
+    rows = np.delete(rows, np.concatenate([same, mirrored]))  # a triangle counts once
     measurable = rows[np.all(finite[faces[rows]], axis=1)]
     flat = measurable[flat_triangles(points, faces[measurable])]
     findings.add_if_any("no area", "no area (collinear or coincident corners)", "triangle", flat, "Remove or repair.")
@@ -198,15 +203,6 @@ def _examine_numbers(points: Floats, raw: Floats, findings: _Findings) -> None:
         whole_around = np.ones(len(points), bool)  # a fan without one of its triangles would look like a bow-tie
         whole_around[faces[(~sound | repeated)[:, None] & in_range]] = False
         _examine_surface(points, faces, rows, finite & used, whole_around=whole_around, findings=findings)
-
-
-def _distinct(faces: Ints, rows: Ints, findings: _Findings) -> Ints:
-    """Those of `rows` that repeat no earlier one."""
-    same, flipped = duplicates(faces[rows])
-    findings.add_if_any("duplicate", "given twice", "triangle", rows[same], "Remove the repetition.")
-    message = "given twice with opposite winding"
-    findings.add_if_any("flipped duplicate", message, "triangle", rows[flipped], "Remove one of the two.")
-    return np.delete(rows, np.concatenate([same, flipped]))
 
 
 def _examine_surface(

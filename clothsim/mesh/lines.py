@@ -48,45 +48,31 @@ def path_along(where: str, positions: Floats, edges: Ints, points: Floats) -> In
     ends = positions[edges]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     usual = float(np.median(lengths))
-    stops = _nearest(where, positions, np.unique(edges), points, usual)
-    path = [stops[:1]]
-    for k in range(len(stops) - 1):
-        away = _distance_to_segment(ends.mean(axis=1), points[k], points[k + 1])
-        graph = csr_array((lengths * (1 + STRAYING * (away / usual) ** 2), tuple(edges.T)), shape=(len(positions),) * 2)
-        before = dijkstra(graph, directed=False, indices=stops[k], return_predecessors=True)[1]
-        path.append(_back(where, before, int(stops[k]), int(stops[k + 1])))
-    return np.concatenate(path)
-
-
-def _nearest(where: str, positions: Floats, vertices: Ints, points: Floats, limit: float) -> Ints:
-    """The one of `vertices` nearest to each point, (p,)."""
+    vertices, middles = np.unique(edges), ends.mean(axis=1)
     distances = np.linalg.norm(positions[vertices] - points[:, None], axis=2)
-    distant = np.flatnonzero(distances.min(axis=1) > limit)
+    distant = np.flatnonzero(distances.min(axis=1) > usual)
     if distant.size:
         raise InputError(
             f"{where}[{distant[0]}] is {distances[distant[0]].min():.3g} m from the mesh at rest.",
             "Draw the line in the coordinates of the mesh before it is placed.",
         )
-    return vertices[distances.argmin(axis=1)]
-
-
-def _distance_to_segment(points: Floats, start: Floats, end: Floats) -> Floats:
-    """Distance of each of `points (n, 3)` from the segment, (n,) [m]."""
-    along = end - start
-    squared = float(along @ along)
-    along_segment = np.clip((points - start) @ along / squared, 0.0, 1.0) if squared else np.zeros(len(points))
-    return np.asarray(np.linalg.norm(points - start - along_segment[:, None] * along, axis=1), np.float64)
-
-
-def _back(where: str, before: Ints, first: int, last: int) -> Ints:
-    """Path to `last` from the predecessor of each vertex, without `first`."""
-    path = []
-    while last != first:
-        if last < 0:
-            raise InputError(f"{where}: no path along the edges joins one point to the next.")
-        path.append(last)
-        last = int(before[last])
-    return np.array(path[::-1], np.int64)
+    stops = vertices[distances.argmin(axis=1)]
+    path = stops[:1].tolist()
+    for k in range(len(stops) - 1):
+        along = points[k + 1] - points[k]
+        squared = float(along @ along)
+        fraction = np.clip((middles - points[k]) @ along / squared, 0.0, 1.0) if squared else np.zeros(len(middles))
+        away = np.linalg.norm(middles - points[k] - fraction[:, None] * along, axis=1)  # from the segment
+        graph = csr_array((lengths * (1 + STRAYING * (away / usual) ** 2), tuple(edges.T)), shape=(len(positions),) * 2)
+        before = dijkstra(graph, directed=False, indices=stops[k], return_predecessors=True)[1]
+        last, piece = int(stops[k + 1]), []
+        while last != stops[k]:
+            if last < 0:
+                raise InputError(f"{where}: no path along the edges joins one point to the next.")
+            piece.append(last)
+            last = int(before[last])
+        path += piece[::-1]
+    return np.array(path, np.int64)
 
 
 SAME = 1e-9

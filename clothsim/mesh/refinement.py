@@ -69,7 +69,13 @@ def _once(triangles: Ints, n: int) -> tuple[csr_array, Ints]:
 
 def _rules(ends: Ints, edge: Ints, n_edges: int, n: int) -> tuple[Ints, Ints, Floats]:
     """Entries (row, column, weight) of the new vertices of edges that have a rule."""
-    opposite = _twins(ends, edge, n_edges)
+    # the half-edge on the other side, -1 where there is none, or more than one, or it runs alike
+    uses = np.bincount(edge, minlength=n_edges)
+    first = np.concatenate([[0], np.cumsum(uses)])[:-1][uses == 2]
+    order, opposite = np.argsort(edge, kind="stable"), np.full(len(ends), -1)
+    a, b = order[first], order[first + 1]
+    against = ends[a, 0] == ends[b, 1]
+    opposite[a[against]], opposite[b[against]] = b[against], a[against]
     on_border = np.zeros(n, bool)
     on_border[ends[opposite < 0].ravel()] = True
     fan = np.bincount(ends[:, 0], minlength=n)
@@ -83,7 +89,11 @@ def _rules(ends: Ints, edge: Ints, n_edges: int, n: int) -> tuple[Ints, Ints, Fl
     for k in range(int(fan[ends[spoke, 0]].max(initial=0))):
         counts = fan[ends[spoke, 0]]
         live = k < counts
-        parts.append((edge[spoke[live]], ends[at[live], 1], shared[spoke[live]] * _of_spoke(k, counts[live])))
+        turn = 2 * np.pi * k / counts[live]  # of the k-th neighbour, from the one at the other end of the edge
+        weight = (0.25 + np.cos(turn) + 0.5 * np.cos(2 * turn)) / counts[live]
+        weight = np.where(counts[live] == 4, (3 / 8, 0.0, -1 / 8, 0.0)[k % 4], weight)
+        weight = np.where(counts[live] == 3, 5 / 12 if k == 0 else -1 / 12, weight)
+        parts.append((edge[spoke[live]], ends[at[live], 1], shared[spoke[live]] * weight))
         at = following[at]
     border = np.flatnonzero(opposite < 0)
     number_in, number_out = (np.bincount(ends[border, k], minlength=n) for k in (1, 0))
@@ -96,24 +106,3 @@ def _rules(ends: Ints, edge: Ints, n_edges: int, n: int) -> tuple[Ints, Ints, Fl
         parts.append((edge[border], i, 0.5 + 0.125 * round_))
         parts += [(edge[border], near[i], -0.0625 * round_) for near in (previous, following_vertex)]
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))  # type: ignore[return-value]
-
-
-def _twins(ends: Ints, edge: Ints, n_edges: int) -> Ints:
-    """The half-edge on the other side, -1 where there is none, or more than one, or it runs alike."""
-    twice = np.bincount(edge, minlength=n_edges) == 2
-    order = np.argsort(edge, kind="stable")
-    first = np.concatenate([[0], np.cumsum(np.bincount(edge, minlength=n_edges))])[:-1][twice]
-    a, b = order[first], order[first + 1]
-    against = ends[a, 0] == ends[b, 1]
-    out = np.full(len(ends), -1)
-    out[a[against]], out[b[against]] = b[against], a[against]
-    return out
-
-
-def _of_spoke(k: int, counts: Ints) -> Floats:
-    """Weight of the k-th neighbour, counted from the one at the other end of the edge."""
-    turn = 2 * np.pi * k / counts
-    general = (0.25 + np.cos(turn) + 0.5 * np.cos(2 * turn)) / counts
-    three = 5 / 12 if k == 0 else -1 / 12
-    four = (3 / 8, 0.0, -1 / 8, 0.0)[k % 4]
-    return np.where(counts == 3, three, np.where(counts == 4, four, general))

@@ -53,7 +53,26 @@ def weld(positions: Floats, triangles: Ints, distance: float) -> tuple[Floats, I
             "Set it to a little more than the gap between the borders.",
         )
     if limit > 0 and len(border):
-        label = _sewn(border[_close_pairs(points[border], limit)], faces, len(points))
+        from scipy.spatial import cKDTree
+
+        tree = cKDTree(points[border])
+        if tree.count_neighbors(tree, limit) > (MOST_PAIRS + 1) * len(border):
+            raise InputError(
+                f"weld = {limit:g} m joins more than {MOST_PAIRS} neighbours of each border vertex.",
+                "Set a smaller weld.",
+            )
+        pairs = border[tree.query_pairs(limit, output_type="ndarray")]
+        apart = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+        starts, neighbours = vertex_rings(faces, len(points))
+        members = {int(v): {int(v)} for v in np.unique(pairs)}
+        rings = {v: set(neighbours[starts[v] : starts[v + 1]].tolist()) for v in members}
+        for one, two in pairs[np.argsort(apart, kind="stable")].tolist():
+            first, second = sorted((int(label[one]), int(label[two])))
+            if first == second or rings[first] & members[second]:
+                continue
+            label[list(members[second])] = first  # a group is named by its first member
+            members[first] |= members.pop(second)
+            rings[first] |= rings.pop(second)
     number = _renumber(label)
     return mean_of_parts(points, number), number[faces], number
 
@@ -89,36 +108,6 @@ def merge_coincident(positions: Floats) -> tuple[Floats, Ints]:
     merged = np.empty((len(first), 3))
     merged[number] = positions
     return merged, number
-
-
-def _close_pairs(points: Floats, distance: float) -> Ints:
-    """Pairs of points closer than `distance`, the closest first, (p, 2)."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(points)
-    if tree.count_neighbors(tree, distance) > (MOST_PAIRS + 1) * len(points):
-        raise InputError(
-            f"weld = {distance:g} m joins more than {MOST_PAIRS} neighbours of each border vertex.",
-            "Set a smaller weld.",
-        )
-    pairs = tree.query_pairs(distance, output_type="ndarray")
-    return pairs[np.argsort(np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1), kind="stable")]
-
-
-def _sewn(pairs: Ints, triangles: Ints, n_vertices: int) -> Ints:
-    """Group of each vertex, named by its first member, after joining `pairs` in turn unless an edge joins them."""
-    starts, neighbours = vertex_rings(triangles, n_vertices)
-    label = np.arange(n_vertices)
-    members = {int(v): {int(v)} for v in np.unique(pairs)}
-    rings = {v: set(neighbours[starts[v] : starts[v + 1]].tolist()) for v in members}
-    for one, two in pairs.tolist():
-        first, second = sorted((int(label[one]), int(label[two])))
-        if first == second or rings[first] & members[second]:
-            continue
-        label[list(members[second])] = first
-        members[first] |= members.pop(second)
-        rings[first] |= rings.pop(second)
-    return label
 
 
 def _renumber(label: Ints) -> Ints:

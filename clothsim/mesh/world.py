@@ -301,10 +301,12 @@ class SurfaceRows:
 
 def world_surfaces(world: World) -> tuple[SurfaceRows, ...]:
     """The surfaces of a world in the order of its rows of x: cloths, then bodies."""
-    cloths = [
-        SurfaceRows(cloth.name, "cloth", rows, cloth.triangles + rows.start, True, **_line(cloth, rows))
-        for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
-    ]
+    cloths = []
+    for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
+        line: dict[str, Any] = {}
+        if isinstance(cloth, Rod):
+            line = {"edges": cloth.edges + rows.start, "radius": cloth.radius}
+        cloths.append(SurfaceRows(cloth.name, "cloth", rows, cloth.triangles + rows.start, True, **line))
     prescribed = len(world.prescribed_bodies)
     bodies = [
         SurfaceRows(
@@ -318,11 +320,6 @@ def world_surfaces(world: World) -> tuple[SurfaceRows, ...]:
         for number, (body, rows) in enumerate(zip(world.bodies, world.body_slices, strict=True))
     ]
     return (*cloths, *bodies)
-
-
-def _line(cloth: Cloth, rows: slice) -> dict[str, Any]:
-    """Edges and radius of a rod, none of another cloth."""
-    return {"edges": cloth.edges + rows.start, "radius": cloth.radius} if isinstance(cloth, Rod) else {}
 
 
 def check_surfaces(surfaces: Sequence[SurfaceRows]) -> None:
@@ -383,13 +380,11 @@ def with_local_origin(world: World) -> World:
             "Move cloths and bodies near the origin (position).",
         )
     cloths = tuple(replace(each, positions=each.positions - middle) for each in world.cloths)
-    bodies = tuple(_shift(body, middle) for body in world.bodies)
+    bodies = []
+    for body in world.bodies:
+        motion = body.motion
+        if isinstance(motion, RigidMotion):
+            motion = replace(motion, centre=motion.centre - middle)
+        bodies.append(replace(body, positions=body.positions - middle, motion=motion))
     rigid = tuple(body.relative_to(middle) for body in world.rigid)
-    return replace(world, cloths=cloths, bodies=bodies, rigid=rigid, origin=world.origin + middle)
-
-
-def _shift(body: Body, origin: np.ndarray) -> Body:
-    motion = body.motion
-    if isinstance(motion, RigidMotion):
-        motion = replace(motion, centre=motion.centre - origin)
-    return replace(body, positions=body.positions - origin, motion=motion)
+    return replace(world, cloths=cloths, bodies=tuple(bodies), rigid=rigid, origin=world.origin + middle)

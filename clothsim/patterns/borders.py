@@ -38,7 +38,11 @@ def with_necks(pattern: Pattern, fractions: Mapping[Side, Floats]) -> dict[Side,
         order = slice(None, None, 1 if stitch.right_wrong else -1)
         most = np.maximum(parts[stitch.first], parts[stitch.second][order])
         parts[stitch.first], parts[stitch.second] = most, most[order]
-    return {side: _divided(rows, parts[side]) if parts[side].max() > 1 else rows for side, rows in fractions.items()}
+    divided = {}
+    for side, rows in fractions.items():  # each gap evenly
+        inner = [a + (b - a) * np.arange(k) / k for a, b, k in zip(rows, rows[1:], parts[side], strict=False)]
+        divided[side] = np.concatenate([*inner, rows[-1:]]) if parts[side].max() > 1 else rows
+    return divided
 
 
 def _count_parts(panel: Panel, fractions: Mapping[Side, Floats]) -> dict[Side, Ints]:
@@ -47,14 +51,7 @@ def _count_parts(panel: Panel, fractions: Mapping[Side, Floats]) -> dict[Side, I
     start = np.concatenate([points[:-1] for points in edges])
     side = np.concatenate([np.diff(points, axis=0) for points in edges])
     lengths = np.maximum(np.linalg.norm(side, axis=1), SHORTEST)
-    width = np.maximum(_widths(start, side, lengths), lengths / (LENGTH * MOST))
-    parts = np.where(lengths > NARROW * width, np.ceil(lengths / (LENGTH * width) - 1e-9), 1).astype(np.int64)
-    pieces = np.split(parts, np.cumsum([len(points) - 1 for points in edges])[:-1])
-    return {Side(panel.name, k): piece for k, piece in enumerate(pieces)}
-
-
-def _widths(start: Floats, side: Floats, lengths: Floats) -> Floats:
-    """Distance from the middle of each segment of a loop to the nearest one that faces it, (k,) [m]; inf for none."""
+    # distance from the middle of each segment of the loop to the nearest one that faces it, (k,) [m]; inf for none
     middle, ends = start + side / 2, np.cumsum(lengths)
     found = []
     block = max(1, BLOCK // len(start))
@@ -68,13 +65,10 @@ def _widths(start: Floats, side: Floats, lengths: Floats) -> Floats:
         facing = way > WAY * distance
         facing[np.arange(len(facing)), first + np.arange(len(facing))] = False
         found.append(np.where(facing, distance, np.inf).min(axis=1))
-    return np.concatenate(found)
-
-
-def _divided(fractions: Floats, parts: Ints) -> Floats:
-    """Increasing fractions with each gap divided evenly into a number of parts."""
-    inner = [a + (b - a) * np.arange(k) / k for a, b, k in zip(fractions, fractions[1:], parts, strict=False)]
-    return np.concatenate([*inner, fractions[-1:]])
+    width = np.maximum(np.concatenate(found), lengths / (LENGTH * MOST))
+    parts = np.where(lengths > NARROW * width, np.ceil(lengths / (LENGTH * width) - 1e-9), 1).astype(np.int64)
+    pieces = np.split(parts, np.cumsum([len(points) - 1 for points in edges])[:-1])
+    return {Side(panel.name, k): piece for k, piece in enumerate(pieces)}
 
 
 @dataclass(frozen=True)
@@ -346,7 +340,19 @@ def without_slivers(pattern: Pattern, spacing: float) -> Pattern:
             left[each.panel] -= 1
     if not collapsed:
         return pattern
-    return _collapsed(pattern, collapsed)
+    numbers: dict[Side, Side] = {}
+    panels = {}
+    for name, panel in pattern.panels.items():
+        kept = [number for number in range(len(panel.edges)) if Side(name, number) not in collapsed]
+        numbers |= {Side(name, number): Side(name, new) for new, number in enumerate(kept)}
+        panels[name] = panel if len(kept) == len(panel.edges) else _remove_edges(panel, kept)
+    stitches = tuple(
+        Stitch(numbers[stitch.first], numbers[stitch.second], stitch.right_wrong)
+        for stitch in pattern.stitches
+        if stitch.first in numbers
+    )
+    named = ", ".join(f"{side} ({1e3 * length:.2g} mm)" for side, length in collapsed.items())
+    return replace(pattern, panels=panels, stitches=stitches, notes=(*pattern.notes, f"collapsed: {named}"))
 
 
 def _run(side: Side, lengths: dict[Side, float], count: int) -> float:
@@ -358,22 +364,6 @@ def _run(side: Side, lengths: dict[Side, float], count: int) -> float:
             total += lengths[Side(side.panel, number)]
             number = (number + step) % count
     return total
-
-
-def _collapsed(pattern: Pattern, sides: dict[Side, float]) -> Pattern:
-    numbers: dict[Side, Side] = {}
-    panels = {}
-    for name, panel in pattern.panels.items():
-        kept = [number for number in range(len(panel.edges)) if Side(name, number) not in sides]
-        numbers |= {Side(name, number): Side(name, new) for new, number in enumerate(kept)}
-        panels[name] = panel if len(kept) == len(panel.edges) else _remove_edges(panel, kept)
-    stitches = tuple(
-        Stitch(numbers[stitch.first], numbers[stitch.second], stitch.right_wrong)
-        for stitch in pattern.stitches
-        if stitch.first in numbers
-    )
-    named = ", ".join(f"{side} ({1e3 * length:.2g} mm)" for side, length in sides.items())
-    return replace(pattern, panels=panels, stitches=stitches, notes=(*pattern.notes, f"collapsed: {named}"))
 
 
 def _remove_edges(panel: Panel, kept: list[int]) -> Panel:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats
 from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord, scaled_curve
 from clothsim.patterns.pattern import Panel, Pattern, Side
 
@@ -112,7 +112,17 @@ def with_seams_alike(graded: Pattern, original: Pattern) -> Pattern:
     fixed = np.log([[_per_chord(graded, original, side) for side in pair] for pair in sides]).reshape(-1, 2)
     inverse = np.linalg.inv(_metric(graded, offsets, len(points)))
     for _ in range(STEPS):
-        differences, slopes = _differences(points, ends, fixed)
+        # difference of the logarithms of both factors of each seam (s,), and its derivative (s, n, 2)
+        chords = points[ends[..., 1]] - points[ends[..., 0]]  # (s, 2, 2)
+        squared = (chords**2).sum(axis=2)
+        logarithms = fixed + 0.5 * np.log(squared)
+        slopes = np.zeros((len(ends), len(points), 2))
+        seams = np.arange(len(ends))
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            slope = sign * chords[:, side] / squared[:, side, None]
+            np.add.at(slopes, (seams, ends[:, side, 1]), slope)
+            np.add.at(slopes, (seams, ends[:, side, 0]), -slope)
+        differences = logarithms[:, 0] - logarithms[:, 1]
         if np.abs(differences).max(initial=0.0) < ALIKE:
             break
         moves = np.einsum("nm,smk->snk", inverse, slopes)
@@ -145,20 +155,6 @@ def _per_chord(graded: Pattern, original: Pattern, side: Side) -> float:
 def _ends(pattern: Pattern, side: Side, offsets: Mapping[str, int]) -> tuple[int, int]:
     edge = pattern.panels[side.panel].edges[side.edge]
     return offsets[side.panel] + edge.start, offsets[side.panel] + edge.end
-
-
-def _differences(points: Floats, ends: Ints, fixed: Floats) -> tuple[Floats, Floats]:
-    """Difference of the logarithms of both factors of each seam (s,), and its derivative (s, n, 2)."""
-    chords = points[ends[..., 1]] - points[ends[..., 0]]  # (s, 2, 2)
-    squared = (chords**2).sum(axis=2)
-    logarithms = fixed + 0.5 * np.log(squared)
-    slopes = np.zeros((len(ends), len(points), 2))
-    seams = np.arange(len(ends))
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        slope = sign * chords[:, side] / squared[:, side, None]
-        np.add.at(slopes, (seams, ends[:, side, 1]), slope)
-        np.add.at(slopes, (seams, ends[:, side, 0]), -slope)
-    return logarithms[:, 0] - logarithms[:, 1], slopes
 
 
 def _metric(pattern: Pattern, offsets: Mapping[str, int], n: int) -> Floats:

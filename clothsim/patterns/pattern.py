@@ -168,7 +168,24 @@ class Pattern:
         for panel in self.panels.values():
             _check_loop(panel)
             refuse_unreal(panel)
-        _check_stitches(self)
+        sewn: dict[Side, int] = {}
+        for number, stitch in enumerate(self.stitches):
+            for side in stitch.sides:
+                if side.panel not in self.panels:
+                    raise InputError(
+                        f"Stitch {number} names the panel {side.panel!r}.", f"Known: {', '.join(self.panels)}."
+                    )
+                edges = len(self.panels[side.panel].edges)
+                if not 0 <= side.edge < edges:
+                    raise InputError(
+                        f"Stitch {number} names the {side}, which has {edges} edges.", "Edges count from 0."
+                    )
+                if side in sewn:
+                    raise InputError(
+                        f"The {side} is in two stitches, {sewn[side]} and {number}.",
+                        "Split the edge where one seam ends and the other begins.",
+                    )
+                sewn[side] = number
 
 
 def _check_loop(panel: Panel) -> None:
@@ -210,26 +227,6 @@ def refuse_unreal(panel: Panel) -> None:
             raise InputError(f"Edge {number} of panel {panel.name} is {length:.3g} m long.", UNITS)
 
 
-def _check_stitches(pattern: Pattern) -> None:
-    """InputError for a stitch of an edge that is not there, or of an edge that is sewn already."""
-    sewn: dict[Side, int] = {}
-    for number, stitch in enumerate(pattern.stitches):
-        for side in stitch.sides:
-            if side.panel not in pattern.panels:
-                raise InputError(
-                    f"Stitch {number} names the panel {side.panel!r}.", f"Known: {', '.join(pattern.panels)}."
-                )
-            edges = len(pattern.panels[side.panel].edges)
-            if not 0 <= side.edge < edges:
-                raise InputError(f"Stitch {number} names the {side}, which has {edges} edges.", "Edges count from 0.")
-            if side in sewn:
-                raise InputError(
-                    f"The {side} is in two stitches, {sewn[side]} and {number}.",
-                    "Split the edge where one seam ends and the other begins.",
-                )
-            sewn[side] = number
-
-
 def turned_panels(pattern: Pattern) -> Mapping[str, bool]:
     """Panels whose front is turned over against the direction of their loop.
 
@@ -250,27 +247,22 @@ def turned_panels(pattern: Pattern) -> Mapping[str, bool]:
     for first in pattern.panels:
         if first in turned:
             continue
-        piece = _piece(first, beside)
+        # panels sewn to `first`, True if their front is opposite to its own
+        piece, waiting = {first: False}, deque([first])
+        while waiting:
+            name = waiting.popleft()
+            for other, opposite, number in beside[name]:
+                if other not in piece:
+                    piece[other] = piece[name] != opposite
+                    waiting.append(other)
+                elif piece[other] != (piece[name] != opposite):
+                    raise InputError(
+                        f"Stitch {number} of {name} and {other} gives the garment one side only (a Moebius band).",
+                        "Turn that stitch: right_wrong joins opposite fronts.",
+                    )
         opposite = sum(piece.values()) > len(piece) / 2
         turned |= {name: value != opposite for name, value in piece.items()}
     return turned
-
-
-def _piece(first: str, beside: Mapping[str, list[tuple[str, bool, int]]]) -> dict[str, bool]:
-    """Panels sewn to `first`, True if their front is opposite to its own."""
-    piece, waiting = {first: False}, deque([first])
-    while waiting:
-        name = waiting.popleft()
-        for other, opposite, number in beside[name]:
-            if other not in piece:
-                piece[other] = piece[name] != opposite
-                waiting.append(other)
-            elif piece[other] != (piece[name] != opposite):
-                raise InputError(
-                    f"Stitch {number} of {name} and {other} gives the garment one side only (a Moebius band).",
-                    "Turn that stitch: right_wrong joins opposite fronts.",
-                )
-    return piece
 
 
 # Gathers: seams whose sides differ in length, and the strain that their cells take.

@@ -67,11 +67,37 @@ def mesh_panel(border: Floats, spacing: float, graded: bool = False) -> PanelMes
     (4, 2)
     """
     count = len(border)
-    points = np.concatenate([border, _lattice(border, spacing)])
+    # a hexagonal lattice inside the border and clear of it, (n, 2) [m]
+    low, high = border.min(axis=0), border.max(axis=0)
+    height = spacing * np.sqrt(3) / 2
+    rows = np.arange(int((high[1] - low[1]) / height) + 2)
+    columns = np.arange(-1, int((high[0] - low[0]) / spacing) + 2)
+    x, y = np.meshgrid(columns * spacing, rows * height)
+    x[1::2] += spacing / 2
+    centred = (high - low - [0, rows[-1] * height]) / 2  # a symmetric panel has a nearly symmetric lattice
+    lattice = np.column_stack([x.ravel() + low[0] + centred[0] % spacing, y.ravel() + low[1] + centred[1]])
+    points = np.concatenate([border, lattice[inside_and_clear(lattice, border, CLEARANCE * spacing)]])
     triangles = _constrained_delaunay(points, count)
     points, triangles = _smoothed(points, triangles, count)
     for _ in range(INSERTIONS if graded else 0):
-        inserted = _circumcentres(points, triangles, border)
+        # circumcentres of triangles with a sharp angle, apart from one another and from the border, (k, 2) [m]
+        corners = points[triangles]
+        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]  # twice
+        lengths = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
+        sine = area / (lengths[:, 1] * lengths[:, 2])
+        square_a, square_b = (a**2).sum(axis=1), (b**2).sum(axis=1)
+        offset = np.column_stack([b[:, 1] * square_a - a[:, 1] * square_b, a[:, 0] * square_b - b[:, 0] * square_a])
+        centres = corners[:, 0] + offset / (2 * area)[:, None]
+        radius = np.linalg.norm(offset, axis=1) / (2 * area)
+        chosen: list[int] = []
+        start, end = border, np.roll(border, -1, axis=0)
+        for k in np.argsort(sine)[: int((sine < np.sin(np.radians(SHARP))).sum())]:
+            outside = ((centres[k] - start) * (centres[k] - end)).sum(axis=1).min() > 0
+            apart = all(np.linalg.norm(centres[k] - centres[j]) > max(radius[k], radius[j]) for j in chosen)
+            if outside and apart and inside_and_clear(centres[k : k + 1], border, 0.0)[0]:
+                chosen.append(int(k))
+        inserted = centres[chosen]
         if not len(inserted):
             break
         points = np.concatenate([points, inserted])
@@ -82,47 +108,17 @@ def mesh_panel(border: Floats, spacing: float, graded: bool = False) -> PanelMes
 def _smoothed(points: Floats, triangles: Ints, count: int) -> tuple[Floats, Ints]:
     """Points and triangles after all rounds of smoothing; the first `count` points stay."""
     for _ in range(ROUNDS if len(points) > count else 0):
-        points[count:] = _centroidal(points, triangles)[count:]
+        # to the mean of the centroids of the triangles of each point, weighted by their areas, (n, 2) [m]
+        corners = points[triangles]
+        edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = np.repeat(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0], 3)
+        centroids = np.repeat(corners.mean(axis=1), 3, axis=0)
+        rows, n = triangles.ravel(), len(points)
+        total = np.bincount(rows, weights=area, minlength=n)
+        means = [np.bincount(rows, weights=area * c, minlength=n) / total for c in centroids.T]
+        points[count:] = np.column_stack(means)[count:]
         triangles = _constrained_delaunay(points, count)
     return points, triangles
-
-
-def _circumcentres(points: Floats, triangles: Ints, border: Floats) -> Floats:
-    """Circumcentres of triangles with a sharp angle, apart from one another and from the border, (k, 2) [m].
-
-    One within the circle over a side of the border would need that side divided (Ruppert 1995), which its seam
-    does not allow.
-    """
-    corners = points[triangles]
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]  # twice
-    lengths = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
-    sine = area / (lengths[:, 1] * lengths[:, 2])
-    square_a, square_b = (a**2).sum(axis=1), (b**2).sum(axis=1)
-    offset = np.column_stack([b[:, 1] * square_a - a[:, 1] * square_b, a[:, 0] * square_b - b[:, 0] * square_a])
-    centres = corners[:, 0] + offset / (2 * area)[:, None]
-    radius = np.linalg.norm(offset, axis=1) / (2 * area)
-    chosen: list[int] = []
-    start, end = border, np.roll(border, -1, axis=0)
-    for k in np.argsort(sine)[: int((sine < np.sin(np.radians(SHARP))).sum())]:
-        outside = ((centres[k] - start) * (centres[k] - end)).sum(axis=1).min() > 0
-        apart = all(np.linalg.norm(centres[k] - centres[j]) > max(radius[k], radius[j]) for j in chosen)
-        if outside and apart and inside_and_clear(centres[k : k + 1], border, 0.0)[0]:
-            chosen.append(int(k))
-    return centres[chosen]
-
-
-def _lattice(border: Floats, spacing: float) -> Floats:
-    """Points of a hexagonal lattice inside the border and clear of it, (n, 2) [m]."""
-    low, high = border.min(axis=0), border.max(axis=0)
-    height = spacing * np.sqrt(3) / 2
-    rows = np.arange(int((high[1] - low[1]) / height) + 2)
-    columns = np.arange(-1, int((high[0] - low[0]) / spacing) + 2)
-    x, y = np.meshgrid(columns * spacing, rows * height)
-    x[1::2] += spacing / 2
-    centred = (high - low - [0, rows[-1] * height]) / 2  # a symmetric panel has a nearly symmetric lattice
-    points = np.column_stack([x.ravel() + low[0] + centred[0] % spacing, y.ravel() + low[1] + centred[1]])
-    return points[inside_and_clear(points, border, CLEARANCE * spacing)]
 
 
 def inside_and_clear(points: Floats, border: Floats, clearance: float) -> np.ndarray:
@@ -152,17 +148,6 @@ def _constrained_delaunay(points: Floats, count: int) -> Ints:
     made.insert_edges(np.ascontiguousarray(np.column_stack([rows, np.roll(rows, -1)])))
     made.erase_outer_triangles_and_holes()
     return np.asarray(made.triangles_array()["vertices"], np.int64).reshape(-1, 3)
-
-
-def _centroidal(points: Floats, triangles: Ints) -> Floats:
-    """Mean of the centroids of the triangles of each point, weighted by their areas, (n, 2) [m]."""
-    corners = points[triangles]
-    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = np.repeat(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0], 3)
-    centroids = np.repeat(corners.mean(axis=1), 3, axis=0)
-    rows, n = triangles.ravel(), len(points)
-    total = np.bincount(rows, weights=area, minlength=n)
-    return np.column_stack([np.bincount(rows, weights=area * c, minlength=n) / total for c in centroids.T])
 
 
 MOST_VERTICES = 300_000

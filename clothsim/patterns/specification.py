@@ -82,9 +82,19 @@ def pattern_of(entries: Any, rotation_order: str = "zyx") -> Pattern:
     if rotation_order not in ORDERS:
         raise InputError(f"rotation_order is {rotation_order!r}.", f"Known: {', '.join(ORDERS)}.")
     pattern = _table("The file", _table("The file", entries).get("pattern"), "pattern")
-    _refuse_deep(entries)
+    level = [entries]
+    for _ in range(DEEPEST):
+        inside = [each.values() if isinstance(each, Mapping) else each for each in level]
+        level = [value for each in inside for value in each if isinstance(value, Mapping | list)]
+    if level:  # it could not be written again
+        raise InputError(f"The file nests lists and tables deeper than {DEEPEST}.", "No sewing pattern does.")
     properties = _table("The file", _given(entries, "properties", {}), "properties")
-    unit, notes = _metres(properties)
+    given = "units_in_meter" in properties
+    notes: tuple[str, ...] = () if given else ("the file names no units_in_meter: its lengths are read as centimetres",)
+    units = float(_numbers("properties.units_in_meter", [properties.get("units_in_meter", USUAL_UNITS)], (1,))[0])
+    if not SMALLEST_UNITS <= units <= LARGEST_UNITS:
+        raise InputError(f"properties.units_in_meter is {units:g}.", "100 for centimetres, 1 for metres.")
+    unit = 1 / units
     absolute = properties.get("curvature_coords", "relative") == "absolute"
     raw = {
         _name(name): _table(f"Panel {name}", panel)
@@ -149,19 +159,18 @@ def entries_of(pattern: Pattern) -> dict[str, Any]:
     for stitch in pattern.stitches:
         sides: list[Any] = [{"panel": side.panel, "edge": side.edge} for side in stitch.sides]
         stitches.append([*sides, "right_wrong"] if stitch.right_wrong else sides)
-    panels = {name: _panel_entries(panel, units) for name, panel in pattern.panels.items()}
+    panels = {
+        name: {
+            "translation": (units * panel.translation).tolist(),
+            "rotation": np.degrees(panel.rotation).tolist(),
+            "vertices": (units * panel.vertices).tolist(),
+            "edges": [_edge_entries(edge, units) for edge in panel.edges],
+            **({"label": panel.label} if panel.label else {}),
+        }
+        for name, panel in pattern.panels.items()
+    }
     body = {**pattern.source.get("pattern", {}), "panels": panels, "stitches": stitches}
     return {**pattern.source.get("file", {}), "pattern": body, "properties": properties}
-
-
-def _metres(properties: Mapping[str, Any]) -> tuple[float, tuple[str, ...]]:
-    """Metres in a unit of the file, and a note where it is assumed."""
-    if "units_in_meter" not in properties:
-        return 1 / USUAL_UNITS, ("the file names no units_in_meter: its lengths are read as centimetres",)
-    units = float(_numbers("properties.units_in_meter", [properties["units_in_meter"]], (1,))[0])
-    if not SMALLEST_UNITS <= units <= LARGEST_UNITS:
-        raise InputError(f"properties.units_in_meter is {units:g}.", "100 for centimetres, 1 for metres.")
-    return 1 / units, ()
 
 
 def _rotation(angles: Floats, order: str) -> Rotation:
@@ -235,17 +244,6 @@ def _stitch(number: int, entries: Any) -> Stitch:
     return Stitch(sides[0], sides[1], len(entries) == 3)
 
 
-def _panel_entries(panel: Panel, units: float) -> dict[str, Any]:
-    label = {"label": panel.label} if panel.label else {}
-    return {
-        "translation": (units * panel.translation).tolist(),
-        "rotation": np.degrees(panel.rotation).tolist(),
-        "vertices": (units * panel.vertices).tolist(),
-        "edges": [_edge_entries(edge, units) for edge in panel.edges],
-        **label,
-    }
-
-
 def _edge_entries(edge: PatternEdge, units: float) -> dict[str, Any]:
     entries: dict[str, Any] = {"endpoints": [edge.start, edge.end]}
     if isinstance(edge.curve, Bezier):
@@ -285,17 +283,6 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
         raise ValueError(f"the key {twice!r} is given twice")
     return table
-
-
-def _refuse_deep(entries: Any) -> None:
-    """InputError for nested lists and tables that could not be written again."""
-    level = [entries]
-    for _ in range(DEEPEST):
-        inside = [each.values() if isinstance(each, Mapping) else each for each in level]
-        level = [value for each in inside for value in each if isinstance(value, Mapping | list)]
-        if not level:
-            return
-    raise InputError(f"The file nests lists and tables deeper than {DEEPEST}.", "No sewing pattern does.")
 
 
 def _numbers(where: str, value: Any, shape: tuple[int, ...]) -> Floats:

@@ -51,9 +51,33 @@ def draw_closeup(
     near = np.concatenate(
         [_corners_near(surface, point, view_radius) for surface in surfaces if surface.role == "cloth"]
     )
-    view = _freest_view(surfaces, point, upright, near, 0.05 * view_radius)
+    skin = 0.05 * view_radius
+    # the direction from the point towards the camera along which the fewest triangles hide it: of equals the usual
+    # one; hits nearer than `skin` do not count, for the point lies on a triangle
+    usual = three_quarter_view(near, upright)
+    vertical = upright / np.linalg.norm(upright)
+    level = usual - (usual @ vertical) * vertical
+    level /= np.linalg.norm(level)
+    side = np.cross(vertical, level)
+    turns = [(np.radians(e), np.radians(a)) for e in ELEVATIONS for a in AZIMUTHS]
+    others = [np.cos(e) * (np.cos(a) * level + np.sin(a) * side) + np.sin(e) * vertical for e, a in turns]
+    views = np.array([usual, *others])
+    counts = [sum(len(_find_occluders(surface, point, way, skin)) for surface in surfaces) for way in views]
+    view = views[int(np.argmin(counts))]
     setup = picture_setup([surfaces], view=view, title=title, **settings)  # type: ignore[arg-type]
-    seen, cut = _cut_open(surfaces, point, setup.camera.position, 0.05 * view_radius)
+    # of each body that hides the point only what is behind it is seen
+    towards = (setup.camera.position - point) / np.linalg.norm(setup.camera.position - point)
+    seen, cut = [], []
+    for surface in surfaces:
+        if surface.role == "body" and len(_find_occluders(surface, point, towards, skin)):
+            corners = surface.positions[surface.triangles]
+            parts = [part for triangle in corners for part in _behind(triangle, (triangle - point) @ towards)]
+            cut.append(surface.name)
+            if parts:
+                points = np.concatenate(parts)
+                seen.append(replace(surface, positions=points, triangles=np.arange(len(points)).reshape(-1, 3)))
+        else:
+            seen.append(surface)
     caption = f"{title} ({' and '.join(cut)} cut open)" if cut else title
     nearest = near[np.argsort(np.linalg.norm(near.mean(axis=1) - point, axis=1))[:OUTLINED]]
     picture, pen = _outlined(setup, seen, nearest, (40, 40, 46, 70))
@@ -97,25 +121,6 @@ def _corners_near(surface: Surface, point: Floats, radius: float) -> Floats:
     return corners[distances <= max(radius, float(distances.min()))]
 
 
-def _freest_view(surfaces: Sequence[Surface], point: Floats, up: Floats, near: Floats, skin: float) -> Floats:
-    """The direction from the point towards the camera, (3,), along which the fewest triangles hide it.
-
-    Among equals the usual view first. Hits nearer than `skin` [m] do not count: the point lies on a triangle.
-    """
-    usual = three_quarter_view(near, up)
-    vertical = up / np.linalg.norm(up)
-    level = usual - (usual @ vertical) * vertical
-    level /= np.linalg.norm(level)
-    side = np.cross(vertical, level)
-    turns = [(np.radians(e), np.radians(a)) for e in ELEVATIONS for a in AZIMUTHS]
-    others = [np.cos(e) * (np.cos(a) * level + np.sin(a) * side) + np.sin(e) * vertical for e, a in turns]
-    views = np.array([usual, *others])
-    if not any(len(_find_occluders(surface, point, usual, skin)) for surface in surfaces):
-        return usual
-    counts = [sum(len(_find_occluders(surface, point, view, skin)) for surface in surfaces) for view in views]
-    return views[int(np.argmin(counts))]
-
-
 def _find_occluders(surface: Surface, point: Floats, towards: Floats, skin: float) -> Ints:
     """The triangles that the ray from the point meets beyond `skin` [m] (Moeller & Trumbore 1997)."""
     a, b, c = (surface.positions[surface.triangles[:, k]] for k in range(3))
@@ -127,23 +132,6 @@ def _find_occluders(surface: Surface, point: Floats, towards: Floats, skin: floa
         v = q @ towards / determinant
         t = ((c - a) * q).sum(axis=1) / determinant
         return np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1) & (t > skin))
-
-
-def _cut_open(surfaces: Sequence[Surface], point: Floats, eye: Floats, skin: float) -> tuple[list[Surface], list[str]]:
-    """The surfaces, of each body that hides the point only what is behind it; and the names of those bodies."""
-    towards = (eye - point) / np.linalg.norm(eye - point)
-    seen, cut = [], []
-    for surface in surfaces:
-        if surface.role == "body" and len(_find_occluders(surface, point, towards, skin)):
-            corners = surface.positions[surface.triangles]
-            parts = [part for triangle in corners for part in _behind(triangle, (triangle - point) @ towards)]
-            cut.append(surface.name)
-            if parts:
-                points = np.concatenate(parts)
-                seen.append(replace(surface, positions=points, triangles=np.arange(len(points)).reshape(-1, 3)))
-        else:
-            seen.append(surface)
-    return seen, cut
 
 
 def _behind(corners: Floats, heights: Floats) -> list[Floats]:

@@ -88,7 +88,16 @@ def movie(
     with replacing(target) as beside:
         beside.touch()  # what cannot be written is named before it is drawn
         if target.suffix.lower() == ".mp4":
-            _write_mp4(beside, pictures, rate, even)
+            as_mp4 = ["-f", "mp4"]  # whatever the name ends in
+            writer = _ffmpeg().write_frames(
+                str(beside), even, fps=rate, quality=8, macro_block_size=2, output_params=as_mp4
+            )
+            writer.send(None)
+            try:
+                for picture in pictures:
+                    writer.send(np.ascontiguousarray(picture))
+            finally:
+                writer.close()
         elif target.suffix.lower() == ".webp":
             _write_images(beside, map(Image.fromarray, pictures), "WEBP", 1000 / rate, quality=80, method=4)
         else:
@@ -127,17 +136,6 @@ def _ffmpeg() -> Any:
     except (ImportError, RuntimeError):
         return None
     return imageio_ffmpeg
-
-
-def _write_mp4(target: Path, pictures: Iterator[np.ndarray], rate: float, size: tuple[int, int]) -> None:
-    as_mp4 = ["-f", "mp4"]  # whatever the name ends in
-    writer = _ffmpeg().write_frames(str(target), size, fps=rate, quality=8, macro_block_size=2, output_params=as_mp4)
-    writer.send(None)
-    try:
-        for picture in pictures:
-            writer.send(np.ascontiguousarray(picture))
-    finally:
-        writer.close()
 
 
 def _write_images(target: Path, frames: Iterable[Image.Image], kind: str, milliseconds: float, **options: Any) -> None:

@@ -114,7 +114,13 @@ def _draw_panel(
         sewn = colours.get(Side(panel.name, number))
         axes.plot(*line.T, color=OUTLINE if sewn is None else sewn[1], linewidth=1.0 if sewn is None else 2.6, zorder=2)
         if edge_numbers:
-            _draw_edge_number(axes, number, line, moved)
+            # the number inside the panel beside the middle of the edge, and a dot at its start
+            middle, along = line[SAMPLES // 2], line[SAMPLES // 2 + 1] - line[SAMPLES // 2 - 1]
+            left = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+            inward = left if enclosed_area(moved) > 0 else -left
+            x, y = middle + NUMBER * inward
+            axes.text(x, y, str(number), fontsize=7, ha="center", va="center", color=TEXT, zorder=4)
+            axes.plot(*line[0], marker="o", markersize=2.5, color=TEXT, zorder=4)
         elif sewn is not None:
             box = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": sewn[1], "linewidth": 1.0}
             x, y = line[SAMPLES // 2]
@@ -129,13 +135,3 @@ def _draw_panel(
     axes.text(
         x, y, panel.name, fontsize=8, ha="center", va="center" if inside else "top", color=TEXT, bbox=label, zorder=3
     )
-
-
-def _draw_edge_number(axes: Axes, number: int, line: Floats, points: Floats) -> None:
-    """The number of an edge inside the panel beside its middle, and a dot at its start."""
-    middle, along = line[SAMPLES // 2], line[SAMPLES // 2 + 1] - line[SAMPLES // 2 - 1]
-    left = np.array([-along[1], along[0]]) / np.linalg.norm(along)
-    inward = left if enclosed_area(points) > 0 else -left
-    x, y = middle + NUMBER * inward
-    axes.text(x, y, str(number), fontsize=7, ha="center", va="center", color=TEXT, zorder=4)
-    axes.plot(*line[0], marker="o", markersize=2.5, color=TEXT, zorder=4)

@@ -207,9 +207,25 @@ def picture_setup(
         raise InputError(f"The style is {style!r}.", f"Known: {', '.join(STYLES)}.")
     dyes = None if isinstance(colour, Quantity) or colour in _COLOURINGS else dyes_of(str(colour))
     pixels = pixel_counts(size)
-    _check_size(pixels, samples)
+    named = f"A picture of {pixels[0]:,} x {pixels[1]:,} pixels"
+    if min(pixels) < _SMALLEST:
+        raise InputError(f"{named} is too small.", f"Give {_SMALLEST} or more each way.")
+    if max(pixels) * samples > _LONGEST_SIDE or pixels[0] * pixels[1] * samples**2 > _MOST_SAMPLES:
+        longest, most = _LONGEST_SIDE // samples, _MOST_SAMPLES // samples**2
+        raise InputError(f"{named} is too large.", f"Give up to {longest:,} each way and {most:,} in all.")
     for surface in (s for surfaces in frames for s in surfaces):
-        _check(surface)
+        name = surface.name
+        as_points(f"{name} positions", surface.positions)
+        as_triangles(f"{name} triangles", surface.triangles, len(surface.positions))
+        if not len(surface.triangles):
+            raise InputError(f"{name} has no triangles to draw.")
+        if surface.role not in ("cloth", "body"):
+            raise InputError(f'{name}: role must be "cloth" or "body", not {surface.role!r}.')
+        stretches = as_points(f"{name} principal_stretches", surface.principal_stretches, 2)
+        if len(stretches) not in (0, len(surface.triangles)):
+            raise InputError(f"{name}: {len(stretches)} principal_stretches for {len(surface.triangles)} triangles.")
+        if len(surface.values) not in (0, len(surface.positions)):
+            raise InputError(f"{name}: {len(surface.values)} values for {len(surface.positions)} vertices.")
     upright = _direction("up", _UP.get(up, up) if isinstance(up, str) else up)
     traced = STYLES[style].traced
     chosen, note = ("mitsuba", "Traced by Mitsuba.") if traced else choose_renderer(renderer)
@@ -266,16 +282,6 @@ def _standing(bodies: Sequence[Floats], upright: Floats) -> list[Floats]:
     A person who wears a garment is seen from head to feet, a table or a wall that is wider than high is not.
     """
     return [points for points in bodies if np.ptp(points @ upright) > STANDS * np.ptp(points, axis=0).max()]
-
-
-def _check_size(pixels: tuple[int, int], samples: int) -> None:
-    """InputError for a picture that is too small for its legend, or larger than what draws it."""
-    named = f"A picture of {pixels[0]:,} x {pixels[1]:,} pixels"
-    if min(pixels) < _SMALLEST:
-        raise InputError(f"{named} is too small.", f"Give {_SMALLEST} or more each way.")
-    if max(pixels) * samples > _LONGEST_SIDE or pixels[0] * pixels[1] * samples**2 > _MOST_SAMPLES:
-        longest, most = _LONGEST_SIDE // samples, _MOST_SAMPLES // samples**2
-        raise InputError(f"{named} is too large.", f"Give up to {longest:,} each way and {most:,} in all.")
 
 
 def centre_of(surfaces: Sequence[Surface]) -> Floats:
@@ -365,21 +371,6 @@ def scale_of(
             "A range of colours is given, and the cloth is plain.", "Leave it out, or colour by stretch or by a field."
         )
     return None
-
-
-def _check(surface: Surface) -> None:
-    name = surface.name
-    as_points(f"{name} positions", surface.positions)
-    as_triangles(f"{name} triangles", surface.triangles, len(surface.positions))
-    if not len(surface.triangles):
-        raise InputError(f"{name} has no triangles to draw.")
-    if surface.role not in ("cloth", "body"):
-        raise InputError(f'{name}: role must be "cloth" or "body", not {surface.role!r}.')
-    stretches = as_points(f"{name} principal_stretches", surface.principal_stretches, 2)
-    if len(stretches) not in (0, len(surface.triangles)):
-        raise InputError(f"{name}: {len(stretches)} principal_stretches for {len(surface.triangles)} triangles.")
-    if len(surface.values) not in (0, len(surface.positions)):
-        raise InputError(f"{name}: {len(surface.values)} values for {len(surface.positions)} vertices.")
 
 
 def _direction(name: str, values: ArrayLike | str) -> Floats:

@@ -58,7 +58,15 @@ def pixel_geometry(surfaces: Sequence[Surface], camera: Viewpoint, size: tuple[i
     triangles = triangles + starts[owner][:, None]
     x = np.concatenate([each.positions for each in surfaces])
     material = np.concatenate([each.material if len(each.material) else each.positions for each in surfaces])
-    met, rays = _cast(x[triangles], camera, size)
+    # first hit of the ray through each pixel
+    low, high = seen_box(x[triangles].reshape(-1, 3), camera)
+    scale = 1.0 / (float((high - low).max()) or 1.0)  # embree computes in single precision
+    scene = caster_over((x[triangles] - 0.5 * (low + high)) * scale)
+    rays = camera.directions(*size).reshape(-1, 3)
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    eye = ((camera.position - 0.5 * (low + high)) * scale).astype(np.float32)
+    eyes = np.ascontiguousarray(np.broadcast_to(eye, rays.shape))
+    met = scene.run(eyes, rays.astype(np.float32), output=True)
     hit = np.flatnonzero(met["primID"] >= 0)
     corners = triangles[met["primID"][hit]]
     u, v = met["u"][hit, None], met["v"][hit, None]
@@ -83,18 +91,6 @@ def pixel_geometry(surfaces: Sequence[Surface], camera: Viewpoint, size: tuple[i
         side.reshape(height, width, 3),
         facing.reshape(height, width),
     )
-
-
-def _cast(corners: Floats, camera: Viewpoint, size: tuple[int, int]) -> tuple[dict[str, Floats], Floats]:
-    """First hit of the ray through each pixel, and the unit rays (pixels, 3)."""
-    low, high = seen_box(corners.reshape(-1, 3), camera)
-    scale = 1.0 / (float((high - low).max()) or 1.0)  # embree computes in single precision
-    scene = caster_over((corners - 0.5 * (low + high)) * scale)
-    rays = camera.directions(*size).reshape(-1, 3)
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    eye = ((camera.position - 0.5 * (low + high)) * scale).astype(np.float32)
-    eyes = np.ascontiguousarray(np.broadcast_to(eye, rays.shape))
-    return scene.run(eyes, rays.astype(np.float32), output=True), rays
 
 
 Ray = tuple[float, float, float]
@@ -123,7 +119,14 @@ def render(made: Sequence[Look], camera: Viewpoint, size: tuple[int, int], up: F
     """Rendered image, (height, width, 4): sRGB times coverage, and the coverage."""
     width, height = size
     stage = _stage(made, camera, up)
-    low, high = _pixel_box(np.concatenate([look.corners for look in made]).reshape(-1, 3), camera, size)
+    points = np.concatenate([look.corners for look in made]).reshape(-1, 3)
+    # first and last + 1 pixel, right and upwards, that the points can cover; all where some are behind the camera
+    if ((points - camera.position) @ camera.axes[2] >= 0).any():
+        low, high = np.zeros(2, np.int64), np.array(size)
+    else:
+        pixels = (np.clip(camera.project(points), -2, 2) + 1) / 2 * size
+        low, high = np.floor(pixels.min(axis=0)) - 1, np.ceil(pixels.max(axis=0)) + 1
+        low, high = np.clip(low, 0, size).astype(np.int64), np.clip(high, 0, size).astype(np.int64)
     image = np.zeros((height, width, 4))
     columns = slice(int(low[0]), int(high[0]))
     for top in range(height - int(high[1]), height - int(low[1]), _BAND):
@@ -131,15 +134,6 @@ def render(made: Sequence[Look], camera: Viewpoint, size: tuple[int, int], up: F
         if columns.start < columns.stop:
             image[rows, columns] = _band(stage, size, rows, columns, samples)
     return image
-
-
-def _pixel_box(points: Floats, camera: Viewpoint, size: tuple[int, int]) -> tuple[Ints, Ints]:
-    """First and last + 1 pixel, right and upwards, that the points can cover; all where some are behind the camera."""
-    if ((points - camera.position) @ camera.axes[2] >= 0).any():
-        return np.zeros(2, np.int64), np.array(size)
-    pixels = (np.clip(camera.project(points), -2, 2) + 1) / 2 * size
-    low, high = np.floor(pixels.min(axis=0)) - 1, np.ceil(pixels.max(axis=0)) + 1
-    return np.clip(low, 0, size).astype(np.int64), np.clip(high, 0, size).astype(np.int64)
 
 
 def _stage(made: Sequence[Look], camera: Viewpoint, up: Floats) -> _Stage:

@@ -82,10 +82,24 @@ def render(
             shapes += _cloth(mi, surface, threads[n_cloths % len(threads)], scale, pixel, camera)
             n_cloths += 1
     aovs = "colour:albedo,normal:sh_normal"
+    _, picture_up, back = camera.axes
+    looking = mi.ScalarTransform4f().look_at(
+        origin=list(camera.position), target=list(camera.position - back), up=list(picture_up)
+    )
+    film = {"type": "hdrfilm", "width": size[0], "height": size[1], "rfilter": {"type": "box"}, "pixel_format": "rgb"}
     scene = {
         "type": "scene",
         "integrator": {"type": "aov", "aovs": aovs, "traced": {"type": "path", "max_depth": DEPTH}},
-        "sensor": _sensor(mi, camera, size, extent),
+        "sensor": {
+            "type": "perspective",
+            "fov": float(2.0 * np.degrees(np.arctan(camera.tangents[1]))),
+            "fov_axis": "y",
+            "near_clip": 1e-3 * extent,
+            "far_clip": 200.0 * extent,
+            "to_world": looking,
+            "film": {**film, "component_format": "float32"},
+            "sampler": {"type": "independent"},
+        },
         **{f"surface_{k}": shape for k, shape in enumerate(shapes)},
         **_stage(mi, everything, camera, up, extent),
     }
@@ -242,24 +256,6 @@ def _stage(mi: Any, everything: Floats, camera: Viewpoint, up: Floats, extent: f
         "fill": panel(1.0 * side + 0.35 * upright + 0.7 * level, 3.2, 1.0, FILL, [0.95, 1.0, 1.08]),
         "rim": panel(0.75 * side + 0.9 * upright - 0.75 * level, 2.4, 0.5, RIM, [1.0, 1.0, 1.04]),
         "sky": {"type": "constant", "radiance": {"type": "rgb", "value": SKY}},
-    }
-
-
-def _sensor(mi: Any, camera: Viewpoint, size: tuple[int, int], extent: float) -> dict[str, Any]:
-    _, picture_up, back = camera.axes
-    looking = mi.ScalarTransform4f().look_at(
-        origin=list(camera.position), target=list(camera.position - back), up=list(picture_up)
-    )
-    film = {"type": "hdrfilm", "width": size[0], "height": size[1], "rfilter": {"type": "box"}, "pixel_format": "rgb"}
-    return {
-        "type": "perspective",
-        "fov": float(2.0 * np.degrees(np.arctan(camera.tangents[1]))),
-        "fov_axis": "y",
-        "near_clip": 1e-3 * extent,
-        "far_clip": 200.0 * extent,
-        "to_world": looking,
-        "film": {**film, "component_format": "float32"},
-        "sampler": {"type": "independent"},
     }
 
 

@@ -30,30 +30,28 @@ def add_legend(image: Floats, scale: Scale | None, title: str) -> np.ndarray:
     if title:
         pen.text((1.6 * em, 1.3 * em), title, fill=_INK, font=ImageFont.load_default(1.25 * em), anchor="la")
     if scale is not None:
-        _bar(canvas, scale, em)
+        width, height = canvas.size
+        tall, wide = round(0.42 * height), max(4, round(0.62 * em))
+        left, top = round(width - 5.2 * em), round(0.5 * (height - 0.42 * height) + 0.5 * em)
+        values = scale.high - (scale.high - scale.low) * (np.arange(tall) + 0.5) / tall
+        column = np.round(scale.colours(values) * 255).astype(np.uint8)
+        canvas.paste(
+            Image.fromarray(np.ascontiguousarray(np.broadcast_to(column[:, None], (tall, wide, 3)))), (left, top)
+        )
+        pen = ImageDraw.Draw(canvas)
+        font = ImageFont.load_default(em)
+        for value, text in scale.ticks:
+            y = top + tall * (scale.high - value) / (scale.high - scale.low)
+            pen.line((left + wide + 0.2 * em, y, left + wide + 0.5 * em, y), fill=_INK, width=max(1, round(em / 16)))
+            pen.text((left + wide + 0.8 * em, y), text, fill=_INK, font=font, anchor="lm")
+        for line, text in enumerate(reversed(scale.heading)):
+            pen.text((left + 1.1 * em, top - (1.75 + 1.15 * line) * em), text, fill=_INK, font=font, anchor="ma")
     return np.asarray(canvas)
 
 
 def label(pen: Any, corner: tuple[float, float], text: str, em: float) -> None:
     """Write a line of letters `em` pixels tall, its upper left corner there."""
     pen.text(corner, text, fill=_INK, font=ImageFont.load_default(em), anchor="la")
-
-
-def _bar(canvas, scale: Scale, em: float) -> None:
-    width, height = canvas.size
-    tall, wide = round(0.42 * height), max(4, round(0.62 * em))
-    left, top = round(width - 5.2 * em), round(0.5 * (height - 0.42 * height) + 0.5 * em)
-    values = scale.high - (scale.high - scale.low) * (np.arange(tall) + 0.5) / tall
-    column = np.round(scale.colours(values) * 255).astype(np.uint8)
-    canvas.paste(Image.fromarray(np.ascontiguousarray(np.broadcast_to(column[:, None], (tall, wide, 3)))), (left, top))
-    pen = ImageDraw.Draw(canvas)
-    font = ImageFont.load_default(em)
-    for value, text in scale.ticks:
-        y = top + tall * (scale.high - value) / (scale.high - scale.low)
-        pen.line((left + wide + 0.2 * em, y, left + wide + 0.5 * em, y), fill=_INK, width=max(1, round(em / 16)))
-        pen.text((left + wide + 0.8 * em, y), text, fill=_INK, font=font, anchor="lm")
-    for line, text in enumerate(reversed(scale.heading)):
-        pen.text((left + 1.1 * em, top - (1.75 + 1.15 * line) * em), text, fill=_INK, font=font, anchor="ma")
 
 
 def _em(size: tuple[int, int]) -> float:
@@ -149,17 +147,13 @@ def _floor_light(triangles: Floats, camera: Viewpoint, size: tuple[int, int], up
     on_plane = np.stack([start[k] + distance * along(plane[k] / per_texel) for k in range(2)], axis=2)
     inside = (fall > 1e-6) & ((on_plane >= 0.0) & (on_plane <= _TEXELS - 1.0)).all(axis=2)
     light = np.ones(fall.shape)
-    light[inside] = _bilinear(texture, on_plane[inside])
-    return light
-
-
-def _bilinear(texture: Floats, at: Floats) -> Floats:
-    """Texture (k, k) at points (n, 2), column and row, between the middles of the texels at its edges."""
+    at = on_plane[inside]  # column and row, between the middles of the texels at the edges
     corner = np.minimum(at.astype(np.int64), len(texture) - 2)
     (x, y), (column, row) = (at - corner).T, corner.T
     upper = (1.0 - x) * texture[row, column] + x * texture[row, column + 1]
     lower = (1.0 - x) * texture[row + 1, column] + x * texture[row + 1, column + 1]
-    return (1.0 - y) * upper + y * lower
+    light[inside] = (1.0 - y) * upper + y * lower
+    return light
 
 
 def _shadow_texture(flat: Floats, heights: Floats, texels_per_size: float) -> Floats:

@@ -316,7 +316,10 @@ def cloth_shell(surface: Surface, pixel: float = 0.0, hem: bool = True) -> tuple
     front, back = x + offset, x - offset
     uv = material_coordinates(surface)
     edges = border_edges(triangles)[0]
-    rim, rim_normals = _rims(front, back, edges)
+    # two triangles over the thickness at each border edge, and their normals, (2 k, 3, 3) each
+    a, b, c, d = front[edges[:, 0]], front[edges[:, 1]], back[edges[:, 0]], back[edges[:, 1]]
+    rim = np.stack([np.stack([a, d, b], axis=1), np.stack([a, c, d], axis=1)], axis=1).reshape(-1, 3, 3)
+    rim_normals = np.broadcast_to(unit(area_vectors(rim))[:, None], rim.shape)
     flipped = triangles[:, ::-1]
     shell = Shell(
         np.concatenate([front[triangles], back[flipped], rim]),
@@ -372,14 +375,6 @@ def _border_distance(surface: Surface) -> tuple[Floats, Floats]:
     distance, nearest = cKDTree(points).query(material, workers=1)
     ends = from_seed[edges[edge[nearest]]]
     return distance, ends[:, 0] + part[nearest] * (ends[:, 1] - ends[:, 0])
-
-
-def _rims(front: Floats, back: Floats, edges: Ints) -> tuple[Floats, Floats]:
-    """Two triangles over the thickness at each border edge, and their normals, (2 k, 3, 3) each."""
-    a, b, c, d = front[edges[:, 0]], front[edges[:, 1]], back[edges[:, 0]], back[edges[:, 1]]
-    corners = np.stack([np.stack([a, d, b], axis=1), np.stack([a, c, d], axis=1)], axis=1).reshape(-1, 3, 3)
-    normals = unit(area_vectors(corners))
-    return corners, np.broadcast_to(normals[:, None], corners.shape)
 
 
 def _stitches(side: Floats, triangles: Ints, distance: Floats, along: Floats, radius: float, gap: float) -> Floats:

@@ -312,7 +312,18 @@ def _examine_run(directory: Path) -> Examination:
     test = intersection_check_of(run.trajectory.surfaces, effects, effects)
     frames = ((f"in frame {k} at {time:g} s", _crossings(test, run, k)) for k, time in enumerate(run.times))
     found, notes = _intersections(test, frames, f"in any of {frames_of_it}", of_run=True)
-    between, unknown = _between_frames(run)
+    # what the certificate says of the steps between frames
+    unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
+    between = [
+        Finding(
+            "warning" if kind in ALLOWED else "error", "intersection", f"between two frames, {sentence}", "", NO_INDICES
+        )
+        for kind, sentence in zip(unseen, intersection_warnings(unseen), strict=True)
+    ]
+    is_unknown = run.summary and run.intersection_free is None
+    unknown = ["not all steps of the run were checked: what happened between its frames is not known"] * bool(
+        is_unknown
+    )
     of_contact = intersection_warnings(run.intersections)
     warnings = [each for each in run.summary.get("warnings") or () if isinstance(each, str)]
     others = [_warning("run", each) for each in warnings if each not in of_contact]
@@ -325,21 +336,6 @@ def _crossings(test: IntersectionCheck, run: Run, frame: int) -> tuple[Crossing,
     if not found or "carried" not in run.trajectory.fields:
         return found
     return exempted(found, test.surfaces, np.flatnonzero(run.field("carried", frame)))
-
-
-def _between_frames(run: Run) -> tuple[list[Finding], list[str]]:
-    """What the certificate says of the steps between frames; a note where not all were checked."""
-    unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
-    found = [
-        Finding(
-            "warning" if kind in ALLOWED else "error", "intersection", f"between two frames, {sentence}", "", NO_INDICES
-        )
-        for kind, sentence in zip(unseen, intersection_warnings(unseen), strict=True)
-    ]
-    unknown = run.summary and run.intersection_free is None
-    return found, ["not all steps of the run were checked: what happened between its frames is not known"] * bool(
-        unknown
-    )
 
 
 def _intersections(

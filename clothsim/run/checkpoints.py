@@ -43,24 +43,20 @@ def restored_simulation(
     name: of the file, for messages; here: folder of the run, where a checkpoint of a run without its own files starts.
     InputError: the mesh of the scene is not that of the state.
     """
-    scene = scene_from_text(saved.scene_text, _written_files(saved) if saved.files else here)
+    if saved.files:
+        refuse_outside(saved.scene_text, saved.files)
+        here = Path(tempfile.mkdtemp(prefix="clothsim-"))
+        atexit.register(shutil.rmtree, here, ignore_errors=True)  # not earlier: a changed effect reads its files again
+        for file, content in saved.files.items():
+            (here / file).parent.mkdir(parents=True, exist_ok=True)
+            (here / file).write_bytes(content)
+    scene = scene_from_text(saved.scene_text, here)
     by_hand = hand_motions_from(saved.counters.get("by_hand", HandMotions().as_json()))
     built = by_hand.applied(build(scene))
     if len(saved.state.positions) != built.world.n_vertices:
         raise InputError(f"{name} has another mesh than its scene.", "Restore the mesh files of the scene.")
     history = certificate_from(saved.counters["certificate"]).intersections
     return prepare(scene, built), saved.state, by_hand, history
-
-
-def _written_files(saved: Checkpoint) -> Path:
-    """A temporary folder with the files of a checkpoint."""
-    refuse_outside(saved.scene_text, saved.files)
-    folder = Path(tempfile.mkdtemp(prefix="clothsim-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # not earlier: a changed effect reads its files again
-    for name, content in saved.files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
-    return folder
 
 
 def scene_text(session: Session, directory: Path | None = None) -> str:

@@ -134,12 +134,25 @@ def export(
     polygons = sum(part.polygons for part in parts)
     if polygons and not kind.polygons:
         notes = (*notes, f"{target.suffix} has triangles only: {polygons:,} quads and larger faces are cut.")
-    axis = _axis(up, kind, run.directory)
+    if up not in {None, "y", "z"}:
+        raise InputError(f"up is {up!r}.", 'Known: "y", "z".')
+    if up is not None and kind.up and up != kind.up:
+        raise InputError(f"This format has {kind.up} up.", "Leave --up out.")
+    asked = up or kind.up or _scene_axis(up_of_run(run.directory))
+    axis: Literal["y", "z"] = "y" if asked == "y" else "z"
     times = np.array([each.time for each in samples])
     animation = Animation(parts, times, rate, 1 / scale, axis, np.zeros(3), lambda k: (), frame is not None)
     files = tuple(kind.writer.files(animation, target))
     refuse_replacing(files, True, (run.directory / name for name in RUN_FILES))
-    _refuse_files(target, files, overwrite)
+    if not target.parent.is_dir():
+        raise InputError(f"There is no directory {target.parent}.", "Create it first, or choose another with -o.")
+    there = [file for file in files if file.exists()]
+    folder = next((file for file in there if file.is_dir()), None)
+    if folder is not None:
+        raise InputError(f"{folder} is a directory.", "Choose another name.")
+    if there and not overwrite:
+        more = f" ({len(there)} of {len(files)} files)" if len(files) > 1 else ""
+        raise InputError(f"{there[0]} exists{more}.", "Choose another name, or replace it with --overwrite.")
     turn = scale * _rotation(up_of_run(run.directory), axis)
     animation = with_frames(animation, run.trajectory, samples, turn, colour == "stretch", kind.relative)
     kind.writer.write(animation, target)
@@ -171,16 +184,6 @@ def _refuse_settings(run: "Run", target: Path, kind: Format, given: dict[str, An
         raise InputError(f"colour is {given['colour']!r}.", 'Known: "stretch", "plain".')
 
 
-def _axis(up: str | None, kind: Format, directory: Path) -> Literal["y", "z"]:
-    """The up axis of the file: as asked, else the format's, else the scene's."""
-    if up not in {None, "y", "z"}:
-        raise InputError(f"up is {up!r}.", 'Known: "y", "z".')
-    if up is not None and kind.up and up != kind.up:
-        raise InputError(f"This format has {kind.up} up.", "Leave --up out.")
-    asked = up or kind.up or _scene_axis(up_of_run(directory))
-    return "y" if asked == "y" else "z"
-
-
 def _scene_axis(direction: tuple[float, ...] | str) -> str:
     """The axis "y" where a scene's direction up is that of y; else "z"."""
     if isinstance(direction, str):
@@ -196,19 +199,6 @@ def _rotation(direction: tuple[float, ...] | str, axis: str) -> Floats:
         return np.eye(3)
     to_y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     return to_y if axis == "y" else to_y.T
-
-
-def _refuse_files(target: Path, files: tuple[Path, ...], overwrite: bool) -> None:
-    """InputError for a directory that is not there, and for files that are unless they are to be replaced."""
-    if not target.parent.is_dir():
-        raise InputError(f"There is no directory {target.parent}.", "Create it first, or choose another with -o.")
-    there = [file for file in files if file.exists()]
-    folder = next((file for file in there if file.is_dir()), None)
-    if folder is not None:
-        raise InputError(f"{folder} is a directory.", "Choose another name.")
-    if there and not overwrite:
-        more = f" ({len(there)} of {len(files)} files)" if len(files) > 1 else ""
-        raise InputError(f"{there[0]} exists{more}.", "Choose another name, or replace it with --overwrite.")
 
 
 README_NAME, SCENE_NAME, VERSIONS_NAME = "README.txt", "scene.json", "versions.json"
@@ -260,7 +250,14 @@ def write_bundle(directory: Path, target: Path) -> None:
             write_checkpoint(checkpoint, replace(saved, scene_text=text))
             archive.writestr(README_NAME, _readme(target.name, saved, summary))
             archive.writestr(SCENE_NAME, json.dumps(json.loads(text), indent=2))
-            archive.writestr(VERSIONS_NAME, json.dumps(_versions(), indent=2))
+            system = f"{platform.system()} {platform.machine()}"
+            versions = {"clothsim": _own_version(), "python": platform.python_version(), "system": system}
+            for package in PACKAGES:
+                try:
+                    versions[package] = version(package)
+                except PackageNotFoundError:
+                    continue
+            archive.writestr(VERSIONS_NAME, json.dumps(versions, indent=2))
             archive.write(checkpoint, CHECKPOINT_NAME)
             for name in (RECORD_NAME, SUMMARY_NAME, *PICTURES):
                 if (directory / name).is_file():
@@ -293,11 +290,23 @@ def unpack_bundle(file: Path, directory: Path) -> None:
         The file is no such archive, or breaks one of these rules.
     """
     with _opened(file) as archive:
-        _refuse_contents(file, archive)
+        entries = archive.infolist()
+        for member in entries:
+            path = PurePosixPath(member.filename)
+            inside = member.filename in TOP or (path.parts[:1] == (FOLDER,) and ".." not in path.parts)
+            if not inside or path.is_absolute() or any(letter in member.filename for letter in "\\:\0"):
+                raise InputError(f"{file} holds {member.filename!r}, which does not belong in an archive of clothsim.")
+        size = sum(member.file_size for member in entries)
+        if size > MOST_BYTES or len(entries) > MOST_FILES:
+            raise InputError(f"{file} would unpack to {len(entries):,} files of {size:,} bytes, which is too much.")
+        if CHECKPOINT_NAME not in archive.namelist():
+            raise InputError(f"{file} holds no {CHECKPOINT_NAME}, so it is not an archive of `clothsim bundle`.")
         with TemporaryDirectory() as folder:
             checkpoint = Path(folder) / CHECKPOINT_NAME
             _unpack(archive, CHECKPOINT_NAME, checkpoint)
-            _refuse_large(checkpoint)
+            with _opened(checkpoint) as content:
+                if sum(entry.file_size for entry in content.infolist()) > MOST_BYTES:
+                    raise InputError(f"The checkpoint would unpack to more than {MOST_BYTES:,} bytes.")
             refuse_outside(read_checkpoint(checkpoint).scene_text)
         if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
             raise InputError(f"{directory} already exists.", "Choose another directory with -o.")
@@ -322,40 +331,6 @@ def _opened(file: Path) -> Iterator[zipfile.ZipFile]:
             yield archive
     except (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError) as error:
         raise InputError(f"{file} is not an archive of `clothsim bundle`, or broken ({error}).") from error
-
-
-def _refuse_contents(file: Path, archive: zipfile.ZipFile) -> None:
-    """InputError for names outside of the folder, for too large a content, and for an archive without a checkpoint."""
-    entries = archive.infolist()
-    for entry in entries:
-        path = PurePosixPath(entry.filename)
-        inside = entry.filename in TOP or (path.parts[:1] == (FOLDER,) and ".." not in path.parts)
-        if not inside or path.is_absolute() or any(letter in entry.filename for letter in "\\:\0"):
-            raise InputError(f"{file} holds {entry.filename!r}, which does not belong in an archive of clothsim.")
-    size = sum(entry.file_size for entry in entries)
-    if size > MOST_BYTES or len(entries) > MOST_FILES:
-        raise InputError(f"{file} would unpack to {len(entries):,} files of {size:,} bytes, which is too much.")
-    if CHECKPOINT_NAME not in archive.namelist():
-        raise InputError(f"{file} holds no {CHECKPOINT_NAME}, so it is not an archive of `clothsim bundle`.")
-
-
-def _refuse_large(checkpoint: Path) -> None:
-    """InputError if the checkpoint, an archive too, has too large a content."""
-    with _opened(checkpoint) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
-            raise InputError(f"The checkpoint would unpack to more than {MOST_BYTES:,} bytes.")
-
-
-def _versions() -> dict[str, str]:
-    """Versions of the installed packages."""
-    system = f"{platform.system()} {platform.machine()}"
-    versions = {"clothsim": _own_version(), "python": platform.python_version(), "system": system}
-    for package in PACKAGES:
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return versions
 
 
 def _own_version() -> str:

@@ -20,8 +20,12 @@ from clothsim.base.inputs import did_you_mean
 from clothsim.base.triangles import thirds_at_vertices, triangle_areas
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients, thread_axes
 from clothsim.geometry.kinematics.kabsch_frames import vertex_frames as kabsch_frames
-from clothsim.geometry.kinematics.stretch import PolarDecomposition, polar_decomposition, principal_stretches
-from clothsim.geometry.kinematics.thickness import deformed_thickness
+from clothsim.geometry.kinematics.stretch import (
+    PolarDecomposition,
+    deformed_thickness,
+    polar_decomposition,
+    principal_stretches,
+)
 from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy
@@ -47,6 +51,8 @@ def pair_stress(membrane: PairMembrane, world: World, x: Floats) -> Floats:
     The mean of P over an element is sum of f_v X_v' / A, f_v = dE/dx_v of the element alone and X_v its rest positions,
     of any energy (mean stress theorem); here with the pair unfolded about its common edge.
     """
+    from clothsim.physics.energies.triangle_pairs import turns
+
     separate, y, first, second = _separate_pairs(membrane, world, x)
     forces = separate.gradient(y).reshape(-1, 4, 3)
     single = second < 0
@@ -61,7 +67,8 @@ def pair_stress(membrane: PairMembrane, world: World, x: Floats) -> Floats:
     values = np.zeros((len(world.triangles), 3, 2))
     values[first] = P
     pairs = np.flatnonzero(~single)
-    values[second[pairs]] = P[pairs] @ _turns(world, membrane.elements[pairs], first[pairs], second[pairs])
+    turned = turns(world, membrane.elements[pairs], np.stack([first[pairs], second[pairs]], axis=1))
+    values[second[pairs]] = P[pairs] @ turned
     return values
 
 
@@ -94,13 +101,6 @@ def _separate_pairs(membrane: PairMembrane, world: World, x: Floats) -> tuple[En
     second[elements[:, 2] == elements[:, 3]] = -1
     separate = replace(cast("Any", membrane), elements=np.arange(elements.size).reshape(-1, 4))
     return separate, np.ascontiguousarray(x[elements.ravel()]), first, second
-
-
-def _turns(world: World, elements: Ints, first: Ints, second: Ints) -> Floats:
-    """Rotations (p, 2, 2) from the frame of the second triangle to that of the first."""
-    from clothsim.physics.energies.triangle_pairs import turns
-
-    return turns(world, elements, np.stack([first, second], axis=1))
 
 
 CONTACTS, FRICTION = ("body_contact", "self_contact"), "friction"

@@ -198,7 +198,9 @@ def animated_parts(run: "Run") -> tuple[tuple[AnimatedPart, ...], tuple[str, ...
     cloths: dict[str, Cloth] = {}
     notes: tuple[str, ...] = ()
     try:
-        cloths = {cloth.name: cloth for cloth in _rest_cloths(run)}
+        scene = scene_from_text(read_checkpoint(run.directory / CHECKPOINT_NAME).scene_text, run.directory)
+        seed = {key: value for key, value in scene.seed.items() if key != "untangle"}  # moves vertices only, at a cost
+        cloths = {cloth.name: cloth for cloth in world_of(replace(scene, seed=seed)).cloths}
     except InputError as error:
         notes = (f"Texture and panels are left out: {error.sentence}",)
     parts: list[AnimatedPart] = []
@@ -261,16 +263,6 @@ def texture_of(cloth: Cloth) -> Floats:
     return cloth.rest_positions[:, [axis for axis in range(3) if axis != thin]][cloth.triangles]
 
 
-def _rest_cloths(run: "Run") -> tuple[Cloth, ...]:
-    """The cloths of the run's scene before their first step.
-
-    InputError where the run has no checkpoint, or its scene names a file that is gone.
-    """
-    scene = scene_from_text(read_checkpoint(run.directory / CHECKPOINT_NAME).scene_text, run.directory)
-    seed = {key: value for key, value in scene.seed.items() if key != "untangle"}  # moves vertices only, at a cost
-    return world_of(replace(scene, seed=seed)).cloths
-
-
 def with_frames(
     animation: Animation, trajectory: Trajectory, samples: list[Sample], turn: Floats, coloured: bool, relative: bool
 ) -> Animation:
@@ -278,13 +270,19 @@ def with_frames(
     logs, half = _log_stretches(trajectory), 0.0
     if coloured and logs is not None:
         half = colour_range([logs(each) for each in samples])
-    low, high = (edge @ turn.T for edge in _box(trajectory, samples[0].first))
+    rows = trajectory.positions(samples[0].first)
+    if not len(rows):
+        rows = np.concatenate([own for _, own, _ in trajectory.bodies(samples[0].first)])
+    low, high = rows.min(axis=0) @ turn.T, rows.max(axis=0) @ turn.T
     far = np.maximum(np.abs(low), np.abs(high)).max() * animation.unit > FAR
     origin = 0.5 * (low + high) if relative and far else np.zeros(3)
     ends = np.cumsum([len(part.triangles) for part in animation.parts if part.role == "cloth"])
 
     def at(k: int) -> tuple[PartFrame, ...]:
-        points = _points(trajectory, samples[k])
+        points, weight = _surfaces(trajectory, samples[k].first), samples[k].weight
+        if weight:
+            after = _surfaces(trajectory, samples[k].first + 1)
+            points = [(1 - weight) * a + weight * b for a, b in zip(points, after, strict=True)]
         stretches = [] if logs is None else np.split(logs(samples[k]), ends[:-1])
         shapes = []
         for number, (part, own) in enumerate(zip(animation.parts, points, strict=True)):
@@ -299,26 +297,10 @@ def with_frames(
     return replace(animation, origin=origin, at=lru_cache(maxsize=2)(at))
 
 
-def _points(trajectory: Trajectory, sample: Sample) -> list[Floats]:
-    """Vertices of all surfaces at a time [m]."""
-    first = _surfaces(trajectory, sample.first)
-    if not sample.weight:
-        return first
-    second = _surfaces(trajectory, sample.first + 1)
-    return [(1 - sample.weight) * a + sample.weight * b for a, b in zip(first, second, strict=True)]
-
-
 def _surfaces(trajectory: Trajectory, frame: int) -> list[Floats]:
     cloths = trajectory.positions(frame)
     own = [cloths[each.rows] for each in trajectory.surfaces if each.role == "cloth"]
     return [*own, *(points for _, points, _ in trajectory.bodies(frame))]
-
-
-def _box(trajectory: Trajectory, frame: int) -> tuple[Floats, Floats]:
-    points = trajectory.positions(frame)
-    if not len(points):
-        points = np.concatenate([own for _, own, _ in trajectory.bodies(frame)])
-    return points.min(axis=0), points.max(axis=0)
 
 
 def _log_stretches(trajectory: Trajectory) -> Callable[[Sample], Floats] | None:

@@ -5,7 +5,7 @@
   solve (k,)                solve of each iterate, 0..s-1; its first iterate is the start
   positions (k, N, 3)       all rows of x: cloths, bodies, ghosts [m], relative to `world.origin`
   fraction (k,)             fraction of the Newton step that contact and line search allowed; 0 at a start, nan after a
-                            nonlinear elimination (`newton.nonlinear_elimination`)
+                            nonlinear elimination (`linear_system.Patch`)
   speed (k,)                |dx|_inf / dt of that full step [m/s]; nan at a start and after an elimination
   residual (k,)             largest force where that step began [N]; nan also while Dirichlet vertices are displaced
   energy (k,)               E(x) of the step [J]
@@ -43,8 +43,7 @@ from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
 from clothsim.run.step_reports import Progress, SimulationState, progress_of, record_entry, state_after, step_forces
 from clothsim.run.summary import summary_of
-from clothsim.scene.assembly.scene_world import Built
-from clothsim.solve.newton.observer import Iterate, Observer, unobserved
+from clothsim.solve.newton.outcome import Iterate, Observer, unobserved
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.failure import Failure, crossing_failure
 from clothsim.solve.stepping.state import State
@@ -230,7 +229,9 @@ def recorded_run(
     on_report: called with each step taken; budget: CPU time of the steps [s], in place of that of the scene.
     """
     surfaces = world_surfaces(session.built.world)
-    scripted = _scripted(session.built)
+    built = session.built
+    moving = [*(body.motion for body in built.world.bodies), *built.constraints.values()]
+    scripted = not all(each.still for each in moving) or any(map(is_driven, built.energies.values()))
     asked = session.scene.solver_settings.error
     certificate = replace(certificate, moved_by_script=scripted, asked=asked)
     if session.integrator.flypapers and certificate.flypapered is None:
@@ -239,7 +240,8 @@ def recorded_run(
         certificate = replace(certificate, flypapered=PinchRecord())
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies, ProvedSeparations())
     arrays = [_frame_array(name, values.shape[1:]) for name, values in _written_fields(session, state, None).items()]
-    resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
+    file = directory / TRAJECTORY_NAME
+    resume_frame = int((read_trajectory(file).times <= state.time).sum()) if resumed and file.is_file() else None
     text = scene_text(session, directory)
     if not resumed:
         # The checkpoint first: where the disk is full before the first frame is written, the run can still go on.
@@ -351,18 +353,6 @@ def _frame_array(name: str, components: tuple[int, ...]) -> FrameArray:
     if location == "triangle":
         return FrameArray(name, "triangle", components)
     return FrameArray(name, "vertex", components, "body" if location == "body" else "cloth")
-
-
-def _frames_until(path: Path, time: float) -> int | None:
-    """Number of frames of a trajectory up to `time` [s]; None where there is no trajectory."""
-    return int((read_trajectory(path).times <= time).sum()) if path.is_file() else None
-
-
-def _scripted(built: Built) -> bool:
-    """True where a body or a pin moves, or where the wind blows."""
-    held = built.constraints.values()
-    still = all([*(body.motion.still for body in built.world.bodies), *(constraint.still for constraint in held)])
-    return not still or any(is_driven(energy) for energy in built.energies.values())
 
 
 def _checked(

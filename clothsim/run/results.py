@@ -258,16 +258,13 @@ class Run(Sequence[Frame]):
         if name in self.trajectory.fields:
             return self.trajectory.field(name, frame)
         known_field(name)
-        return field(name, self._configuration(frame))
-
-    def _configuration(self, frame: int) -> "Configuration":
-        """The world at the positions of a frame."""
         positions, world = self.positions(frame), self._built.world
         if not np.array_equal(self.triangles, world.triangles):
             raise InputError(f"{self.directory} has another mesh than its scene.", "Restore the mesh files.")
         x = world.start()
         x[: len(positions)] = positions - world.origin
-        return Configuration(world, x, with_material_at(self._built.energies, float(self.times[frame])))
+        energies = with_material_at(self._built.energies, float(self.times[frame]))
+        return field(name, Configuration(world, x, energies))
 
     @cached_property
     def _built(self) -> "Built":

@@ -44,7 +44,12 @@ def new_output(directory: Path, overwrite: bool) -> Iterator[None]:
     with locked(directory):
         refuse_earlier_run(directory, overwrite)
         for file in (directory / name for name in RUN_FILES):  # a checkpoint must not meet another run's trajectory
-            _remove(file)
+            try:
+                file.unlink(missing_ok=True)  # or a link in its place
+            except OSError as error:
+                raise InputError(
+                    f"{file} cannot be replaced: {error.strerror}.", "Choose another directory."
+                ) from error
         yield
 
 
@@ -86,14 +91,6 @@ def refuse_earlier_run(
             f"Continue it with `clothsim resume {directory}`, or replace it: --overwrite.",
         )
     refuse_replacing(files, overwrite)
-
-
-def _remove(file: Path) -> None:
-    """Delete a file of an earlier run, or a link in its place."""
-    try:
-        file.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{file} cannot be replaced: {error.strerror}.", "Choose another directory.") from error
 
 
 def begun_run(
@@ -164,40 +161,31 @@ def resume(
         )
     read_checkpoint(folder / CHECKPOINT_NAME)  # a directory without one gets no lock file either
     with continued_output(folder):
-        return _continued(folder, (progress, on_step), announce, dump_iterates)
-
-
-def _continued(
-    folder: Path,
-    listeners: tuple[Listener | None, StepListener | None],
-    announce: Announcement | None,
-    dump_iterates: int | None,
-) -> Run:
-    """Continue the run of a locked directory."""
-    started = Stopwatch()
-    saved = read_checkpoint(folder / CHECKPOINT_NAME)
-    scene = scene_from_text(saved.scene_text, folder)
-    if expected_cost(scene).vertices > MORE_VERTICES * len(saved.state.positions):  # not built to find that out
-        raise InputError(f"{folder} has another mesh than its checkpoint.", "Repeat the run from its scene.")
-    session, log = watched(prepare(scene, build(scene)), dump_iterates, saved.state.step)
-    if len(saved.state.positions) != session.built.world.n_vertices:
-        raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
-    state = saved.state
-    _refuse_another_state(state, scene)
-    _refuse_another_memory(state, session.built.energies)
-    try:
-        restore(session.integrator.potential.timers, saved.counters)
-        certificate = certificate_from(saved.counters["certificate"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{folder / CHECKPOINT_NAME} has broken counters ({type(error).__name__}: {error}).",
-            "Repeat the run from its scene.",
-        ) from error
-    if announce is not None:
-        announce(session)
-    run = recorded_run(session, state, certificate, folder, started, listeners, log, resumed=True)
-    warn_of(run.intersections, session.built.energies)
-    return run
+        # Continue the run of a locked directory
+        started = Stopwatch()
+        saved = read_checkpoint(folder / CHECKPOINT_NAME)
+        scene = scene_from_text(saved.scene_text, folder)
+        if expected_cost(scene).vertices > MORE_VERTICES * len(saved.state.positions):  # not built to find that out
+            raise InputError(f"{folder} has another mesh than its checkpoint.", "Repeat the run from its scene.")
+        session, log = watched(prepare(scene, build(scene)), dump_iterates, saved.state.step)
+        if len(saved.state.positions) != session.built.world.n_vertices:
+            raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
+        state = saved.state
+        _refuse_another_state(state, scene)
+        _refuse_another_memory(state, session.built.energies)
+        try:
+            restore(session.integrator.potential.timers, saved.counters)
+            certificate = certificate_from(saved.counters["certificate"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(
+                f"{folder / CHECKPOINT_NAME} has broken counters ({type(error).__name__}: {error}).",
+                "Repeat the run from its scene.",
+            ) from error
+        if announce is not None:
+            announce(session)
+        run = recorded_run(session, state, certificate, folder, started, (progress, on_step), log, resumed=True)
+        warn_of(run.intersections, session.built.energies)
+        return run
 
 
 LARGEST = 1e100

@@ -18,7 +18,7 @@ from clothsim.scene.scene import Scene
 from clothsim.solve.linear.dependent_rows import DependentRows
 from clothsim.solve.linear.linear_solvers import slowness
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.linear.pardiso_library import load_library
+from clothsim.solve.linear.pardiso_factor import load_library
 from clothsim.solve.linear.sparsity import SparsityPattern, make_pattern
 from clothsim.solve.newton.convergence import LEAST_SPEED
 from clothsim.solve.newton.newton import NewtonSettings
@@ -139,7 +139,12 @@ def prepare(scene: Scene, built: Built) -> Session:
     integrator = _integrator(scene, built, Potential(built.energies, timers, built.world.n_unknowns), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
-    remarks = [*_setting_notes(scene, integrator), slow, finer, reproducible, _endless(scene, built)]
+    dt = integrator.dt
+    cut = not settings.error and 1 / scene.run_settings.frames_per_second < settings.dt
+    shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
+    ignored = "integrator" in scene.solver and integrator.formula != settings.integrator
+    without = f"{settings.integrator} does nothing without effects.inertia." if ignored else ""
+    remarks = [shorter, without, slow, finer, reproducible, _endless(scene, built)]
     notes = (*built.warnings, *built.notes, *filter(None, remarks))
     return Session(scene, built, integrator, notes)
 
@@ -229,15 +234,6 @@ def _flypapers(scene: Scene, built: Built) -> bool:
     if "body_contact" not in built.energies:
         raise InputError('contact.pinch = "carry" needs effects.body_contact.', "Add it, or leave the key out.")
     return True
-
-
-def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
-    """Sentences on settings that were changed or have no effect, each empty where there is nothing to report."""
-    settings, dt = scene.solver_settings, integrator.dt
-    cut = not settings.error and 1 / scene.run_settings.frames_per_second < settings.dt
-    shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
-    ignored = "integrator" in scene.solver and integrator.formula != settings.integrator
-    return shorter, f"{settings.integrator} does nothing without effects.inertia." if ignored else ""
 
 
 def _endless(scene: Scene, built: Built) -> str:

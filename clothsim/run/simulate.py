@@ -111,7 +111,11 @@ def simulate(
             replace(scene, run={**scene.run, "budget": budget})  # refused as that key is
         if force:
             scene = replace(scene, run={**scene.run, "allow_inside": True})
-        _tell_cost(scene, message, force)
+        if not force:
+            refuse_costly(scene)
+        cost = expected_cost(scene)
+        if message is not None and cost.notable:
+            message(f"expected: {cost}")
         asked = scene.solver_settings
         if differentiable or asked.error or asked.estimate:
             scene.refuse_without_cloth("solver.error, solver.estimate or a gradient")
@@ -144,12 +148,3 @@ def _loaded(kind: str) -> Any:
     """The function of `RUNS_OF_RUNS` of that name."""
     module, function = RUNS_OF_RUNS[kind].split(":")
     return getattr(import_module(module), function)
-
-
-def _tell_cost(scene: Scene, message: Callable[[str], None] | None, force: bool) -> None:
-    """Report a cost that is notable. InputError if it is too much, without `force`."""
-    if not force:
-        refuse_costly(scene)
-    cost = expected_cost(scene)
-    if message is not None and cost.notable:
-        message(f"expected: {cost}")

@@ -108,18 +108,6 @@ def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     certificate = summary["certificate"]
     speed = certificate["fastest_speed"]
     fastest = "" if speed is None else f", fastest vertex {length_text(speed)}/s"
-    return [
-        *_contact_and_balance(certificate, "body_contact" in summary["effects"]),
-        *(("checked", text) for text in _effort(summary.get("exact_check"), certificate)),
-        *(("WARNING", text) for text in summary.get("warnings", ())),
-        ("rest", f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"),
-        *(("unstable", text) for text in _unstable(certificate)),
-        ("error", _error(certificate)),
-    ]
-
-
-def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tuple[str, str]]:
-    """Three lines: intersections and gap; stretches; residual and energy."""
     parts = ["no body"] if certificate["cloth_body"] == "no body" else []
     without_cloth = certificate["cloth_body"] == NO_CLOTH
     for kind, each in certificate["intersections"].items():
@@ -136,7 +124,7 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
     if certificate["intersection_free"] is None:
         parts.append("earlier steps were NOT CHECKED")
     gap = certificate["minimum_gap"]
-    if contact:
+    if "body_contact" in summary["effects"]:
         parts.append(f"smallest gap {length_text(gap)}" if gap is not None else "never closer than d_hat")
     drift = certificate["energy_drift"]
     energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {percent(drift)}"
@@ -159,6 +147,11 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
         *(("pinch", text) for text in _pinch(certificate)),
         ("stretch", f"principal stretches {stretches}"),
         ("balance", f"{forces}, {energy}"),
+        *(("checked", text) for text in _effort(summary.get("exact_check"), certificate)),
+        *(("WARNING", text) for text in summary.get("warnings", ())),
+        ("rest", f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"),
+        *(("unstable", text) for text in _unstable(certificate)),
+        ("error", _error(certificate)),
     ]
 
 

@@ -9,7 +9,7 @@ which its drape depends on how it was laid, is not in it, so that a coefficient 
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -22,9 +22,6 @@ from clothsim.render.picture import picture_setup, rendered
 from clothsim.render.surface_look import Surface
 from clothsim.run.simulate import simulate
 from clothsim.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from clothsim.run.results import Run
 
 RADIUS, HELD = 0.15, 0.09
 """Radii of the cloth and of the discs that hold it [m]."""
@@ -79,30 +76,22 @@ def draw_swatches(fabrics: Sequence[str], file: Path, report: Callable[[str], No
         report(f"{name}: {run.status}, {still}, elastic drape coefficient {percent:.0f} %")
         fabric = FABRICS[name]
         title = f"{name.replace('_', ' ')}\n{1e3 * fabric.density:.0f} g/m2, drapes to {percent:.0f} %"
-        panel, note = _panel(run, title)
-        panels.append(panel)
+        positions, triangles = tube(0.98 * HELD, HELD, (48, 2))
+        below = np.array([0.0, 0.0, -0.5 * HELD - 2e-3])
+        surfaces = [
+            Surface(cloth.name, run.positions(-1), cloth.own_triangles, "cloth", np.zeros((0, 2))),
+            Surface("pedestal", positions + below, triangles, "body", np.zeros((0, 2))),
+        ]
+        angle = np.linspace(0, 2 * np.pi, 24)
+        rim = 0.95 * RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
+        focus = np.concatenate([rim, 0.75 * rim - [0.0, 0.0, 0.3 * RADIUS]])
+        look: dict[str, Any] = {"size": SIZE, "colour": "plain", "up": "z", "view": VIEW, "renderer": "auto"}
+        setup = picture_setup([surfaces], title=title, samples=3, focus=focus, **look)
+        panels.append(rendered(setup, surfaces))
+        note = setup.note
     columns = min(COLUMNS, len(panels))
     empty = np.broadcast_to(panels[0][:, :1], panels[0].shape)
     panels += [empty] * (-len(panels) % columns)
     rows = [np.hstack(panels[k : k + columns]) for k in range(0, len(panels), columns)]
     Image.fromarray(np.vstack(rows)).save(file, format="PNG")
     return note
-
-
-def _panel(run: "Run", title: str) -> tuple[np.ndarray, str]:
-    cloth = run.trajectory.surfaces[0]
-    surfaces = [Surface(cloth.name, run.positions(-1), cloth.own_triangles, "cloth", np.zeros((0, 2))), _stand()]
-    angle = np.linspace(0, 2 * np.pi, 24)
-    rim = 0.95 * RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
-    focus = np.concatenate([rim, 0.75 * rim - [0.0, 0.0, 0.3 * RADIUS]])
-    setup = picture_setup(
-        [surfaces], size=SIZE, colour="plain", up="z", view=VIEW, title=title, renderer="auto", samples=3, focus=focus
-    )
-    return rendered(setup, surfaces), setup.note
-
-
-def _stand() -> Surface:
-    """The pedestal under the cloth."""
-    positions, triangles = tube(0.98 * HELD, HELD, (48, 2))
-    below = np.array([0.0, 0.0, -0.5 * HELD - 2e-3])
-    return Surface("pedestal", positions + below, triangles, "body", np.zeros((0, 2)))

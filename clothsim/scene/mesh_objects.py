@@ -80,30 +80,26 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
     faces = [block for block in faces if len(block)]
     if not faces:
         raise InputError(f"{where}: the {kind} has no faces.", "Give a surface mesh of triangles.")
-    triangles = _triangles(where, vertices, faces)
+    if all(block.shape[1] == 3 for block in faces):
+        triangles = np.concatenate(faces).astype(np.int64)
+    else:
+        from clothsim.files.meshes.polygons import Polygons, cut_polygons  # SciPy, which triangles do not need
+
+        corners = np.concatenate([block.ravel() for block in faces]).astype(np.int64)
+        sizes = np.concatenate([np.full(len(block), block.shape[1]) for block in faces])
+        if (sizes < 3).any():
+            raise InputError(f"{where}: face {(sizes < 3).argmax()} has fewer than three corners.", "Remove it.")
+        bad = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
+        if len(bad):
+            raise InputError(f"{where} names vertex {corners[bad[0]]}, outside 0..{len(vertices) - 1}.", "Correct it.")
+        rows, _, _ = cut_polygons(Polygons(vertices, corners, np.concatenate([[0], np.cumsum(sizes)])))
+        triangles = corners[rows]
     return vertices, _wound_alike(vertices, triangles) if read is _read_skfem else triangles
 
 
 def is_mesh(value: Any) -> bool:
     """True for an object that `surface_of` reads."""
     return _reader_of(value) is not None
-
-
-def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
-    """All faces as triangles, in order."""
-    if all(block.shape[1] == 3 for block in blocks):
-        return np.concatenate(blocks).astype(np.int64)
-    from clothsim.files.meshes.polygons import Polygons, cut_polygons  # SciPy, which triangles do not need
-
-    corners = np.concatenate([block.ravel() for block in blocks]).astype(np.int64)
-    sizes = np.concatenate([np.full(len(block), block.shape[1]) for block in blocks])
-    if (sizes < 3).any():
-        raise InputError(f"{where}: face {(sizes < 3).argmax()} has fewer than three corners.", "Remove it.")
-    bad = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
-    if len(bad):
-        raise InputError(f"{where} names vertex {corners[bad[0]]}, outside 0..{len(vertices) - 1}.", "Correct it.")
-    rows, _, _ = cut_polygons(Polygons(vertices, corners, np.concatenate([[0], np.cumsum(sizes)])))
-    return corners[rows]
 
 
 def _wound_alike(vertices: Floats, triangles: Ints) -> Ints:
@@ -118,10 +114,6 @@ def _wound_alike(vertices: Floats, triangles: Ints) -> Ints:
     triangles = triangles.copy()
     triangles[turned] = triangles[turned][:, [0, 2, 1]]
     return triangles
-
-
-def _read_trimesh(where: str, mesh: Any) -> tuple[Any, Faces]:
-    return mesh.vertices, [np.asarray(mesh.faces).reshape(-1, 3)]
 
 
 def _read_polydata(where: str, mesh: Any) -> tuple[Any, Faces]:
@@ -147,11 +139,6 @@ def _unroll_strip(strip: Ints) -> Ints:
     triangles = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
     triangles[1::2] = triangles[1::2, [1, 0, 2]]
     return triangles
-
-
-def _read_cells(where: str, mesh: Any) -> tuple[Any, Faces]:
-    """Cells of a grid that is not unstructured, such as one of an image."""
-    return _read_grid(where, mesh.cast_to_unstructured_grid())
 
 
 def _read_grid(where: str, mesh: Any) -> tuple[Any, Faces]:
@@ -189,7 +176,8 @@ def _read_skfem(where: str, mesh: Any) -> tuple[Any, Faces]:
     corners = nodes[:, : cells.shape[1]]
     vertices = np.zeros((int(cells.max()) + 1, points.shape[1]))
     vertices[cells] = corners
-    straight = np.concatenate([corners, *_middles(mesh, corners)], axis=1)[:, : nodes.shape[1]]
+    sides, middle = corners[:, mesh.elem.refdom.facets].mean(axis=2), corners.mean(axis=1, keepdims=True)
+    straight = np.concatenate([corners, sides, middle], axis=1)[:, : nodes.shape[1]]
     size = float(np.ptp(corners.reshape(-1, points.shape[1]), axis=0).max())
     if np.abs(np.concatenate([nodes - straight, vertices[cells] - corners], axis=1)).max() > ROUND_OFF * size:
         raise InputError(
@@ -197,11 +185,6 @@ def _read_skfem(where: str, mesh: Any) -> tuple[Any, Faces]:
             f"Give straight triangles: skfem.{'MeshQuad' if cells.shape[1] == 4 else 'MeshTri'}.from_mesh(mesh).",
         )
     return vertices, [cells]
-
-
-def _middles(mesh: Any, corners: Floats) -> list[Floats]:
-    """The middles of the sides and of the cells, in scikit-fem's order, (m, sides, d) and (m, 1, d)."""
-    return [corners[:, mesh.elem.refdom.facets].mean(axis=2), corners.mean(axis=1, keepdims=True)]
 
 
 def _no_surface(where: str, has: str, remedy: str) -> InputError:
@@ -221,10 +204,13 @@ Reader = Callable[[str, Any], tuple[Any, Faces]]
 """Points and faces of an object, whose name in messages comes first."""
 
 _KINDS: tuple[tuple[Callable[[Any], bool], Reader], ...] = (
-    (_has("vertices", "faces"), _read_trimesh),
+    (_has("vertices", "faces"), lambda where, mesh: (mesh.vertices, [np.asarray(mesh.faces).reshape(-1, 3)])),
     (_has("points", "faces"), _read_polydata),
     (_has("points", "cells_dict", "celltypes"), _read_grid),
-    (_has("points", "dimensions", "cast_to_unstructured_grid"), _read_cells),
+    (  # a grid that is not unstructured, such as one of an image
+        _has("points", "dimensions", "cast_to_unstructured_grid"),
+        lambda where, mesh: _read_grid(where, mesh.cast_to_unstructured_grid()),
+    ),
     (_is_meshio, _read_meshio),
     (_has("p", "t", "elem"), _read_skfem),
 )

@@ -27,10 +27,9 @@ def with_arrays(where: str, value: Any, directory: Path) -> Any:
         if all(read[key] is inner for key, inner in value.items()):
             return value
         return type(value).parsed(where, read) if isinstance(value, KeyTable) else read
-    return _read(where, directory / value) if names_array(value) else value
-
-
-def _read(where: str, path: Path) -> Any:
+    if not names_array(value):
+        return value
+    path = directory / value
     if not path.name.isprintable():
         raise InputError(f"{where} is {path.name!r}, which names no file.", "Name a .npy file.")
     try:
@@ -67,11 +66,14 @@ def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
 
     InputError where the scene names a file that does not exist.
     """
+    from clothsim.files.meshes.mesh_file import animation_files
+
     data = json.loads(scene.to_text())
     files: dict[str, Path] = {}
     for owner, table, key in named_keys(data):
         if key == "frames":
-            files.update(_frames(scene.directory, table[key], f"{FOLDER}/{owner}"))
+            frames = enumerate(animation_files(scene.directory, table[key]))
+            files.update({f"{FOLDER}/{owner}/{k:06d}_{_plain(file.name)}": file for k, file in frames})
             table[key] = f"{FOLDER}/{owner}/*"
         else:
             source = scene.directory / table[key]
@@ -97,14 +99,6 @@ def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
         paths = PurePosixPath(name), PureWindowsPath(name)
         if any(path.is_absolute() or path.drive or ".." in path.parts for path in paths):
             raise InputError(f"The scene in the archive names {name}, which is outside of it.")
-
-
-def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
-    """The files of an animation by new names, numbered in their order."""
-    from clothsim.files.meshes.mesh_file import animation_files
-
-    files = animation_files(directory, pattern)
-    return {f"{folder}/{k:06d}_{_plain(file.name)}": file for k, file in enumerate(files)}
 
 
 def _plain(name: str) -> str:

@@ -72,7 +72,19 @@ def get(scene: Scene, path: str) -> Any:
     if value is None:
         raise InputError(f"The scene has no effect {entry!r}.", f"It has {', '.join(scene.effects) or 'none'}.")
     for key in keys:
-        value = _inside(path, where, value, key)
+        if isinstance(key, int):
+            entries = value if isinstance(value, list | tuple | np.ndarray) else ()
+            if key >= len(entries):
+                raise InputError(f"{path}: {where} has no [{key}].", f"It is {shown(value)}.")
+            value = entries[key]
+        else:
+            if not isinstance(value, Mapping):
+                raise InputError(
+                    f"{path}: {where} is not a table of keys, but {shown(value)}.", _remedy(where, value, "Name")
+                )
+            known = keys_of(type(value)) if isinstance(value, KeyTable) else None
+            refuse_unknown_key(where, [key], known or value)
+            value = getattr(value, known[key].field) if known else value[key]
         where = f"{where}[{key}]" if isinstance(key, int) else f"{where}.{key}"
     return value
 
@@ -208,20 +220,6 @@ def _entry(scene: Scene, section: str, entry: str | int | None) -> Any:
     return getattr(scene, section) if entry is None else getattr(scene, LISTS[section])[entry]
 
 
-def _inside(path: str, where: str, value: Any, key: str | int) -> Any:
-    """The value of one key of a table, or one entry of a list."""
-    if isinstance(key, int):
-        entries = value if isinstance(value, list | tuple | np.ndarray) else ()
-        if key >= len(entries):
-            raise InputError(f"{path}: {where} has no [{key}].", f"It is {shown(value)}.")
-        return entries[key]
-    if not isinstance(value, Mapping):
-        raise InputError(f"{path}: {where} is not a table of keys, but {shown(value)}.", _remedy(where, value, "Name"))
-    known = keys_of(type(value)) if isinstance(value, KeyTable) else None
-    refuse_unknown_key(where, [key], known or value)
-    return getattr(value, known[key].field) if known else value[key]
-
-
 def _changed(path: str, where: str, old: Any, keys: Sequence[str | int], value: Any) -> Any:
     """A copy of nested tables and lists with the value at `keys`."""
     if not keys:
@@ -262,19 +260,12 @@ def _drop_keys_of_old_mesh(section: str, new: dict[str, Any], old: Mapping[str, 
         return merged
     generator = GENERATOR_KEYS.get(source) if isinstance(source, str) else None
     for key in keys_of(generator or FilePart):
-        if key in merged and merged[key] == old.get(key) and not _fits(section, merged, key):
-            del merged[key]
+        if key in merged and merged[key] == old.get(key):
+            try:
+                _CHECKS[section](section, {name: merged[name] for name in (*SOURCES, key) if name in merged})
+            except InputError:
+                del merged[key]
     return merged
-
-
-def _fits(section: str, table: Mapping[str, Any], key: str) -> bool:
-    """True where a cloth or body of that mesh takes the key with its value."""
-    source = {name: table[name] for name in SOURCES if name in table}
-    try:
-        _CHECKS[section](section, {**source, key: table[key]})
-    except InputError:
-        return False
-    return True
 
 
 MOST_PATHS = 3
@@ -324,41 +315,24 @@ def _assigned(scene: Scene, assignment: str) -> tuple[str, Any]:
         paths = paths_of(path.strip())[:MOST_PATHS] if equals else []
         written = " or ".join(f"--set {each}={text}" for each in paths) or "--set solver.dt=0.01"
         raise InputError(f"--set {assignment!r} is not an assignment.", f"Write it as {written}.")
-    value = _toml_value(text.strip())
-    if isinstance(value, str) and _is_here(value):
-        value = str(Path(value).resolve())
-    elif parts[-1] in FILES and isinstance(value, str):
-        _refuse_missing(assignment, value, scene.directory)
+    try:
+        value = tomllib.loads(f"value = {text.strip()}")["value"]
+    except (ValueError, RecursionError):
+        value = text.strip()
+    if isinstance(value, str) and "." in value and _is_file(Path(), value, "*" in value):
+        return path, str(Path(value).resolve())
+    named = parts[-1] in FILES and isinstance(value, str) and "." in Path(value).name and "\0" not in value
+    if named and not _is_file(scene.directory, value, True):
+        raise InputError(
+            f"--set {assignment.strip()}: there is no file {value}, neither here nor in the folder of the scene.",
+            "Correct the path, or give the whole one.",
+        )
     return path, value
 
 
-def _refuse_missing(assignment: str, name: str, directory: Path) -> None:
-    """InputError for the name of a file or pattern that is neither in the current folder nor in the scene's."""
-    if "." not in Path(name).name or "\0" in name:
-        return
+def _is_file(folder: Path, name: str, pattern: bool) -> bool:
+    """True where a file of that name, or one that matches it as a pattern, is under the folder."""
     try:
-        there = (directory / name).is_file() or any(glob(str(directory / name)))
-    except (OSError, ValueError):
-        there = False
-    if not there:
-        raise InputError(
-            f"--set {assignment.strip()}: there is no file {name}, neither here nor in the folder of the scene.",
-            "Correct the path, or give the whole one.",
-        )
-
-
-def _is_here(name: str) -> bool:
-    """True where a file of that name, or one that matches it as a pattern, is under the current folder."""
-    if "." not in name or "\0" in name:
+        return (folder / name).is_file() or (pattern and bool(glob(str(folder / name))))
+    except (OSError, ValueError):  # longer than a name may be, or with a null
         return False
-    try:
-        return Path(name).is_file() or ("*" in name and bool(glob(name)))
-    except OSError:  # longer than a name may be
-        return False
-
-
-def _toml_value(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        return text

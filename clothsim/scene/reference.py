@@ -316,21 +316,19 @@ def _matching(name: str) -> tuple[list[Section], str | None]:
     if not matching and parent in ("cloth", "body"):  # keys of its generators
         matching = [section for section in having if section.name.startswith("mesh = ")]
     if not matching:
-        raise InputError(f"There is no section or key {name!r}.", _near(name))
+        known = sections()
+        words = {word for section in known for word in _words(section)}
+        keys = {f"{section.name}.{key}" for section in known.values() for key in section.keys}
+        last = name.rpartition(".")[2]
+        of_name = did_you_mean(name, [*known, *sorted(keys)], SIMILAR) if "." in name else ""
+        of_word = did_you_mean(last, sorted(words), SIMILAR)
+        close = get_close_matches(last, {key.rpartition(".")[2] for key in keys}, n=1, cutoff=SIMILAR)
+        of_key = home_of(close[0]) if close else ""
+        raise InputError(
+            f"There is no section or key {name!r}.",
+            of_name or of_word or home_of(last) or of_key or "`clothsim keys` lists the sections.",
+        )
     return matching, only
-
-
-def _near(name: str) -> str:
-    """Remedy for an unknown name: the nearest section or key, or the sections of a key of this name."""
-    known = sections()
-    words = {word for section in known for word in _words(section)}
-    keys = {f"{section.name}.{key}" for section in known.values() for key in section.keys}
-    last = name.rpartition(".")[2]
-    of_name = did_you_mean(name, [*known, *sorted(keys)], SIMILAR) if "." in name else ""
-    of_word = did_you_mean(last, sorted(words), SIMILAR)
-    close = get_close_matches(last, {key.rpartition(".")[2] for key in keys}, n=1, cutoff=SIMILAR)
-    of_key = home_of(close[0]) if close else ""
-    return of_name or of_word or home_of(last) or of_key or "`clothsim keys` lists the sections."
 
 
 def _words(name: str) -> set[str]:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -122,7 +123,11 @@ class Scene:
             refuse_deep(name, value)
         named = effects_by_name(effects)
         refuse_unknown_key("effects", as_table("effects", named, "Write [effects.gravity]."), EFFECTS)
-        made: dict[str, Any] = {"effects": FrozenTable({name: _effect(name, keys) for name, keys in named.items()})}
+        built: dict[str, EffectKeys] = {}
+        for name, keys in named.items():
+            table = as_table(f"effects.{name}", keys, effect_remedy(name))
+            built[name] = EFFECTS[name].keys_class.parsed(f"effects.{name}", table)
+        made: dict[str, Any] = {"effects": FrozenTable(built)}
         settings: dict[str, tuple[type[KeyTable], Any]] = {
             "solver": (Solver, solver),
             "run": (RunSettings, run),
@@ -150,7 +155,8 @@ class Scene:
         return (self.cloths, self.bodies, self.rigid_bodies, self.rods, self.effects, *settings, directory)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, ({name: _tables(getattr(self, name)) for name in SECTIONS}, self.directory)
+        tables = {name: _tables(getattr(self, name)) for name in SECTIONS}
+        return partial(Scene, **tables, directory=self.directory), ()
 
     @property
     def cloths(self) -> tuple[ClothTable, ...]:
@@ -322,12 +328,6 @@ def _several(sections: Any) -> tuple[Any, ...]:
     return sections if isinstance(sections, tuple) else (sections,)
 
 
-def _effect(name: str, keys: Any) -> EffectKeys:
-    """The section of an effect."""
-    where = f"effects.{name}"
-    return EFFECTS[name].keys_class.parsed(where, as_table(where, keys, effect_remedy(name)))
-
-
 def _sections(name: str, value: Any) -> Any:
     """The section of a cloth or body, or those of several."""
     several = isinstance(value, list | tuple)
@@ -356,11 +356,6 @@ def _tables(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(_tables(each) for each in value)
     return {name: _tables(each) for name, each in value.items()}
-
-
-def _restored(tables: Mapping[str, Any], directory: Path) -> Scene:
-    """A scene from its pickle."""
-    return Scene(**tables, directory=directory)
 
 
 def _mesh_table(where: str, value: Any) -> Any:

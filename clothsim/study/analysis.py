@@ -100,18 +100,16 @@ class Compared:
             for name, sweep in self.sweeps().items()
         }
         if self.in_time in limits:
-            limits[self.in_time] = self._limit_in_time(limits[self.in_time])
+            own = limits[self.in_time]
+            other, norm = self.other_formula(), self.norm
+            sweep = {0: self.fields[BASE], **self.sweeps()[self.in_time]}
+            if other:
+                turned = SWITCH.put(self.base, self.base, 1)
+                order = self.parameters[self.in_time].order(turned) or 1.0
+                second_order = turned.solver_settings.integrator == "bdf2"
+                own = with_other_formula(sweep, own, other, order, second_order, norm)
+            limits[self.in_time] = not_below(self.estimate, sweep, own, other, norm)
         return limits
-
-    def _limit_in_time(self, own: Limit) -> Limit:
-        other, norm = self.other_formula(), self.norm
-        sweep = {0: self.fields[BASE], **self.sweeps()[self.in_time]}
-        if other:
-            turned = SWITCH.put(self.base, self.base, 1)
-            order = self.parameters[self.in_time].order(turned) or 1.0
-            second_order = turned.solver_settings.integrator == "bdf2"
-            own = with_other_formula(sweep, own, other, order, second_order, norm)
-        return not_below(self.estimate, sweep, own, other, norm)
 
     def together(self) -> tuple[str, ...]:
         """The parameters to refine together."""

@@ -17,8 +17,7 @@ from clothsim.base.arrays import Floats, as_finite, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_arrays
 from clothsim.base.text import percent
-from clothsim.study.standard_tests.cusick import lays
-from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, outline_shape
+from clothsim.study.standard_tests.cusick import PLATE, RADIUS, lays, outline_shape
 
 GRAVITY, DENSITY = 9.81, 0.2
 """[m/s2]; weight of a cloth where none is given [kg/m2]."""

@@ -1,4 +1,4 @@
-"""Evaluation of study points within a budget, with stored results reused."""
+"""Evaluation of study points within a budget, with stored results reused; material points between meshes."""
 
 import json
 import zlib
@@ -8,15 +8,74 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
+import igl
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.record import read_summary, to_json
+from clothsim.base.triangles import barycentric as weights_in
+from clothsim.base.triangles import thirds_at_vertices, triangle_areas
+from clothsim.engine import World
 from clothsim.study.points import BASE, Bench, Point, PointOutcome, predicted_seconds
-from clothsim.study.resample import Material, at_points_of, material_of
-from clothsim.study.workers import SHORT, TIMES, Answer, PointJob, ProcessorTime, Runner
+from clothsim.study.workers import SHORT, TIMES, PointJob, ProcessorTime, Runner
+
+
+@dataclass(frozen=True)
+class Material:
+    """The cloths of a run: rest positions (n, 3) [m] and triangles (m, 3) of each, in the order of its vertices."""
+
+    rest: tuple[Floats, ...]
+    triangles: tuple[Ints, ...]
+
+    def same_as(self, other: "Material") -> bool:
+        """True where the vertices are the same points of the material."""
+        pairs = zip(self.rest, other.rest, strict=True)
+        return all(one.shape == another.shape and np.array_equal(one, another) for one, another in pairs)
+
+
+def material_of(rest: Sequence[Floats], triangles: Sequence[Ints]) -> Material:
+    """A material of several cloths."""
+    return Material(tuple(rest), tuple(triangles))
+
+
+def world_material(world: World) -> Material:
+    """The cloths of a world at rest."""
+    return material_of([each.rest_positions for each in world.cloths], [each.triangles for each in world.cloths])
+
+
+def nearest_weights(points: Floats, rest: Floats, triangles: Ints) -> tuple[Ints, Floats]:
+    """For each of `points (k, 3)` [m] the nearest triangle (k,) of a mesh at rest, and its weights (k, 3).
+
+    The weights are those of the point's foot on the plane of the triangle, and may be negative at a border that is
+    coarser than the point's own: a linear function of the material is interpolated exactly.
+    """
+    _, nearest, _ = igl.point_mesh_squared_distance(points, rest, triangles)
+    return nearest, weights_in(rest[triangles[nearest]], points)
+
+
+def at_points_of(base: Material, run: Material, positions: Floats) -> Floats:
+    """Positions of the vertices of `base` in a run whose vertices are at `positions (n, 3)` [m]."""
+    if run.same_as(base):
+        return positions
+    starts = np.cumsum([0, *(len(rest) for rest in run.rest)])
+    parts = []
+    for points, rest, triangles, first in zip(base.rest, run.rest, run.triangles, starts[:-1], strict=True):
+        nearest, weights = nearest_weights(points, rest, triangles)
+        parts.append(np.einsum("ij,ijk->ik", weights, positions[first + triangles[nearest]]))
+    return np.concatenate(parts)
+
+
+def point_areas(material: Material) -> Floats:
+    """The area that each vertex stands for: a third of that of its triangles at rest, (n,) [m2]."""
+    return np.concatenate(
+        [
+            thirds_at_vertices(triangle_areas(rest[triangles]), triangles, len(rest))
+            for rest, triangles in zip(material.rest, material.triangles, strict=True)
+        ]
+    )
+
 
 STUDY_NAME, FOLDER = "study.json", "points"
 FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
@@ -112,47 +171,39 @@ class Gatherer:
             if answer is None:
                 self.left_out.setdefault(where, "the budget was spent before its end")
                 continue
-            self._keep(where, answer, job)
+            key = self.bench.key(where)
+            self.stored[key] = {
+                "key": key,
+                "label": where.label(),
+                "settings": {**self.bench.settings(where), **({"seed": where.seed} if where.seed else {})},
+                **answer,
+            }
+            self._reuse(where, key)
+            self.reused -= 1
+            write_points(self.directory, self.fingerprint, list(self.stored.values()))
             self._tell(where.label(), len(jobs) - done)
-
-    def _keep(self, where: Point, answer: Answer, job: PointJob) -> None:
-        key = self.bench.key(where)
-        self.stored[key] = {"key": key, "label": where.label(), "settings": self._settings(where), **answer}
-        self._reuse(where, key)
-        self.reused -= 1
-        write_points(self.directory, self.fingerprint, list(self.stored.values()))
 
     def _reuse(self, where: Point, key: str) -> bool:
         """Read a stored point; False where its arrays are missing or broken: it is then computed again."""
         try:
-            self.outcomes[where] = self._outcome(where, key)
+            entry = self.stored[key]
+            failed = str(entry.get("failed", ""))
+            positions = np.zeros((0, 3))
+            if not failed:
+                with np.load(self._file(key)) as arrays:
+                    cloths = range(sum(name.startswith("rest_") for name in arrays.files))
+                    shapes = [arrays[f"rest_{k}"] for k in cloths], [arrays[f"triangles_{k}"] for k in cloths]
+                    positions = at_points_of(self.material, material_of(*shapes), arrays["positions"])
+            counts = {"warmup_seconds": entry.get("warmup_seconds", 0.0), **entry.get("counts", {})}
+            times = entry.get("seconds") or 0.0, entry.get("wall_seconds") or 0.0
+            energy = np.nan if entry.get("energy") is None else entry["energy"]
+            estimate = sum(each or 0.0 for each in entry.get("estimate", {}).values())
+            self.outcomes[where] = PointOutcome(where, positions, *times, counts, energy, estimate, failed)
         except (OSError, EOFError, LookupError, TypeError, ValueError, AttributeError, BadZipFile, zlib.error):
             return False
         self.left_out.pop(where, None)
         self.reused += 1
         return True
-
-    def _outcome(self, where: Point, key: str) -> PointOutcome:
-        """The outcome of a stored point."""
-        entry = self.stored[key]
-        failed = str(entry.get("failed", ""))
-        positions = np.zeros((0, 3)) if failed else self._positions(self._file(key))
-        counts = {"warmup_seconds": entry.get("warmup_seconds", 0.0), **entry.get("counts", {})}
-        times = entry.get("seconds") or 0.0, entry.get("wall_seconds") or 0.0
-        energy = np.nan if entry.get("energy") is None else entry["energy"]
-        estimate = sum(each or 0.0 for each in entry.get("estimate", {}).values())
-        return PointOutcome(where, positions, *times, counts, energy, estimate, failed)
-
-    def _positions(self, file: Path) -> Floats:
-        with np.load(file) as arrays:
-            count = sum(name.startswith("rest_") for name in arrays.files)
-            run = material_of(
-                [arrays[f"rest_{k}"] for k in range(count)], [arrays[f"triangles_{k}"] for k in range(count)]
-            )
-            return at_points_of(self.material, run, arrays["positions"])
-
-    def _settings(self, where: Point) -> dict[str, Any]:
-        return {**self.bench.settings(where), **({"seed": where.seed} if where.seed else {})}
 
     def _file(self, key: str) -> Path:
         return (self.directory / FOLDER / f"{key}.npz").resolve()

@@ -11,7 +11,7 @@ from clothsim import render
 from clothsim.base.errors import InputError
 from clothsim.base.text import text_table
 from clothsim.study.standard_tests import cusick, strips
-from clothsim.study.standard_tests.outline_shape import PLATE
+from clothsim.study.standard_tests.cusick import PLATE
 
 LAYS, REPEATS, SIZE = 16, 3, 6e-3
 """Lays of a drape, specimens of a strip test, distance of the vertices of a drape [m]."""
@@ -118,9 +118,29 @@ def fabric_tested(
     specimens: list[dict[str, Any]] = []
     for direction in SPECIMENS[method]:
         for seed in range(lays or REPEATS):
-            specimens.append({"direction": direction, "seed": seed, **_strip(cloth, method, direction, seed)})
+            degrees = strips.DIRECTIONS[direction]
+            measured: dict[str, Any]
+            if method == "cantilever":
+                measured = {"bending_length": strips.bending_length(cloth, degrees, seed)}
+            else:
+                along = strips.shear if method == "shear" else strips.pull
+                stretches, forces = along(cloth, degrees, STRETCH[method], seed)
+                kind = "angles" if method == "shear" else "strains"
+                measured = {kind: stretches.tolist(), "forces": forces.tolist()}
+            specimens.append({"direction": direction, "seed": seed, **measured})
             message(f"{method}, {direction}, specimen {seed + 1}")
-    return FabricTest(name, method, _strip_rows(method, specimens), tuple(specimens), STRIP_ERRORS[method])
+    rows = []
+    for direction in SPECIMENS[method]:
+        own = [each for each in specimens if each["direction"] == direction]
+        if method == "cantilever":
+            lengths = 1e3 * np.array([each["bending_length"] for each in own])
+            rows.append(_row("bending length", "mm", lengths, direction))
+            continue
+        forces = np.array([each["forces"] for each in own])
+        at = np.degrees(own[0]["angles"]) if method == "shear" else 100 * np.array(own[0]["strains"])
+        unit = "degrees" if method == "shear" else "%"
+        rows += [_row(f"force at {x:.3g} {unit}", "N/m", forces[:, k], direction) for k, x in enumerate(at)]
+    return FabricTest(name, method, tuple(rows), tuple(specimens), STRIP_ERRORS[method])
 
 
 def draw_drape(test: FabricTest, file: Path) -> str:
@@ -157,30 +177,6 @@ def _drapes(name: str, lays: Sequence[cusick.Lay], size: float) -> FabricTest:
     if unfinished:
         error += f" {unfinished} of {len(lays)} lays were not at rest."
     return FabricTest(name, "cusick", tuple(rows), tuple(specimens), error, lays[-1])
-
-
-def _strip(cloth: Mapping[str, Any], method: str, direction: str, seed: int) -> dict[str, Any]:
-    degrees = strips.DIRECTIONS[direction]
-    if method == "cantilever":
-        return {"bending_length": strips.bending_length(cloth, degrees, seed)}
-    along = strips.shear if method == "shear" else strips.pull
-    stretches, forces = along(cloth, degrees, STRETCH[method], seed)
-    return {("angles" if method == "shear" else "strains"): stretches.tolist(), "forces": forces.tolist()}
-
-
-def _strip_rows(method: str, specimens: Sequence[Mapping[str, Any]]) -> tuple[dict[str, Any], ...]:
-    rows = []
-    for direction in SPECIMENS[method]:
-        own = [each for each in specimens if each["direction"] == direction]
-        if method == "cantilever":
-            lengths = 1e3 * np.array([each["bending_length"] for each in own])
-            rows.append(_row("bending length", "mm", lengths, direction))
-            continue
-        forces = np.array([each["forces"] for each in own])
-        at = np.degrees(own[0]["angles"]) if method == "shear" else 100 * np.array(own[0]["strains"])
-        unit = "degrees" if method == "shear" else "%"
-        rows += [_row(f"force at {x:.3g} {unit}", "N/m", forces[:, k], direction) for k, x in enumerate(at)]
-    return tuple(rows)
 
 
 def _row(name: str, unit: str, values: Any, direction: str = "") -> dict[str, Any]:

@@ -11,10 +11,9 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import World
 from clothsim.gradients import StateAtRest
-from clothsim.study.evaluation import Gatherer
+from clothsim.study.evaluation import Gatherer, at_points_of, nearest_weights, world_material
 from clothsim.study.pictures import draw_goal
-from clothsim.study.points import BASE, Bench, Point, point
-from clothsim.study.resample import at_points_of, nearest_weights, world_material
+from clothsim.study.points import BASE, Bench, point
 
 # Goal-oriented error: the triangles that make the error of one number of a drape at rest.
 #
@@ -154,12 +153,7 @@ def goal_error(scene: Scene, positions: Floats, finer: Scene, finer_positions: F
             "Use finer cells, or a smaller dt.",
         )
     by_vertex = coarse.powers(states[1], adjoint, len(positions)) - coarse.unfinished(adjoint)
-    by_vertex -= _powers_of_finer(coarse, fine, adjoint)
-    return GoalError(values[0], values[1], by_vertex, positions, triangles, coarse.world.rest_areas)
-
-
-def _powers_of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) -> Floats:
-    """Powers of the finer elements with the interpolated adjoint, carried to the coarse vertices by its weights."""
+    # less the powers of the finer elements with the interpolated adjoint, taken to the coarse vertices by its weights
     world, out = coarse.world, np.zeros(coarse.world.n_cloth)
     interpolated, corners, weights = np.zeros_like(fine.x), list[Ints](), list[Floats]()
     first = 0
@@ -173,7 +167,8 @@ def _powers_of_finer(coarse: StateAtRest, fine: StateAtRest, adjoint: Floats) ->
     interpolated[fine.fixed] = 0.0
     parts = fine.powers(fine.x, interpolated, len(rows)) - fine.unfinished(interpolated)
     np.add.at(out, rows.ravel(), (coordinates * parts[:, None]).ravel())
-    return out
+    by_vertex -= out
+    return GoalError(values[0], values[1], by_vertex, positions, triangles, coarse.world.rest_areas)
 
 
 PICTURE_NAME, ARRAYS_NAME = "goal.png", "goal.npz"
@@ -208,7 +203,9 @@ def goal_report(gatherer: Gatherer, goal: NamedGoal) -> dict[str, Any]:
 
     Its key "failed" holds the reason where there is no attribution.
     """
-    finer = _finest(gatherer)
+    swept = [where for where in gatherer.outcomes if gatherer.good(where) and where == point(dict(where.levels))]
+    swept = [where for where in swept if dict(where.levels).keys() == {"cells"} and where.level("cells") > 0]
+    finer = max(swept, key=lambda where: where.level("cells"), default=None)
     if finer is None:
         return {"name": goal.name, "failed": "no run with finer cells came to its end"}
     bench = gatherer.bench
@@ -256,10 +253,3 @@ def goal_lines(goal: dict[str, Any]) -> list[str]:
     if not goal["believed"]:
         lines.append("The estimate is off by more than a factor of 2: the two meshes differ too much for the picture.")
     return lines
-
-
-def _finest(gatherer: Gatherer) -> Point | None:
-    """The run with the finest cells and all else as at the base."""
-    finer = [where for where in gatherer.outcomes if gatherer.good(where) and where == point(dict(where.levels))]
-    finer = [where for where in finer if dict(where.levels).keys() == {"cells"} and where.level("cells") > 0]
-    return max(finer, key=lambda where: where.level("cells"), default=None)

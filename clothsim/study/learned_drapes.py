@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import diags_array
 
 from clothsim.base.arrays import Floats
@@ -69,7 +68,15 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
         raise InputError(f"The fraction held out is {held_out:g}.", "Give a number from 0 to 0.9, such as 0.25.")
     if components < 1:
         raise InputError(f"{components} components were asked for.", "Give a whole number from 1.")
-    inputs = _inputs(farm)
+    settings = farm.settings
+    inputs = list(settings["boxes"])
+    others = [key for key in settings["varied"] if key not in inputs and key not in settings["same"]]
+    if others or not inputs:
+        raise InputError(
+            f"A model takes numbers: {', '.join(others) or 'nothing'} varies.", "Make a farm that varies numbers alone."
+        )
+    if settings["frames"] != "last":
+        raise InputError("The farm stores all frames.", 'A model is of drapes at rest: frames = "last".')
     demand_verified(farm)
     rows, areas, left_out = drapes_on_one_mesh(farm)
     training = len(rows) - round(held_out * len(rows))
@@ -93,42 +100,26 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
     )  # fmt: skip
 
 
-def _inputs(farm: Farm) -> list[str]:
-    settings = farm.settings
-    inputs = list(settings["boxes"])
-    others = [key for key in settings["varied"] if key not in inputs and key not in settings["same"]]
-    if others or not inputs:
-        raise InputError(
-            f"A model takes numbers: {', '.join(others) or 'nothing'} varies.", "Make a farm that varies numbers alone."
-        )
-    if settings["frames"] != "last":
-        raise InputError("The farm stores all frames.", 'A model is of drapes at rest: frames = "last".')
-    return inputs
-
-
 def drapes_on_one_mesh(farm: Farm) -> tuple[list[dict[str, Any]], Floats, int]:
     """Usable drapes with the mesh that most have, the areas of its vertices, and the number of others."""
     usable = [row for row in manifest(farm) if row["usable"]]
     if not usable:
         raise InputError("No drape of the farm is usable.", "`clothsim farm status DIR` names the causes.")
-    meshes = [_meshes(farm, row) for row in usable]
+    meshes = []
+    for row in usable:  # triangles of all its cloths one after the other, and the areas of their vertices at rest [m^2]
+        triangles, areas_of, first = [], [], 0
+        for digest in row["meshes"]["cloth"].values():
+            arrays = read_stored_mesh(farm.directory, digest)
+            faces, rest = arrays["triangles"], arrays["start"].astype(np.float64)
+            areas_of.append(thirds_at_vertices(triangle_areas(rest[faces]), faces, len(rest)))
+            triangles.append(faces + first)
+            first += len(rest)
+        meshes.append((np.concatenate(triangles), np.concatenate(areas_of)))
     keys = [each[0].tobytes() for each in meshes]
     most = Counter(keys).most_common(1)[0][0]
     chosen = [k for k, key in enumerate(keys) if key == most]
     areas = np.mean([meshes[k][1] for k in chosen], axis=0)
     return [usable[k] for k in chosen], areas, len(usable) - len(chosen)
-
-
-def _meshes(farm: Farm, row: dict[str, Any]) -> tuple[NDArray[np.int32], Floats]:
-    """Triangles of all cloths of a drape one after the other, and the areas of their vertices at rest [m^2]."""
-    triangles, areas, first = [], [], 0
-    for digest in row["meshes"]["cloth"].values():
-        arrays = read_stored_mesh(farm.directory, digest)
-        faces, rest = arrays["triangles"], arrays["start"].astype(np.float64)
-        areas.append(thirds_at_vertices(triangle_areas(rest[faces]), faces, len(rest)))
-        triangles.append(faces + first)
-        first += len(rest)
-    return np.concatenate(triangles), np.concatenate(areas)
 
 
 def rms(predictions: Sequence[Floats] | Floats, drapes: Floats) -> float:

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from scipy.sparse import diags_array
 
-from clothsim import Scene
 from clothsim.base.arrays import Floats, write_arrays
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import refuse_unknown
@@ -194,24 +193,22 @@ def clips_of(farm: Farm) -> list[MovingClip]:
     rows, _, _ = drapes_on_one_mesh(farm)
     jobs = {job.id: job for job in farm.jobs}
     reference = MovingGarment.of_scene(farm.scene).reference
-    return [_clip(farm, farm.scene_of(jobs[row["id"]]), row["id"], reference) for row in rows]
-
-
-def _clip(farm: Farm, scene: Scene, name: str, reference: Floats) -> MovingClip:
-    positions = positions_of(farm.directory, name).astype(np.float64)
-    rate, end = scene.run_settings.frames_per_second, scene.run_settings.duration
-    times = np.minimum(np.arange(len(positions)) / rate, end)
-    garment = MovingGarment.of_scene(scene)
-    shapes = [
-        garment.unposed(points, float(time), reference).ravel() for time, points in zip(times, positions, strict=True)
-    ]
-    keys = next(body for body in scene.bodies if "model" in body)
-    motion = keys["motion"]
-    clip = motion if isinstance(motion, str) else str(motion["clip"])
-    body = json.dumps({key: keys.get(key) for key in ("model", "shape")}, sort_keys=True, default=str)
-    return MovingClip(
-        name, body, clip, clip.partition(":")[0], garment, times, positions, np.array(shapes), garment.inputs(times)
-    )
+    clips = []
+    for name in (row["id"] for row in rows):
+        scene = farm.scene_of(jobs[name])
+        positions = positions_of(farm.directory, name).astype(np.float64)
+        rate, end = scene.run_settings.frames_per_second, scene.run_settings.duration
+        times = np.minimum(np.arange(len(positions)) / rate, end)
+        garment = MovingGarment.of_scene(scene)
+        frames = zip(times, positions, strict=True)
+        shapes = np.array([garment.unposed(points, float(time), reference).ravel() for time, points in frames])
+        keys = next(body for body in scene.bodies if "model" in body)
+        motion = keys["motion"]
+        clip = motion if isinstance(motion, str) else str(motion["clip"])
+        body = json.dumps({key: keys.get(key) for key in ("model", "shape")}, sort_keys=True, default=str)
+        kind = clip.partition(":")[0]
+        clips.append(MovingClip(name, body, clip, kind, garment, times, positions, shapes, garment.inputs(times)))
+    return clips
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,12 +282,23 @@ def learn_motion(
     space = metric_components(flat, components, diags_array(np.repeat(areas, 3)))
     skinned = _model_of(farm, found[0], space, inputs, flat)
     validation = [found[k] for k in sets.validation]
-    models = {"skinned": skinned, "nearest": _nearest(skinned, flat, inputs)}
-    fitted = {penalty: _ridge(skinned, flat, inputs, penalty) for penalty in PENALTIES}
+    given = skinned.standard(inputs)
+    projection = metric_components(given, NEAREST_COMPONENTS).basis
+    parts = {"projection": projection, "inputs": given @ projection, "coefficients": skinned.space.coefficients(flat)}
+    models = {"skinned": skinned, "nearest": replace(skinned, kind="nearest", parts=parts)}
+    fitted = {}
+    for penalty in PENALTIES:
+        weights = ridge(given, skinned.space.coefficients(flat), penalty).weights
+        fitted[penalty] = replace(skinned, kind="ridge", parts={"offset": weights[0], "weights": weights[1:]})
     penalty = min(PENALTIES, key=lambda penalty: error_of(fitted[penalty], validation))
     models["ridge"] = fitted[penalty]
     if recurrent is not None:
-        models["recurrent"] = _recurrent(skinned, training, validation, replace(recurrent, penalty=penalty))
+        frames = [LearnedFrames(clip.inputs, clip.canonical, clip.settled.start) for clip in training]
+        asked = replace(recurrent, penalty=penalty)
+        try:
+            models["recurrent"] = trained_recurrent(skinned, frames, lambda made: error_of(made, validation), asked)
+        except TransferError as error:
+            raise InputError(error.sentence, error.remedy) from error
     measured = {part: _measured(models, [found[k] for k in sets.rows(part)]) for part in SETS}
     errors, inside = ({name: {part: measured[part][name][k] for part in SETS} for name in models} for k in (0, 1))
     best = min(models, key=lambda name: errors[name]["validation"])
@@ -320,32 +328,6 @@ def _model_of(farm: Farm, clip: MovingClip, space: Subspace, inputs: Floats, fla
         grid=distance_grid(body, flat.reshape(-1, 3), SPACING),
         parts={"components": np.array(space.basis.shape[1])},
     )
-
-
-def _nearest(model: MotionModel, flat: Floats, inputs: Floats) -> MotionModel:
-    given = model.standard(inputs)
-    projection = metric_components(given, NEAREST_COMPONENTS).basis
-    parts = {
-        "projection": projection,
-        "inputs": given @ projection,
-        "coefficients": model.space.coefficients(flat),
-    }
-    return replace(model, kind="nearest", parts=parts)
-
-
-def _ridge(model: MotionModel, flat: Floats, inputs: Floats, penalty: float) -> MotionModel:
-    weights = ridge(model.standard(inputs), model.space.coefficients(flat), penalty).weights
-    return replace(model, kind="ridge", parts={"offset": weights[0], "weights": weights[1:]})
-
-
-def _recurrent(
-    model: MotionModel, training: Sequence[MovingClip], validation: Sequence[MovingClip], given: RegressorTraining
-) -> MotionModel:
-    frames = [LearnedFrames(clip.inputs, clip.canonical, clip.settled.start) for clip in training]
-    try:
-        return trained_recurrent(model, frames, lambda made: error_of(made, validation), given)
-    except TransferError as error:
-        raise InputError(error.sentence, error.remedy) from error
 
 
 def predictions(model: MotionModel, clip: MovingClip) -> Floats:

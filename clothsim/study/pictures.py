@@ -52,7 +52,22 @@ def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> No
     axes.set(xscale="log", yscale="log", xlabel="processor time of the run [s]")
     axes.set_ylabel(f"RMS error {'of the histogram of heights' if study_data.chaotic else 'at the last frame'} [mm]")
     axes.set_title(f"{study_data.name}: what accuracy costs", loc="left", fontsize=10)
-    _limits(axes, findings)
+    x, y = _coordinates(findings, list(findings.errors))
+    low, high = min(each for each in y if each > 0), max(y)
+    axes.set_xlim(min(x) / 1.7, max(x) * 1.7)
+    axes.set_ylim(low / 1.8, high * 1.8)
+    floor = RESOLVED * findings.reference.error / MM
+    if floor > axes.get_ylim()[0]:
+        axes.axhspan(axes.get_ylim()[0], min(floor, axes.get_ylim()[1]), color="0.94", zorder=0, lw=0)
+        axes.text(
+            0.01, 0.012, "below ten times the reference's own error", transform=axes.transAxes, fontsize=7, color="0.4"
+        )
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=20))
+        axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(True, which="major", color="0.9", lw=0.6)
+    axes.set_axisbelow(True)
     axes.figure.canvas.draw()  # places the axes: the labels are laid out in pixels
     swept: set[Point] = {BASE}
     marks: list[Mark] = [(*_seconds_and_error(findings, BASE), "as given", "black")]
@@ -60,13 +75,22 @@ def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> No
     variants = [where for where in findings.errors if where.variant]
     marks += [(*_seconds_and_error(findings, where), where.variant, "black") for where in variants]
     for (name, parameter), (colour, marker, line) in zip(study_data.bench.parameters.items(), STYLES * 2, strict=False):
-        curve = sorted(_curve(findings, name), key=lambda where: where.level(name))
+        curve = sorted(
+            [
+                where
+                for where in findings.errors
+                if where == BASE or (not where.variant and len(where.levels) == 1 and where.levels[0][0] == name)
+            ],
+            key=lambda where: where.level(name),
+        )
         swept.update(curve)
         if len(curve) < 2:
             continue
         x, y = _coordinates(findings, curve)
         axes.plot(x, y, color=colour, marker=marker, ls=line, ms=5, lw=1.3, mfc="white", mec=colour, zorder=3)
-        lines += [_pixels(axes, one, other) for one, other in pairwise(zip(x, y, strict=True))]
+        for pair in pairwise(zip(x, y, strict=True)):  # places every STRIDE pixels along the lines
+            one, other = axes.transData.transform(pair)
+            lines.append(np.linspace(one, other, 2 + int(np.linalg.norm(other - one) / STRIDE)))
         ends = [end for end in (curve[0], curve[-1]) if end != BASE]
         texts = [written(name, parameter.value(study_data.bench.base, end.level(name))) for end in ends]
         if np.ptp(axes.transData.transform(np.column_stack([x, y])), axis=0).max() < SHORT:
@@ -84,47 +108,12 @@ def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> No
     _labelled(axes, marks, np.concatenate(lines))
 
 
-def _curve(findings: Findings, name: str) -> list[Point]:
-    return [
-        where
-        for where in findings.errors
-        if where == BASE or (not where.variant and len(where.levels) == 1 and where.levels[0][0] == name)
-    ]
-
-
 def _seconds_and_error(findings: Findings, where: Point) -> tuple[float, float]:
     return findings.seconds[where], findings.errors[where] / MM
 
 
 def _coordinates(findings: Findings, points: Sequence[Point]) -> tuple[list[float], list[float]]:
     return [findings.seconds[where] for where in points], [findings.errors[where] / MM for where in points]
-
-
-def _limits(axes: Any, findings: Findings) -> None:
-    """Room for the labels, plain numbers on the axes, and a shade over what the reference does not resolve."""
-    x, y = _coordinates(findings, list(findings.errors))
-    low, high = min(each for each in y if each > 0), max(y)
-    axes.set_xlim(min(x) / 1.7, max(x) * 1.7)
-    axes.set_ylim(low / 1.8, high * 1.8)
-    floor = RESOLVED * findings.reference.error / MM
-    if floor > axes.get_ylim()[0]:
-        axes.axhspan(axes.get_ylim()[0], min(floor, axes.get_ylim()[1]), color="0.94", zorder=0, lw=0)
-        axes.text(
-            0.01, 0.012, "below ten times the reference's own error", transform=axes.transAxes, fontsize=7, color="0.4"
-        )
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=20))
-        axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
-    axes.grid(True, which="major", color="0.9", lw=0.6)
-    axes.set_axisbelow(True)
-
-
-def _pixels(axes: Any, start: tuple[float, float], end: tuple[float, float]) -> Floats:
-    """Places along a straight line of the plot, every STRIDE pixels, (k, 2)."""
-    ends = axes.transData.transform([start, end])
-    count = 2 + int(np.linalg.norm(ends[1] - ends[0]) / STRIDE)
-    return np.linspace(ends[0], ends[1], count)
 
 
 def _labelled(axes: Any, marks: Sequence[Mark], points: Floats) -> None:
@@ -142,7 +131,9 @@ def _labelled(axes: Any, marks: Sequence[Mark], points: Floats) -> None:
             left = px + dx if dx > 0 else px + dx - width if dx < 0 else px - width / 2
             box = (left, py + dy - height / 2, left + width, py + dy + height / 2)
             inside = frame.x0 < box[0] and box[2] < frame.x1 and frame.y0 < box[1] and box[3] < frame.y1
-            if inside and not any(_overlap(box, other) for other in taken):
+            if inside and not any(
+                box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3] for other in taken
+            ):
                 break
         else:
             continue
@@ -163,15 +154,16 @@ _PLACES = tuple(
 Box = tuple[float, float, float, float]
 
 
-def _overlap(one: Box, other: Box) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
-
-
 def _bars(axes: Any, study_data: StudyData, findings: Findings) -> None:
     """Error contributions of the parameters at the base settings, and the remainder."""
     rows = sorted(findings.bars.items(), key=lambda row: row[1])
     rest = [("remainder", findings.remainder / MM)] if findings.reference.combined else []
-    names = [*(name for name, _ in rest), *(_slopes(study_data, findings, name) for name, _ in rows)]
+    names = [name for name, _ in rest]
+    for name, _ in rows:  # with the observed slope and the expected one
+        each, expected = findings.reference.limits[name], study_data.bench.parameters[name].order(study_data.bench.base)
+        observed = f"{each.order:.2f}" if each.order == each.order else "not seen"
+        known = expected is not None and each.extrapolated
+        names.append(f"{name}\nslope {observed},\nexpected {expected:.2g}" if known else name)
     values = [*(value for _, value in rest), *(each / MM for _, each in rows)]
     shades = [*(["0.85"] * len(rest)), *(["0.45"] * len(rows))]
     axes.barh(names, values, color=shades, edgecolor="black", lw=0.6, height=0.5)
@@ -188,15 +180,6 @@ def _bars(axes: Any, study_data: StudyData, findings: Findings) -> None:
     axes.tick_params(axis="y", length=0, labelsize=8)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-
-
-def _slopes(study_data: StudyData, findings: Findings, name: str) -> str:
-    """The parameter's name, its observed slope and the expected one."""
-    each, expected = findings.reference.limits[name], study_data.bench.parameters[name].order(study_data.bench.base)
-    if expected is None or not each.extrapolated:
-        return name
-    observed = f"{each.order:.2f}" if each.order == each.order else "not seen"
-    return f"{name}\nslope {observed},\nexpected {expected:.2g}"
 
 
 def draw_goal(found: "GoalError", name: str, file: Path) -> None:

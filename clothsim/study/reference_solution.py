@@ -124,7 +124,12 @@ def with_other_formula(
         second = limit(other, 2, order, norm)
         best = own if own.error <= second.error else second
         if (best is own) == second_order:  # backward Euler, against BDF2
-            doubt = _beyond_finest(best, second if best is own else own, other if best is own else sweep, norm)
+            # distance of a limit of backward Euler to the finest run of BDF2, and the error of that
+            bdf2 = second if best is own else own
+            runs = other if best is own else sweep
+            before, finest = (runs[level] for level in sorted(runs)[-2:])
+            falls = max(bdf2.error, norm(finest - bdf2.field))
+            doubt = norm(best.field - finest) + (falls if bdf2.extrapolated else norm(finest - before))
         else:
             euler = second if best is own else own
             doubt = norm(best.field - euler.field) - (euler.error if euler.extrapolated else 0.0)
@@ -133,16 +138,6 @@ def with_other_formula(
         apart = abs(norm(sweep[0] - next(iter(other.values()))) - norm(sweep[0] - own.field))
         return _doubted(own, apart)
     return own
-
-
-def _beyond_finest(euler: Limit, bdf2: Limit, runs: Mapping[int, Floats], norm: Norm) -> float:
-    """Distance of a limit of backward Euler to the finest run of BDF2, and the error of that.
-
-    Where the runs of BDF2 do not fall as they should, their last difference is its error.
-    """
-    before, finest = (runs[level] for level in sorted(runs)[-2:])
-    falls = max(bdf2.error, norm(finest - bdf2.field))
-    return norm(euler.field - finest) + (falls if bdf2.extrapolated else norm(finest - before))
 
 
 def not_below(
@@ -281,11 +276,20 @@ def _best(
     """The estimate to take, from runs of several of levels at which the sum `shifts` of the parameters is known."""
     finest, apart = max(known), _rss([each.error for each in limits.values()])
     mismatches = {level: known[level] - base - shifts[level] for level in known}
-    order = _combined_order(base, shifts[finest], finest, limits, norm)
-    estimates = _product(mismatches, list(limits.values()), ratios, apart, norm) or [
-        _scaled(shifts[finest], mismatches[finest], 1.0 / (1.0 - 2.0 ** (-order * finest)), apart, norm),
-        *_limit_of_combined(base, combined, order, limits, norm, noise),
-    ]
+    # the order with which the sum of the errors falls, from its shift at the finest level
+    whole = norm(sum((each.field - base for each in limits.values()), start=np.zeros_like(base)))
+    left = 1.0 - norm(shifts[finest]) / whole if whole > 0 else 0.0
+    order = float(np.clip(-np.log2(left) / finest, *ORDERS)) if left > 0 else ORDERS[1]
+    estimates = _product(mismatches, list(limits.values()), ratios, apart, norm)
+    if not estimates:
+        # the mismatch of the finest run of several, times the whole error over what that level removes of it; where it
+        # counts one push of the single limits three times, it counts its doubt three times too
+        factor = 1.0 / (1.0 - 2.0 ** (-order * finest))
+        summed, mismatch = shifts[finest], mismatches[finest]
+        removed = norm(summed)
+        scale = min(1.0, norm(summed + mismatch) / removed) if removed > 0 else 1.0
+        estimates = [_Estimate(factor * mismatch, _rss([scale * apart, factor * norm(mismatch)]))]
+        estimates += _limit_of_combined(base, combined, order, limits, norm, noise)
     best, *others = sorted(estimates, key=lambda each: each.error)
     excess = [norm(best.interaction - each.interaction) - each.error for each in others]
     return _Estimate(best.interaction, max([best.error, *excess, *(each.doubt for each in limits.values())]))
@@ -293,24 +297,6 @@ def _best(
 
 def _rss(values: Sequence[float], *more: float) -> float:
     return float(np.sqrt(sum(each**2 for each in (*values, *more))))
-
-
-def _combined_order(base: Floats, summed: Floats, level: int, limits: Mapping[str, Limit], norm: Norm) -> float:
-    """The order with which the sum of the errors falls, from its shift at `level`: within ORDERS."""
-    whole = norm(sum((each.field - base for each in limits.values()), start=np.zeros_like(base)))
-    left = 1.0 - norm(summed) / whole if whole > 0 else 0.0
-    return float(np.clip(-np.log2(left) / level, *ORDERS)) if left > 0 else ORDERS[1]
-
-
-def _scaled(summed: Floats, mismatch: Floats, factor: float, apart: float, norm: Norm) -> _Estimate:
-    """The mismatch of the finest run of several, times the whole error over what that level removes of it.
-
-    The errors of the single limits are scaled as the sum of the parameters is by the run of several: where it counts
-    one push three times, it counts its doubt three times too.
-    """
-    removed = norm(summed)
-    scale = min(1.0, norm(summed + mismatch) / removed) if removed > 0 else 1.0
-    return _Estimate(factor * mismatch, _rss([scale * apart, factor * norm(mismatch)]))
 
 
 def _limit_of_combined(

@@ -17,8 +17,19 @@ def answer_lines(result: Mapping[str, Any]) -> list[str]:
     """What is known of the error of the scene as it is, and the cost of half of it, as sentences."""
     headline = result["headline"]
     if headline["status"] == UNFINISHED:
-        return [*_unfinished(result), *_so_far(headline), *_chaos(result), *_searched(result)]
-    lines = [_statement(result), *_half(result), *_sources(result), *_chaos(result), *_searched(result)]
+        parts = [f"{name} adds {in_mm(adds)}" for name, adds in headline["so_far"].items()]
+        if headline["certificate"] is not None:
+            parts.append(f"the certificate of the run estimates {in_mm(headline['certificate'])} for its time steps")
+        so_far = [f"So far: {', '.join(parts)}."] if parts else []
+        return [_missing(result), *_more(result), *so_far, *_chaos(result), *_searched(result)]
+    better = result["half_the_error"]
+    half = "The cost of half that error is not known: the runs within the budget do not resolve it."
+    if better is not None:
+        times = better["seconds"] / max(result["base"]["seconds"], 1e-9)
+        source = "" if better["measured_error"] is not None else ", predicted, not run"
+        cost = f"{in_seconds(better['seconds'])} ({times:.2g} times{source})"
+        half = f"Half of that error: {settings_text(better['settings'])}, {cost}."
+    lines = [_statement(result), half, *_sources(result), *_chaos(result), *_searched(result)]
     if headline["status"] == RANGE:
         lines += _more(result)
     reference = result["reference"]
@@ -54,7 +65,7 @@ def _statement(result: Mapping[str, Any]) -> str:
     )
 
 
-def _unfinished(result: Mapping[str, Any]) -> list[str]:
+def _missing(result: Mapping[str, Any]) -> str:
     """What is missing, and the seconds that it needs."""
     headline = result["headline"]
     words = {
@@ -70,7 +81,7 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
     missing += [f"the finer run of {name} is not a data point" for name in failed]
     missing += [words[name] for name in headline["missing"] if name in words]
     why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
-    return [f"The error of this scene could not be found {why}: {'; '.join(missing)}.", *_more(result)]
+    return f"The error of this scene could not be found {why}: {'; '.join(missing)}."
 
 
 def _searched(result: Mapping[str, Any]) -> list[str]:
@@ -92,25 +103,6 @@ def _more(result: Mapping[str, Any]) -> list[str]:
         return []
     seconds = _budget(headline["needed_seconds"])
     return [f"At least {seconds} more are needed: --budget {seconds.replace(' ', '')} continues from the runs so far."]
-
-
-def _so_far(headline: Mapping[str, Any]) -> list[str]:
-    parts = [f"{name} adds {in_mm(adds)}" for name, adds in headline["so_far"].items()]
-    if headline["certificate"] is not None:
-        parts.append(f"the certificate of the run estimates {in_mm(headline['certificate'])} for its time steps")
-    return [f"So far: {', '.join(parts)}."] if parts else []
-
-
-def _half(result: Mapping[str, Any]) -> list[str]:
-    better, base = result["half_the_error"], result["base"]
-    if better is None:
-        return ["The cost of half that error is not known: the runs within the budget do not resolve it."]
-    times = better["seconds"] / max(base["seconds"], 1e-9)
-    source = "" if better["measured_error"] is not None else ", predicted, not run"
-    return [
-        f"Half of that error: {settings_text(better['settings'])}, {in_seconds(better['seconds'])} ({times:.2g} times"
-        f"{source})."
-    ]
 
 
 def _sources(result: Mapping[str, Any]) -> list[str]:
@@ -179,14 +171,53 @@ def markdown(name: str, result: Mapping[str, Any]) -> str:
         parts += [
             "![Error against processor seconds](study.png)",
             "## What to take",
-            _table(("error at most", "settings", "measured error", "processor time"), _advice_rows(result)),
+            _table(
+                ("error at most", "settings", "measured error", "processor time"),
+                [
+                    [
+                        f"<= {each['error']:g} mm",
+                        settings_text(each["settings"]),
+                        in_mm(each["measured_error"]),
+                        in_seconds(each["seconds"]),
+                    ]
+                    for each in result["recommended"]
+                ],
+            ),
         ]
+    rows = []
+    for parameter, each in result["parameters"].items():
+        observed = each["observed_slope"]
+        known = observed is not None and math.isfinite(observed)
+        expected = "" if each["expected_slope"] is None else f"{each['expected_slope']:.2g}"
+        slope = (f"{observed:.2f}" if known else "") + ("" if each["extrapolated"] or not known else " (not used)")
+        adds = "not known" if each["adds"] is None else in_mm(each["adds"])
+        value = written(parameter, each["base"]).removeprefix(f"{parameter} ")
+        rows.append([parameter, value, adds, expected, slope])
+    remainder = "not measured, for want of a run with several of them"
+    if result["remainder"] is not None and math.isfinite(result["remainder"]):
+        remainder = in_mm(result["remainder"])
+    front = {each["label"] for each in result["front"]}
     parts += [
         "## Where the error comes from",
-        _table(("parameter", "at the base", "adds", "expected slope", "observed slope"), _parameter_rows(result)),
-        f"The remainder, which the parameters add only together: {_remainder(result['remainder'])}.",
+        _table(("parameter", "at the base", "adds", "expected slope", "observed slope"), rows),
+        f"The remainder, which the parameters add only together: {remainder}.",
         "## Every point",
-        _table(("settings", "error (RMS)", "largest", "of the size", "processor time", "front"), _point_rows(result)),
+        _table(
+            ("settings", "error (RMS)", "largest", "of the size", "processor time", "front"),
+            [
+                [
+                    settings_text(each["settings"]) + ("" if each["resolved"] or each["error"] is None else " *"),
+                    *(
+                        ["", "", ""]
+                        if each["error"] is None
+                        else [in_mm(each["error"]), in_mm(each["max_error"]), f"{100 * each['relative']:.2g} %"]
+                    ),
+                    in_seconds(each["seconds"]),
+                    "yes" if each["label"] in front else "",
+                ]
+                for each in sorted(result["points"], key=lambda each: each["seconds"])
+            ],
+        ),
         "## How this was measured",
         "\n".join(f"* {line}" for line in _method(result)),
     ]
@@ -201,60 +232,13 @@ def markdown(name: str, result: Mapping[str, Any]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _remainder(length: float | None) -> str:
-    known = length is not None and math.isfinite(length)
-    return in_mm(length) if known else "not measured, for want of a run with several of them"
-
-
-def _advice_rows(result: Mapping[str, Any]) -> list[list[str]]:
-    return [
-        [
-            f"<= {each['error']:g} mm",
-            settings_text(each["settings"]),
-            in_mm(each["measured_error"]),
-            in_seconds(each["seconds"]),
-        ]
-        for each in result["recommended"]
-    ]
-
-
-def _parameter_rows(result: Mapping[str, Any]) -> list[list[str]]:
-    rows = []
-    for name, parameter in result["parameters"].items():
-        observed = parameter["observed_slope"]
-        known = observed is not None and math.isfinite(observed)
-        expected = "" if parameter["expected_slope"] is None else f"{parameter['expected_slope']:.2g}"
-        slope = (f"{observed:.2f}" if known else "") + ("" if parameter["extrapolated"] or not known else " (not used)")
-        adds = "not known" if parameter["adds"] is None else in_mm(parameter["adds"])
-        rows.append([name, written(name, parameter["base"]).removeprefix(f"{name} "), adds, expected, slope])
-    return rows
-
-
-def _point_rows(result: Mapping[str, Any]) -> list[list[str]]:
-    front = {each["label"] for each in result["front"]}
-    return [
-        [
-            settings_text(each["settings"]) + ("" if each["resolved"] or each["error"] is None else " *"),
-            *(_error_cells(each)),
-            in_seconds(each["seconds"]),
-            "yes" if each["label"] in front else "",
-        ]
-        for each in sorted(result["points"], key=lambda each: each["seconds"])
-    ]
-
-
-def _error_cells(point: Mapping[str, Any]) -> list[str]:
-    if point["error"] is None:
-        return ["", "", ""]
-    return [in_mm(point["error"]), in_mm(point["max_error"]), f"{100 * point['relative']:.2g} %"]
-
-
 def _method(result: Mapping[str, Any]) -> list[str]:
     reference = result["reference"]
     own = "not known" if reference is None else in_mm(reference["own_error"])
     names = result["together"]
     combined = f" and runs of {', '.join(names)} together" if names else ""
     warm = max((entry.get("warmup_seconds", 0.0) for entry in result["points"]), default=0.0)
+    units = {"drape_coefficient": ("Drape coefficient", ""), "energy": ("Energy", " J")}
     return [
         f"Error: {result['measure']}; size: the diagonal of the cloth at rest, {result['size']:.3g} m.",
         f"Reference: the one-parameter runs{combined}, extrapolated by Richardson at their observed order; its own "
@@ -264,18 +248,15 @@ def _method(result: Mapping[str, Any]) -> list[str]:
         f"{result['workers']:g} processes at a time; runs below {SHORT:g} s: the median of {TIMES}.",
         f"{result['date']}: {result['seconds']:.0f} CPU s of a budget of {result['budget']:.0f} s, "
         f"{result['reused']} runs taken from an earlier study.",
-        *(f"{text}." for text in _invariants(result["invariants"])),
+        *(
+            f"{text}."
+            for text in [
+                f"{units[name][0]} as given, over {each['seeds']} seeds: {each['mean']:.4g}{units[name][1]}, spread "
+                f"{each['spread']:.2g}{units[name][1]}"
+                for name, each in result["invariants"].items()
+            ]
+        ),
         *(f"No parameter {name}: {reason}." for name, reason in result["missing_parameters"].items()),
-    ]
-
-
-def _invariants(invariants: Mapping[str, Any]) -> list[str]:
-    """Invariants of chaotic folds at the base settings: mean and spread over the seeds."""
-    units = {"drape_coefficient": ("Drape coefficient", ""), "energy": ("Energy", " J")}
-    return [
-        f"{units[name][0]} as given, over {each['seeds']} seeds: {each['mean']:.4g}{units[name][1]}, spread "
-        f"{each['spread']:.2g}{units[name][1]}"
-        for name, each in invariants.items()
     ]
 
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from clothsim.study.analysis import Compared, Findings, Recommendation, half, recommendations
 from clothsim.study.evaluation import Gatherer
-from clothsim.study.observations import Observations
-from clothsim.study.plan import first_refinements, missing_points, unanswered
+from clothsim.study.observations import Observations, first_refinements, missing_points, unanswered
 from clothsim.study.points import BASE, CONVERGENT, Bench, Point
 from clothsim.study.reference_solution import Limit
 
@@ -145,6 +144,11 @@ def document(
     """The content of study.json; errors in millimetres. Without findings no run has an error."""
     gatherer, chaotic = study_data.gatherer, study_data.chaotic
     points, others = _points(study_data, findings)
+    bending_model: dict[str, Any] | None = None
+    done = gatherer.outcomes.get(Point(variant=CONVERGENT))
+    if done is not None and not done.failed and not chaotic and study_data.compared is not None:
+        moved = study_data.compared.norm(done.positions - study_data.compared.fields[BASE])
+        bending_model = {"model": CONVERGENT, "moves": moved / MM, "unit": "mm", "seconds": done.seconds}
     return {
         "headline": headline.as_dict(),
         "points": points,
@@ -153,7 +157,7 @@ def document(
         "measure": measure(chaotic),
         "size": study_data.size,
         "parameters": {name: _parameter(study_data, findings, name) for name in study_data.bench.parameters},
-        "bending_model": _model(study_data),
+        "bending_model": bending_model,
         "missing_parameters": dict(study_data.missing),
         "left_out": {where.label(): reason for where, reason in gatherer.left_out.items()},
         "chaotic": study_data.seen.chaotic,
@@ -177,7 +181,12 @@ def _points(study_data: StudyData, findings: Findings | None) -> tuple[list[dict
             points.append(entry)  # listed apart when it is written
         elif entry["key"] in keys:
             where = keys[entry["key"]]
-            points.append({**entry, "settings": bench.settings(where), **_errors(study_data, findings, where)})
+            own: dict[str, Any] = {"error": None, "max_error": None, "relative": None, "unit": "mm", "resolved": False}
+            if findings is not None:
+                error, largest = findings.errors[where], findings.largest[where]
+                own = {"error": error / MM, "max_error": largest / MM, "relative": error / study_data.size}
+                own |= {"unit": "mm", "seconds": findings.seconds[where], "resolved": findings.resolved(where)}
+            points.append({**entry, "settings": bench.settings(where), **own})
         else:
             others.append(entry)
     return points, others
@@ -209,28 +218,11 @@ def _answers(study_data: StudyData, findings: Findings | None, headline: Headlin
     }
 
 
-def _model(study_data: StudyData) -> dict[str, Any] | None:
-    """Difference and cost of the convergent bending model; None where that was not run."""
-    done = study_data.gatherer.outcomes.get(Point(variant=CONVERGENT))
-    if done is None or done.failed or study_data.chaotic or study_data.compared is None:
-        return None
-    moved = study_data.compared.norm(done.positions - study_data.compared.fields[BASE])
-    return {"model": CONVERGENT, "moves": moved / MM, "unit": "mm", "seconds": done.seconds}
-
-
 def measure(chaotic: bool) -> str:
     """Definition of the error measure."""
     if chaotic:
         return "RMS difference of the histograms of heights at the last frame (2-Wasserstein), mean over seeds"
     return "RMS distance of the same material points at the last frame to the reference"
-
-
-def _errors(study_data: StudyData, findings: Findings | None, where: Point) -> dict[str, Any]:
-    if findings is None:
-        return {"error": None, "max_error": None, "relative": None, "unit": "mm", "resolved": False}
-    error = findings.errors[where]
-    numbers = {"error": error / MM, "max_error": findings.largest[where] / MM, "relative": error / study_data.size}
-    return {**numbers, "unit": "mm", "seconds": findings.seconds[where], "resolved": findings.resolved(where)}
 
 
 def _row(study_data: StudyData, where: Point, error: float, seconds: float) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from hashlib import sha256
@@ -23,14 +23,13 @@ from clothsim.engine import World, build
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
 from clothsim.study.error_control.resolution import Resolution, refinable_scene
-from clothsim.study.evaluation import FOLDER, Gatherer, StudyProgress, stored_points, write_points
+from clothsim.study.evaluation import FOLDER, Gatherer, StudyProgress, stored_points, world_material, write_points
 from clothsim.study.goal_report import NamedGoal, goal_report, refuse_goal
+from clothsim.study.observations import gathered
 from clothsim.study.parameters import usable, with_explicit_lengths
 from clothsim.study.pictures import draw_study
-from clothsim.study.plan import gathered
-from clothsim.study.points import BASE, Bench, Point, point
+from clothsim.study.points import BASE, Bench, point
 from clothsim.study.report import markdown
-from clothsim.study.resample import world_material
 from clothsim.study.result import UNFINISHED, StudyData, document, headline, needed_seconds
 from clothsim.study.workers import ProcessorTime, Runner, worker_processes
 
@@ -57,28 +56,25 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
     except InputError:  # cut off by a kill: it is searched again
         stored = {}
     if stored.get("scene") != key or "resolution" not in stored:
-        stored = {"scene": key, **_search(scene, budget)}
+        limit = min(scene.solver_settings.budget, LARGEST_FRACTION * budget)
+        with tempfile.TemporaryDirectory() as folder:
+            run = simulate(engine.replace(scene, "solver.budget", limit), folder)
+        if run.status != "completed":
+            raise _no_data_point(run.reason)
+        estimate = run.summary["certificate"]["error_estimate"]
+        names = ("asked", "total", "known", "met", "seconds")
+        stored = {
+            "scene": key,
+            "resolution": estimate["chosen"]["resolution"],
+            "newton_error_fraction": estimate["chosen"].get("newton_error_fraction", 1.0),
+            "estimate": {name: estimate[name] for name in names},
+        }
         write_atomically(file, to_json(stored).encode())
     steps, cells, d_hat = stored["resolution"]
     solver = {name: value for name, value in scene.solver.items() if name != "budget"}
     refinable = refinable_scene(replace(scene, solver=solver))
     found = refinable.at(Resolution(steps, Fraction(cells), Fraction(d_hat)), stored["newton_error_fraction"])
     return found, stored["estimate"]
-
-
-def _search(scene: Scene, budget: float) -> dict[str, Any]:
-    limit = min(scene.solver_settings.budget, LARGEST_FRACTION * budget)
-    with tempfile.TemporaryDirectory() as folder:
-        run = simulate(engine.replace(scene, "solver.budget", limit), folder)
-    if run.status != "completed":
-        raise _no_data_point(run.reason)
-    estimate = run.summary["certificate"]["error_estimate"]
-    names = ("asked", "total", "known", "met", "seconds")
-    return {
-        "resolution": estimate["chosen"]["resolution"],
-        "newton_error_fraction": estimate["chosen"].get("newton_error_fraction", 1.0),
-        "estimate": {name: estimate[name] for name in names},
-    }
 
 
 FOR_FILES = 0.15, 8.0
@@ -199,11 +195,17 @@ def study_accuracy(
     def left() -> float:
         return 0.0 if stopped() else most - spent.seconds()
 
+    coarser: dict[str, int] = {}  # every parameter one level, as far as it goes
+    for each, parameter in bench.parameters.items():
+        with suppress(InputError):
+            parameter.value(bench.base, -1)
+            coarser[each] = -1
+
     with runners(count, spent) as runner:
         gatherer = Gatherer(
             bench,
             material,
-            bench.scene(_coarsest(bench)).to_text(),
+            bench.scene(point(coarser)).to_text(),
             directory,
             fingerprint,
             runner,
@@ -214,7 +216,8 @@ def study_accuracy(
             stored_points(directory, fingerprint),
         )
         seen = gathered(gatherer)
-    _refuse_failed_base(gatherer)
+    if BASE in gatherer.outcomes and not gatherer.good(BASE):
+        raise _no_data_point(gatherer.outcomes[BASE].failed)
     effort: dict[str, Any] = {
         "budget": seconds,
         "seconds": spent.seconds(),
@@ -223,24 +226,20 @@ def study_accuracy(
     }
     if goal is not None:
         effort["goal"] = goal_report(gatherer, goal)
-    return _written(StudyData(name, bench, gatherer, seen, missing), {**effort, "searched": found})
-
-
-def _coarsest(bench: Bench) -> Point:
-    """Every parameter one level coarser, as far as it goes."""
-    levels: dict[str, int] = {}
-    for name, parameter in bench.parameters.items():
-        try:
-            parameter.value(bench.base, -1)
-        except InputError:
-            continue
-        levels[name] = -1
-    return point(levels)
-
-
-def _refuse_failed_base(gatherer: Gatherer) -> None:
-    if BASE in gatherer.outcomes and not gatherer.good(BASE):
-        raise _no_data_point(gatherer.outcomes[BASE].failed)
+    effort["searched"] = found
+    study_data = StudyData(name, bench, gatherer, seen, missing)
+    compared = study_data.compared
+    known = findings(compared) if compared is not None and study_data.complete else None
+    statement = headline(seen, known, needed_seconds(seen, FOR_FILES))
+    if statement.status == UNFINISHED:
+        known = None
+    rest = document(study_data, known, statement, effort)
+    result = write_points(directory, fingerprint, **rest)
+    write_atomically(directory / REPORT_NAME, markdown(name, result).encode())
+    (directory / PICTURE_NAME).unlink(missing_ok=True)
+    if known is not None:
+        draw_study(study_data, known, directory / PICTURE_NAME)
+    return Study(directory, result)
 
 
 def _no_data_point(reason: str) -> InputError:
@@ -258,19 +257,3 @@ def _fingerprint(base: Scene, world: World) -> str:
         for file in sorted((home / folder).rglob("*.py")):
             digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _written(study_data: StudyData, spent: dict[str, Any]) -> Study:
-    """Write the files: the picture only where errors are known."""
-    directory, compared = study_data.gatherer.directory, study_data.compared
-    known = findings(compared) if compared is not None and study_data.complete else None
-    statement = headline(study_data.seen, known, needed_seconds(study_data.seen, FOR_FILES))
-    if statement.status == UNFINISHED:
-        known = None
-    rest = document(study_data, known, statement, spent)
-    result = write_points(directory, study_data.gatherer.fingerprint, **rest)
-    write_atomically(directory / REPORT_NAME, markdown(study_data.name, result).encode())
-    (directory / PICTURE_NAME).unlink(missing_ok=True)
-    if known is not None:
-        draw_study(study_data, known, directory / PICTURE_NAME)
-    return Study(directory, result)

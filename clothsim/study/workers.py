@@ -255,41 +255,26 @@ def _run_job(job: dict[str, Any]) -> dict[str, Any]:
                 break
         seconds, wall = sorted(timed)[len(timed) // 2]
         record = run.record()
-        failed = _failure(run.status, run.reason, record)
+        failed = "" if run.status == "completed" else run.reason
+        repeated = [entry for entry in record if entry["failures"]]
+        if not failed and repeated:  # a capped or stopped solve was repeated with another dt: no data point either
+            first = f"first step {repeated[0]['step']}: {repeated[0]['failures'][0]}"
+            failed = f"{len(repeated)} of its steps had to be repeated, {first}"
         if not failed:
             Path(job["target"]).parent.mkdir(parents=True, exist_ok=True)
-            _write(Path(job["target"]), session[0].built.world, run.positions(-1))
+            arrays: dict[str, Any] = {"positions": run.positions(-1)}
+            for k, cloth in enumerate(session[0].built.world.cloths):
+                arrays[f"rest_{k}"], arrays[f"triangles_{k}"] = cloth.rest_positions, cloth.triangles
+            np.savez(Path(job["target"]), **arrays)
         summary = run.summary
         counts = {name: summary[name] for name in ("newton_iterations", "steps", "linear_solves", "peak_memory_bytes")}
         energy = record[-1]["energy"] if record else None
-        estimate = {name: _number(summary["certificate"]["error_estimate"][name]) for name in ("temporal", "newton")}
+        errors = {name: summary["certificate"]["error_estimate"][name] for name in ("temporal", "newton")}
+        estimate = {name: each if isinstance(each, float) else None for name, each in errors.items()}
     times = {"seconds": seconds, "wall_seconds": wall, "timed": len(timed)}
     done = {**times, "counts": counts, "energy": energy, "estimate": estimate, "failed": failed}
     plain: dict[str, Any] = json.loads(to_json(done))
     return plain
-
-
-def _number(value: Any) -> float | None:
-    """A number of the certificate; None where it holds a sentence instead."""
-    return value if isinstance(value, float) else None
-
-
-def _failure(status: str, reason: str, record: list[dict[str, Any]]) -> str:
-    """Reason to reject a run as a data point: it failed, or a capped or stopped solve was repeated with another dt."""
-    if status != "completed":
-        return reason
-    retried = next((entry for entry in record if entry["failures"]), None)
-    if retried is None:
-        return ""
-    count = sum(bool(entry["failures"]) for entry in record)
-    return f"{count} of its steps had to be repeated, first step {retried['step']}: {retried['failures'][0]}"
-
-
-def _write(target: Path, world: Any, positions: Any) -> None:
-    arrays = {"positions": positions}
-    for k, cloth in enumerate(world.cloths):
-        arrays[f"rest_{k}"], arrays[f"triangles_{k}"] = cloth.rest_positions, cloth.triangles
-    np.savez(target, **arrays)
 
 
 def jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:

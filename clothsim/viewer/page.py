@@ -17,9 +17,20 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.triangles import vertex_normals
 from clothsim.engine import Colouring
-from clothsim.viewer.gate import Gate
-from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
-from clothsim.viewer.side_texts import certificate_text, legend_html, solver_text, speeds, state_text, vertex_text
+from clothsim.viewer.served import (
+    LOOPBACK,
+    PORT,
+    Gate,
+    Served,
+    certificate_text,
+    legend_html,
+    require_viser,
+    serve,
+    solver_text,
+    speeds,
+    state_text,
+    vertex_text,
+)
 
 TICK = 1 / 30
 """Time between two looks at the clock while it plays [s]."""
@@ -130,7 +141,8 @@ class Page(Served):
         mesh = self.colouring.mesh(self.frame)
         marker.position = mesh.positions[self.picked]
         times = self.run.times
-        fast = speeds(self._history(self.picked), times)
+        history = np.array([self.colouring.positions(self.run, k)[self.picked] for k in range(len(self.run))])
+        fast = speeds(history, times)
         text.content = vertex_text(
             self.picked,
             mesh.positions[self.picked],
@@ -139,10 +151,6 @@ class Page(Served):
         )
         self.controls["history"].data = (np.asarray(times, float), fast)
         self.controls["history"].visible = len(times) > 1
-
-    def _history(self, vertex: int) -> Floats:
-        """Positions of a vertex in all frames, (k, 3) [m]."""
-        return np.array([self.colouring.positions(self.run, k)[vertex] for k in range(len(self.run))])
 
     def serve(self) -> None:
         """Play, and follow a run that is still going, until the page is closed."""

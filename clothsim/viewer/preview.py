@@ -1,8 +1,11 @@
-"""Live preview of a model of drapes: sliders of its inputs, the predicted garment, the verdict of the exact test."""
+"""Live preview of a model of drapes, and of a garment in motion: predicted, with the verdict of the exact test."""
 
 import tempfile
+import threading
+import time
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -12,11 +15,9 @@ import numpy as np
 from clothsim import Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
-from clothsim.engine import Predictor
-from clothsim.viewer.gate import Gate
-from clothsim.viewer.page import add_background, add_body, look_at
-from clothsim.viewer.served import LOOPBACK, PORT, Served, require_viser, serve
-from clothsim.viewer.side_texts import state_text
+from clothsim.engine import MovingGarment, Predictor, checked_motion
+from clothsim.viewer.page import add_background, add_body, look_at, up_direction
+from clothsim.viewer.served import LOOPBACK, PORT, Gate, Served, require_viser, serve, state_text
 
 if TYPE_CHECKING:
     import viser
@@ -131,7 +132,26 @@ def preview(
     gate = Gate(host, trusted)
     page = Preview(made, middle, server=serve(viser, gate, port), gate=gate)
     page.nodes |= add_surfaces(page.server, made.surfaces, first, scene.up)
-    _add_controls(page)
+    gui, space = page.server.gui, made.model
+    gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    page.controls["verdict"] = gui.add_markdown("")
+    sliders = []
+    for name, low, high in zip(space.inputs, space.low, space.high, strict=True):
+        least, most, step = slider_range(float(low), float(high))
+        value = float(np.clip(np.round(0.5 * (low + high) / step) * step, least, most))
+        sliders.append(gui.add_slider(str(name), least, most, step, value))
+    page.controls["sliders"] = sliders
+
+    def moved(_: Any) -> None:
+        page.show([each.value for each in sliders])
+
+    def pressed(_: Any) -> None:
+        page.drape()
+
+    for slider in sliders:
+        slider.on_update(moved)
+    page.controls["drape"] = gui.add_button("Drape and certify")
+    page.controls["drape"].on_click(pressed)
     page.show([each.value for each in page.controls["sliders"]])
     return page
 
@@ -153,29 +173,6 @@ def add_surfaces(server: "viser.ViserServer", surfaces: Any, first: Any, up: Any
     return nodes
 
 
-def _add_controls(page: Preview) -> None:
-    gui, model = page.server.gui, page.predictor.model
-    gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-    page.controls["verdict"] = gui.add_markdown("")
-    sliders = []
-    for name, low, high in zip(model.inputs, model.low, model.high, strict=True):
-        first, last, step = slider_range(float(low), float(high))
-        value = float(np.clip(np.round(0.5 * (low + high) / step) * step, first, last))
-        sliders.append(gui.add_slider(str(name), first, last, step, value))
-    page.controls["sliders"] = sliders
-
-    def moved(_: Any) -> None:
-        page.show([each.value for each in sliders])
-
-    def pressed(_: Any) -> None:
-        page.drape()
-
-    for slider in sliders:
-        slider.on_update(moved)
-    page.controls["drape"] = gui.add_button("Drape and certify")
-    page.controls["drape"].on_click(pressed)
-
-
 def slider_range(low: float, high: float) -> tuple[float, float, float]:
     """First and last value of a slider within a box, both multiples of its step, and the step.
 
@@ -186,3 +183,119 @@ def slider_range(low: float, high: float) -> tuple[float, float, float]:
     step = 10.0**-digits
     first, last = (round(float(edge) * step, digits) for edge in (np.ceil(low / step), np.floor(high / step)))
     return (first, last, round(step, digits)) if first < last else (low, low + step, step)
+
+
+REPAIRED = (205, 170, 90)
+"""Colour of a frame that was repaired."""
+COLOURS = {"certified": CLEAR, "repaired": REPAIRED, "simulated": DRAPED}
+
+
+@dataclass(repr=False)
+class MotionPreview(Served):
+    """Page of a garment in motion, served until `close`.
+
+    Attributes
+    ----------
+    rate : float
+        Frames a second of the motion [1/s].
+    up : (3,) array
+        Unit vector; across it the view follows the figure.
+    frames : list of CheckedFrame
+        Those that are checked so far; all others follow in their order.
+    fault : str
+        Why no more follow; empty where all are checked.
+    """
+
+    rate: float
+    up: Floats
+    frames: list[Any] = field(default_factory=list)
+    fault: str = ""
+
+    def __repr__(self) -> str:
+        return f"<MotionPreview of {len(self.frames)} frames at {self.url}>"
+
+    def show(self, number: int) -> Any:
+        """Show a frame with its verdict, and return it: the last that is checked, where it is a later one."""
+        with self._lock:
+            frame = self.frames[min(number, len(self.frames) - 1)]
+            way = frame.cloth.mean(axis=0) - self.frames[0].cloth.mean(axis=0)
+            way -= (way @ self.up) * self.up
+            put_cloth(self.nodes, frame.cloth - way, COLOURS[frame.verdict])
+            for node, points in zip(self.nodes["bodies"], frame.bodies, strict=True):
+                node.vertices = (points - way).astype("float32")
+            self.controls["verdict"].content = frame_verdict_text(frame)
+            self.controls["counts"].content = self.counts_text()
+        return frame
+
+    def counts_text(self) -> str:
+        """How many frames have each verdict."""
+        counts = Counter(frame.verdict for frame in self.frames)
+        text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in COLOURS)
+        return f"{len(self.frames)} frames checked: {text}." + (f" **{self.fault}**" if self.fault else "")
+
+    def play(self) -> None:
+        """Go from frame to frame at the rate of the motion, where Play is ticked, until the page is closed."""
+        while not self._closed.wait(1.0 / self.rate):
+            if self.controls["play"].value:
+                number = (self.controls["frame"].value + 1) % max(1, len(self.frames))
+                self.controls["frame"].value = number
+                self.show(number)
+
+
+def frame_verdict_text(frame: Any) -> str:
+    """The verdict on a frame, what was predicted, and its price."""
+    spent = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in frame.seconds.items())
+    found = frame.predicted.verdict if frame.predicted.clean else f"**{frame.predicted.verdict}**"
+    return f"{frame.time:.2f} s: **{frame.verdict}**\n\nprediction: {found}\n\n{spent} of processor time"
+
+
+def preview_motion(
+    scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPBACK, trusted: Sequence[str] = ()
+) -> MotionPreview:
+    """Serve the page of a garment in motion; frames are checked while the page is shown.
+
+    Parameters
+    ----------
+    scene : Scene
+        With the cloth and the body model of the farm; its motion is any other.
+    model : path
+        Of `clothsim learn --motion`.
+    port, host, trusted
+        As of `preview`.
+
+    Raises
+    ------
+    InputError
+        A model of another garment or body, or viser is not installed.
+    """
+    viser = require_viser()
+    garment = MovingGarment.of_scene(scene)
+    made = garment.model_in(Path(model))
+    coming = checked_motion(garment, made)
+    first = next(coming)
+    gate = Gate(host, trusted)
+    up = up_direction(scene.up)
+    page = MotionPreview(made.rate, up, [first], server=serve(viser, gate, port), gate=gate)
+    page.nodes |= add_surfaces(page.server, garment.surfaces, first, up)
+    gui = page.server.gui
+    gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    page.controls["verdict"] = gui.add_markdown("")
+    page.controls["frame"] = gui.add_slider("Frame", 0, round(scene.run_settings.duration * made.rate), 1, 0)
+    page.controls["play"] = gui.add_checkbox("Play", True)
+    page.controls["counts"] = gui.add_markdown("")
+    page.controls["frame"].on_update(lambda _: page.show(page.controls["frame"].value))
+    page.show(0)
+
+    def check() -> None:
+        try:
+            for frame in coming:
+                if page._closed.is_set():
+                    return
+                page.frames.append(frame)
+                time.sleep(0.0)  # the page answers in between
+        except ClothsimError as error:
+            page.fault = str(error)
+
+    for name, work in (("check", check), ("play", page.play)):
+        threading.Thread(target=work, name=f"clothsim {name}", daemon=True).start()
+    return page

@@ -23,8 +23,7 @@ from clothsim import Authored, Run, Scene
 from clothsim.base.record import to_json
 from clothsim.base.text import text_table
 from clothsim.garments.author import edited_frames, targets
-from clothsim.garments.authoring.arrays import scene_of_arrays
-from clothsim.garments.authoring.floor import floor_of
+from clothsim.garments.floor import floor_of, scene_of_arrays
 from tests.benchmarks.author_walk import WalkingShirt
 
 YOUNG, BENDING, SIZE = 1e5, 2e-5, 0.5

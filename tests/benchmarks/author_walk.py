@@ -8,7 +8,7 @@ import numpy as np
 import clothsim
 from clothsim import Scene
 from clothsim.base.arrays import Floats
-from clothsim.garments.authoring.arrays import scene_of_arrays
+from clothsim.garments.floor import scene_of_arrays
 
 YOUNG, BENDING = 8.21e5, 9.2e-6
 """Of the shirt, cotton [Pa], [N m]."""

@@ -22,7 +22,7 @@ import clothsim
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.generators.shapes import disk
 from clothsim.mesh.topology import border_edges
-from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, outline_radii, outline_shape
+from clothsim.study.standard_tests.cusick import PLATE, RADIUS, outline_radii, outline_shape
 from tests.benchmarks.stored_tables import markdown_table
 
 MESHES = ("rings", "Delaunay")

@@ -1,6 +1,6 @@
 """Rendered truth in a small form: pictures of a skirt fit the drape that they were made of, and not another."""
 
-from clothsim.gradients.picture_loss import Obstacle
+from clothsim.gradients.camera import Obstacle
 from clothsim.gradients.run import traced
 from clothsim.gradients.views import read_views
 from clothsim.mesh.generators.shapes import sphere

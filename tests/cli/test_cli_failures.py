@@ -9,6 +9,8 @@ from command_line import FREE, refused, with_keywords
 
 from clothsim.base.record import read_summary
 from clothsim.cli import main
+from clothsim.render import marks
+from clothsim.run import pictures
 
 PRESS = """
 [cloth]
@@ -48,9 +50,8 @@ def _here(tmp_path, monkeypatch):
 
 
 def test_a_failed_run_leaves_its_place_its_iterates_and_what_to_do(capsys, tmp_path, monkeypatch):
-    from clothsim.render import marks as closeup
-
-    monkeypatch.setattr(closeup, "draw_closeup", with_keywords(closeup.draw_closeup, {"size": (128, 96)}))
+    for module, draw in ((marks, marks.draw_closeup), (pictures, pictures.draw_frame)):
+        monkeypatch.setattr(module, draw.__name__, with_keywords(draw, {"size": (128, 96)}))
     (tmp_path / "press.toml").write_text(PRESS)
     assert main(["run", "press.toml"]) == 1
     out = capsys.readouterr().out

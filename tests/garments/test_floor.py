@@ -7,8 +7,7 @@ import pytest
 from small_scenes import EFFECTS, RUN, small_scene
 
 from clothsim import open_run, simulate
-from clothsim.garments.authoring.arrays import scene_of_arrays
-from clothsim.garments.authoring.floor import ASIDE, FLOOR_NAME, Floor, aside, floor_of, stricter
+from clothsim.garments.floor import ASIDE, FLOOR_NAME, Floor, aside, floor_of, scene_of_arrays, stricter
 
 
 @pytest.fixture
@@ -43,7 +42,7 @@ def test_a_floor_is_found_once_for_a_run(run, monkeypatch):
     assert found.stop[0] == 0
     start, _ = found.rms({1, 2, 3})
     assert start == pytest.approx(np.sqrt(found.start[4:].mean()))
-    monkeypatch.setattr("clothsim.garments.authoring.floor.clothsim.simulate", None)  # no run is taken
+    monkeypatch.setattr("clothsim.garments.floor.clothsim.simulate", None)  # no run is taken
     again = floor_of(open_run(run.directory))
     np.testing.assert_array_equal(again.start, found.start)
 

@@ -6,9 +6,9 @@ from adjoint_cases import CONTACT, ELASTIC, falling_scene, halved_errors
 from views import looking, seen
 
 from clothsim import InputError
+from clothsim.gradients.camera import Obstacle
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.mask_border import MaskBorder
-from clothsim.gradients.picture_loss import Obstacle
 from clothsim.gradients.run import traced
 from clothsim.mesh.generators.shapes import rectangle, slab, sphere
 from clothsim.scene.paths import override

@@ -6,7 +6,7 @@ from adjoint_cases import CONTACT, ELASTIC, falling_scene, halved_errors
 from views import looking, seen
 
 from clothsim import InputError
-from clothsim.gradients.picture_loss import Obstacle
+from clothsim.gradients.camera import Obstacle
 from clothsim.gradients.pixel_losses import Depth, Normals
 from clothsim.gradients.run import traced
 from clothsim.mesh.generators.shapes import rectangle, slab, sphere

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from clothsim.gradients.picture_loss import Residuals
+from clothsim.gradients.camera import Residuals
 from clothsim.gradients.placed_drape import LENGTH, SPREAD, STRAIN, PlacedDrape, precision_of_displacements
 from clothsim.mesh.generators.shapes import disk
 

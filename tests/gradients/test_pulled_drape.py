@@ -11,7 +11,7 @@ from clothsim import load_scene, recover_views
 from clothsim.base.errors import ClothsimError
 from clothsim.gradients.loss_of_numbers import LossOfNumbers
 from clothsim.gradients.mask_border import MaskBorder
-from clothsim.gradients.pulled_drape import STEP, frictionless_step, pulled, pulled_positions
+from clothsim.gradients.placed_drape import STEP, frictionless_step, pulled, pulled_positions
 from clothsim.gradients.recover_views import SearchEnd
 from clothsim.gradients.run import traced
 from clothsim.gradients.view_fit import ViewFit

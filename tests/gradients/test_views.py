@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 from clothsim import InputError
+from clothsim.gradients.camera import Obstacle
 from clothsim.gradients.mask_border import MaskBorder
-from clothsim.gradients.picture_loss import Obstacle
 from clothsim.gradients.views import read_views
 
 HEAD = '[[view]]\nname = "a"\nwidth = 8\nheight = 6\n'

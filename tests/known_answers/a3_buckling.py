@@ -5,8 +5,8 @@ from scipy import sparse
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.keys.fabric import Fabric
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.pins import clamped
 from tests.known_answers.plates import flat
 from tests.known_answers.unit_solver import second_derivatives
 from tests.support.effect_builders import bending, membrane

@@ -10,9 +10,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.keys.fabric import Fabric
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.pins import clamped
 from tests.known_answers.plates import flat
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.strips import random_ring

@@ -15,12 +15,12 @@ from scipy.sparse.linalg import eigsh
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.keys.fabric import Fabric
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.shapes import disk, rectangle
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.pins import clamped
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.time_loop import steps
 from tests.known_answers.elastica import elastica_height

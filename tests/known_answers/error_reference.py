@@ -17,9 +17,9 @@ from clothsim.scene import paths
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import CONTACTS
+from clothsim.study.evaluation import Material, at_points_of, point_areas, world_material
 from clothsim.study.parameters import with_explicit_lengths
 from clothsim.study.reference_solution import Norm
-from clothsim.study.resample import Material, at_points_of, point_areas, world_material
 
 
 @dataclass(frozen=True)

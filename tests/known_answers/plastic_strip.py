@@ -12,8 +12,8 @@ import numpy as np
 
 from clothsim.base.errors import ClothsimError
 from clothsim.keys.fabric import Fabric
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.pins import clamped
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.newton import Newton, NewtonSettings
 from clothsim.solve.newton.potential import Potential

@@ -12,9 +12,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.keys.fabric import Fabric
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import Cloth, make_cloth
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.pins import clamped
 from tests.known_answers.elastica import hanging_cantilever, loaded_ring
 from tests.known_answers.unit_solver import equilibrium, held, second_derivatives, those_on
 from tests.support.effect_builders import bending, gravity, membrane

@@ -10,9 +10,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.world import World, make_world
 from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.pins import clamped
 from tests.known_answers.unit_meshes import UNIT, cloth, grid
 from tests.known_answers.unit_solver import second_derivatives
 from tests.support.effect_builders import bending

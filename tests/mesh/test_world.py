@@ -9,8 +9,8 @@ from contacts import ball, sheet
 from clothsim import InputError
 from clothsim.keys.fabric_table import FABRICS
 from clothsim.mesh.body import make_body, rigid_motion
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.world import make_world, with_local_origin, with_material
+from clothsim.physics.energies.pins import clamped
 
 FAR = np.array([3e5, -2e5, 1e6])
 

@@ -1,6 +1,7 @@
 """Requested error: the largest true error with step size control against the request."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -34,8 +35,10 @@ def sheet():
     return world, energies, {}, 0.8
 
 
-def exact_motion(world, energies, held, duration):
-    """x(t) (N, 3) by an explicit method of order 8."""
+@cache
+def exact_motion(scene):
+    """x(t) (N, 3) of a scene by an explicit method of order 8."""
+    world, energies, held, duration = scene()
     start = world.start()
     free = np.ones(len(start), bool)
     for pinned in held.values():
@@ -54,7 +57,7 @@ def exact_motion(world, energies, held, duration):
 def asked(scene, formula, errors):
     """For each error asked for: the largest RMS and largest vertex error at any step's end, and the steps taken."""
     world, energies, held, duration = scene()
-    exact = exact_motion(world, energies, held, duration)
+    exact = exact_motion(scene)
     found = []
     for error in errors:
         integrator = integrator_of(world, energies, duration / 5, held, tolerance=0.1 * error / duration)

@@ -10,7 +10,7 @@ from clothsim.base.errors import InputError, IntersectionWarning
 from clothsim.physics.energies.base import Step
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
-from clothsim.solve.newton import nonlinear_elimination
+from clothsim.solve.linear import linear_system
 from clothsim.solve.stepping.integrators import predicted_start
 from clothsim.solve.stepping.state import first_state
 
@@ -236,7 +236,7 @@ def test_a_scene_far_from_the_origin_is_the_same(tmp_path):
 
 
 def test_vertices_follow_their_coordinates_where_patches_are_eliminated(monkeypatch):
-    monkeypatch.setattr(nonlinear_elimination, "MIN_VERTICES", 1)
+    monkeypatch.setattr(linear_system, "MIN_VERTICES", 1)
     sheet = {"mesh": "rectangle", "size": [0.6, 0.6], "cells": [10, 10]}
     ball = {"mesh": "sphere", "radius": 0.1, "subdivisions": 2, "position": [0.03, 0.02, 0.12], "velocity": [0, 0, -3]}
     effects = EFFECTS | {"bending": {}, "pins": {"select": "boundary"}, "body_contact": {}, "self_contact": {}}

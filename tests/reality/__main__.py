@@ -90,8 +90,8 @@ def page(lays: Sequence[Lays], fits: Sequence[Fit], scores: Sequence[Scored], st
         f"(simulated), {means[1]:.2f} (with spread), {means[2]:.2f} (better rival) and {means[3]:.2f} (ceiling).",
         f"The skill of the simulation is {skills[0]:.2f}, and {skills[1]:.2f} with spread. The simulation has",
         f"a better score than both rivals for {better[0]} of {len(scores)} fabrics (with spread: {better[1]}). The",
-        f"median difference between the simulation and the real cloth is {round(depth):+d} % in sd r and {folds:.1f} in",
-        "n_eff.",
+        f"median difference between the simulation and the real cloth is {round(depth):+d} % in sd r and",
+        f"{folds:.1f} in n_eff.",
     ]
     return f"{markdown_table(HEADER, rows)}\n\n{' '.join(summary)}"
 

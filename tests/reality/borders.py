@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.study.standard_tests.outline_shape import outline_radii, outline_shape
+from clothsim.study.standard_tests.cusick import outline_radii, outline_shape
 
 NAME = "cusick_borders.npz"
 UNIT = 0.05e-3

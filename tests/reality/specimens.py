@@ -8,7 +8,7 @@ and with one of them mirrored and its sign reversed. All correlations are over t
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.study.standard_tests.outline_shape import FOLDS, outline_shape
+from clothsim.study.standard_tests.cusick import FOLDS, outline_shape
 from tests.benchmarks.stored_tables import markdown_table
 
 HEADER = ("fabric", "same side", "turned", "turned, reversed", "other specimens, reversed", "fold slope")

@@ -12,7 +12,7 @@ from clothsim.cli import main
 from clothsim.run.certificate import Pinches, pinched_vertices
 from clothsim.run.summary import LARGEST_STRETCH, certificate_rows
 from clothsim.scene.assembly.scene_world import build
-from clothsim.viewer.side_texts import state_text
+from clothsim.viewer.served import state_text
 
 SHORT = RUN | {"duration": 0.04}
 SMALL = SHEET | {"size": [0.2, 0.2], "position": [0, 0, 0]}

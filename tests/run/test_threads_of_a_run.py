@@ -10,7 +10,7 @@ from clothsim import ClothsimError, simulate
 from clothsim.physics.contact import search
 from clothsim.solve.linear import linear_system, pardiso
 from clothsim.solve.linear.pardiso import make_factor as domains
-from clothsim.solve.linear.pardiso_library import load_library
+from clothsim.solve.linear.pardiso_factor import load_library
 from clothsim.solve.newton import direction
 
 CONTACT = EFFECTS | {"bending": {}, "self_contact": {}, "friction": {}}
@@ -23,7 +23,7 @@ def _any_size(monkeypatch):
     monkeypatch.setattr(pardiso, "MIN_TOGETHER", 1)
     monkeypatch.setattr(linear_system, "MIN_TOGETHER", 1)
     monkeypatch.setattr(direction, "MIN_VERTICES", 1)
-    monkeypatch.setattr("clothsim.solve.linear.dissection.LARGEST_SEPARATOR", 0.3)
+    monkeypatch.setattr("clothsim.solve.linear.pardiso.LARGEST_SEPARATOR", 0.3)
 
 
 def positions(tmp_path, name, **solver):

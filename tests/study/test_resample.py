@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.mesh.generators.shapes import disk, rectangle
-from clothsim.study.resample import at_points_of, material_of, nearest_weights, point_areas
+from clothsim.study.evaluation import at_points_of, material_of, nearest_weights, point_areas
 
 UP = np.array([0.0, 0.0, 1.0])
 

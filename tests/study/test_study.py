@@ -12,9 +12,9 @@ from analytic_study import SHEET, A, B, C, Runners, answer, positions
 from clothsim.base.errors import InputError
 from clothsim.scene.assembly.meshes import cloth_shape
 from clothsim.scene.scene import scene_from_text
+from clothsim.study.evaluation import material_of, point_areas
 from clothsim.study.parameters import written
 from clothsim.study.report import answer_lines as reported
-from clothsim.study.resample import material_of, point_areas
 from clothsim.study.study import study_accuracy
 
 PARAMETERS = ("dt", "cells")

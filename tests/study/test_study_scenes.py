@@ -10,8 +10,8 @@ from clothsim.scene import paths
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.scene import Scene
 from clothsim.study import workers
+from clothsim.study.evaluation import at_points_of, material_of, point_areas
 from clothsim.study.reference_solution import Norm
-from clothsim.study.resample import at_points_of, material_of, point_areas
 from clothsim.study.study import study_accuracy
 
 SOLVER = {"dt": 0.02, "integrator": "backward_euler", "threads": 1, "linear": "superlu"}

@@ -21,19 +21,19 @@ def frames_of(garment):
 
 def test_the_figure_moves_with_its_verdicts(tmp_path, monkeypatch):
     pytest.importorskip("viser")
-    from clothsim.viewer import motion_preview
+    from clothsim.viewer import preview
 
     garment = MovingGarment.of_scene(moving_scene())
     file = write_arrays(tmp_path / "model.npz", skinned_model(garment).arrays())
-    monkeypatch.setattr(motion_preview, "checked_motion", lambda garment, _: frames_of(garment))
-    page = motion_preview.preview_motion(garment.scene, file, port=18_785)
+    monkeypatch.setattr(preview, "checked_motion", lambda garment, _: frames_of(garment))
+    page = preview.preview_motion(garment.scene, file, port=18_785)
     try:
         page.controls["play"].value = False
         while not page.fault:
             assert len(page.frames) <= 3
-        assert [page.show(k).verdict for k in range(3)] == list(motion_preview.COLOURS)
+        assert [page.show(k).verdict for k in range(3)] == list(preview.COLOURS)
         [cloth] = page.nodes["cloths"]
-        assert tuple(cloth.color) == motion_preview.DRAPED
+        assert tuple(cloth.color) == preview.DRAPED
         assert np.allclose(cloth.vertices, garment.start + np.array([0, 0, 2]), atol=1e-5)  # the view follows it
         [body], [seen] = page.frames[2].bodies, page.nodes["bodies"]
         assert np.allclose(seen.vertices, body - [4.0, 0.0, 0.0], atol=1e-5)  # and its body with it
@@ -45,7 +45,7 @@ def test_the_figure_moves_with_its_verdicts(tmp_path, monkeypatch):
 
 def test_a_model_of_another_garment_is_no_preview(tmp_path):
     pytest.importorskip("viser")
-    from clothsim.viewer.motion_preview import preview_motion
+    from clothsim.viewer.preview import preview_motion
 
     garment = MovingGarment.of_scene(moving_scene())
     file = write_arrays(tmp_path / "model.npz", replace(skinned_model(garment), family="other").arrays())

@@ -15,9 +15,8 @@ from clothsim.base.errors import InputError
 from clothsim.run.frames import PLAIN, STRETCH, Colouring
 from clothsim.run.results import open_run
 from clothsim.viewer import page as view_module
-from clothsim.viewer.gate import Gate
 from clothsim.viewer.page import PANEL_WIDTH, WINDOW, as_glb, first_view, picked_vertex
-from clothsim.viewer.side_texts import legend_html, solver_text, speeds
+from clothsim.viewer.served import Gate, legend_html, solver_text, speeds
 
 
 def status_of(url: str) -> int:

@@ -33,8 +33,8 @@ from numba.core.serialize import dumps
 from numba.extending import _Intrinsic
 
 from clothsim.base.kernel_cache import shipped, storage
-from clothsim.base.kernel_cache.compiler import identity
 from clothsim.base.kernel_cache.pipelines import KernelCompiler, PartCompiler
+from clothsim.base.kernel_cache.shipped import identity
 
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice)
 """Types that `repr` describes completely."""
@@ -77,7 +77,11 @@ def code_text(code: CodeType) -> str:
     variables = code.co_varnames, code.co_freevars, code.co_cellvars, code.co_names
     counts = code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags
     table = getattr(code, "co_exceptiontable", b"")
-    constants = [_constant(value) for value in code.co_consts[_docstrings(code) :]]
+    skipped = 0
+    if code.co_consts and isinstance(code.co_consts[0], str):  # a docstring, where no instruction reads it
+        instructions = set(zip(code.co_code[::2], code.co_code[1::2], strict=True))
+        skipped = int(instructions.isdisjoint(_READ_THE_FIRST_CONSTANT))
+    constants = [_constant(value) for value in code.co_consts[skipped:]]
     return repr((code.co_code, table, variables, counts, len(code.co_consts), constants))
 
 
@@ -88,14 +92,6 @@ def _constant(value: Any) -> str:
     if isinstance(value, frozenset):
         return f"set {sorted(_constant(item) for item in value)}"
     return code_text(value) if isinstance(value, CodeType) else plain(value)
-
-
-def _docstrings(code: CodeType) -> int:
-    """1 where the first constant is a string that no instruction reads, 0 otherwise."""
-    if not code.co_consts or not isinstance(code.co_consts[0], str):
-        return 0
-    instructions = set(zip(code.co_code[::2], code.co_code[1::2], strict=True))
-    return int(instructions.isdisjoint(_READ_THE_FIRST_CONSTANT))
 
 
 def names_in_code(code: CodeType) -> set[str]:
@@ -123,7 +119,7 @@ def _type(argument: Any) -> str:
 
 
 VERSIONED = {"builtins", "math", "cmath", "typing", "collections", "numpy", "numba", "llvmlite"}
-"""Packages whose functions are identified by their version, or Python's, a part of `compiler.identity`."""
+"""Packages whose functions are identified by their version, or Python's, a part of `shipped.identity`."""
 
 
 def digest(kernel: Dispatcher, target_context: Any) -> str:
@@ -154,17 +150,23 @@ class _Walk:
         self._functions: list[FunctionType] = []
         self._kinds: list[tuple[Any, Callable[[Any], str]]] = [
             ((enum.Enum, *PLAIN), plain),
-            ((tuple, list), self._each),
-            ((set, frozenset), self._set),
-            (dict, self._dict),
+            ((tuple, list), lambda values: f"{type(values).__qualname__} {[self.describe(each) for each in values]}"),
+            ((set, frozenset), lambda values: f"set {sorted(self.describe(each) for each in values)}"),
+            (dict, lambda values: f"dict {sorted((self.describe(k), self.describe(v)) for k, v in values.items())}"),
             ((np.ndarray, np.generic), array),
             ((types.Type, np.dtype, ir.Type, ir.Constant), named_type),
         ]
         self._callables: list[tuple[Any, Callable[[Any], str]]] = [
             (CodeType, code_text),
             (FunctionType, lambda value: f"function {self._number(value)}"),
-            (Dispatcher, self._dispatcher),
-            (_Intrinsic, self._intrinsic),
+            (
+                Dispatcher,
+                lambda value: (
+                    f"compiled {self._number(value.py_func)} "
+                    + self.describe((value.targetoptions, value.locals, value._compiler.pipeline_class))
+                ),
+            ),
+            (_Intrinsic, lambda value: f"intrinsic {self._number(value._defn)} {value._prefer_literal}"),
             (type, self._class),
         ]
 
@@ -186,24 +188,20 @@ class _Walk:
         names = frozenset(names_in_code(code))
         values = function.__globals__
         used = {name: self.describe(values[name], names) for name in sorted(names.intersection(values))}
-        cells = [self._cell(cell) for cell in function.__closure__ or ()]
+        cells = []
+        for cell in function.__closure__ or ():
+            try:
+                cells.append(self.describe(cell.cell_contents))
+            except ValueError:  # empty: the name is not bound yet
+                cells.append("empty")
         defaults = self.describe((function.__defaults__, function.__kwdefaults__))
-        return repr((code_text(code), defaults, used, cells, self._overloads(function)))
-
-    def _cell(self, cell: Any) -> str:
-        try:
-            return self.describe(cell.cell_contents)
-        except ValueError:  # empty: the name is not bound yet
-            return "empty"
-
-    def _overloads(self, function: FunctionType) -> list[str]:
-        """Of a function that kernels can call: how it is compiled, and the functions that stand for it there."""
-        registered = self._typing_context._get_global_type(function)
-        return [
+        registered = self._typing_context._get_global_type(function)  # what stands for it in kernels
+        overloads = [
             self.describe((template._jit_options, template._inline.value, template._overload_func))
             for template in getattr(registered, "templates", ())
             if hasattr(template, "_overload_func")
         ]
+        return repr((code_text(code), defaults, used, cells, overloads))
 
     def describe(self, value: Any, names: frozenset[str] = frozenset()) -> str:
         """A text that is the same for the same value in each process.
@@ -214,7 +212,10 @@ class _Walk:
             if isinstance(value, kinds):
                 return described(value)
         if isinstance(value, ModuleType):
-            return self._module(value, names)
+            if _is_versioned(value.__name__):
+                return f"module {value.__name__}"
+            used = sorted(names.intersection(vars(value)))
+            return f"module {[(name, self.describe(vars(value)[name], names - {name})) for name in used]}"
         if callable(value) and (name := _versioned_name(value)):
             return name
         for kinds, described in self._callables:
@@ -222,30 +223,8 @@ class _Walk:
                 return described(value)
         return unnameable(value)
 
-    def _module(self, module: ModuleType, names: frozenset[str]) -> str:
-        if _is_versioned(module.__name__):
-            return f"module {module.__name__}"
-        used = sorted(names.intersection(vars(module)))
-        return f"module {[(name, self.describe(vars(module)[name], names - {name})) for name in used]}"
-
-    def _each(self, values: tuple[Any, ...] | list[Any]) -> str:
-        return f"{type(values).__qualname__} {[self.describe(value) for value in values]}"
-
-    def _set(self, values: set[Any] | frozenset[Any]) -> str:
-        return f"set {sorted(self.describe(value) for value in values)}"
-
-    def _dict(self, values: dict[Any, Any]) -> str:
-        return f"dict {sorted((self.describe(key), self.describe(value)) for key, value in values.items())}"
-
-    def _dispatcher(self, value: Any) -> str:
-        options = self.describe((value.targetoptions, value.locals, value._compiler.pipeline_class))
-        return f"compiled {self._number(value.py_func)} {options}"
-
-    def _intrinsic(self, value: _Intrinsic) -> str:
-        return f"intrinsic {self._number(value._defn)} {value._prefer_literal}"
-
     def _class(self, value: type) -> str:
-        if value in (KernelCompiler, PartCompiler):  # their code is a matter of `compiler.FORMAT`
+        if value in (KernelCompiler, PartCompiler):  # their code is a matter of `shipped.FORMAT`
             return value.__qualname__
         if issubclass(value, enum.Enum):
             return f"enum {[(name, self.describe(member.value)) for name, member in value.__members__.items()]}"
@@ -309,7 +288,10 @@ class KernelCache(NullCache):
         self._places[sig] = place  # of the code as it is now, before it is compiled
         _remove_unused_once(place.parents[1])
         content = storage.read(place) or shipped.read(place.name, target_context.codegen())
-        return None if content is None else _rebuilt(content, target_context)
+        try:
+            return None if content is None else CompileResult._rebuild(target_context, *pickle.loads(content))
+        except Exception:  # a damaged file may raise anything: the kernel is compiled and stored once more
+            return None
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
         """Store the machine code for these types; not where it holds addresses of this process."""
@@ -358,13 +340,6 @@ def can_store() -> bool:
     """True where the folder for machine code exists and can be written."""
     root = storage.root(config.CACHE_DIR)
     return root is not None and storage.can_write(root)
-
-
-def _rebuilt(content: bytes, target_context: Any) -> CompileResult | None:
-    try:
-        return CompileResult._rebuild(target_context, *pickle.loads(content))
-    except Exception:  # a damaged file may raise anything: the kernel is compiled and stored once more
-        return None
 
 
 @functools.cache

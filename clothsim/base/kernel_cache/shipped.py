@@ -4,18 +4,61 @@ A wheel is built on one machine and installed on others: its kernels are compile
 instruction set (x86-64-v3: AVX2 and FMA, Intel since 2013 and AMD since 2015; Arm: none is chosen). They are found
 where Python, numba, llvmlite, NumPy, the settings and the kernel's code are those of the build; all else is compiled
 as ever. `python -m clothsim.cli.ship_kernels` writes them.
+
+`identity` is the compiler's: versions, processor and settings that machine code depends on.
 """
 
 import functools
+import hashlib
 import platform
+import sys
 from pathlib import Path
 from typing import Any
 
+import llvmlite
+import llvmlite.binding
 import llvmlite.binding as llvm
+import numba
+import numpy as np
 from numba.core import config
 
 from clothsim.base.kernel_cache import storage
-from clothsim.base.kernel_cache.compiler import identity
+
+FORMAT = 3
+"""Raised when files of an earlier clothsim could no longer be read, or `pipelines` has changed."""
+
+_WITHOUT_EFFECT = (
+    "CUDA_", "CPU_", "DUMP_", "CACHE_", "DEBUG_CACHE", "GDB_", "COLOR_SCHEME", "SHOW_HELP", "FULL_TRACE", "HTML"
+)  # fmt: skip
+"""Prefixes of the settings of numba that change no machine code, and CPU_, which the codegen tells.
+
+All others count, those of later versions too.
+"""
+
+
+def identity(codegen: Any, processor: tuple[str, str, str] | None = None) -> str:
+    """A hash of 16 digits of what compiles.
+
+    Parameters
+    ----------
+    codegen : numba.core.codegen.CPUCodegen
+        It knows the processor's name and features, or NUMBA_CPU_NAME and NUMBA_CPU_FEATURES instead.
+    processor : tuple of str, optional
+        Another one: triple, name, features.
+    """
+    versions = (FORMAT, sys.implementation.cache_tag, sys.version_info[:3], sys.flags.optimize)
+    libraries = (numba.__version__, llvmlite.__version__, llvmlite.binding.llvm_version_info, np.__version__)
+    settings = sorted(  # NUMBA_OPT, NUMBA_BOUNDSCHECK, Intel's SVML ...
+        (name, repr(value))
+        for name, value in vars(config).items()
+        if name.isupper()
+        and not name.startswith(("_", *_WITHOUT_EFFECT))
+        and not name.endswith("NUM_THREADS")
+        and isinstance(value, str | int | float | tuple | list | None)
+    )
+    text = repr((versions, libraries, processor or codegen.magic_tuple(), settings))
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
+
 
 FOLDER = Path(__file__).with_name("shipped_kernels")
 """Absent in a clone."""

@@ -41,30 +41,26 @@ def read_character(path: Path, shape: Mapping[str, float] | None = None, group: 
     """
     file = read_gltf(path)
     try:
-        return _character(file, dict(shape or {}), group)
+        nodes = [node for node in file.table("nodes") if "mesh" in node and "skin" in node]
+        named = [node for node in nodes if group is None or group in _names(file, node)]
+        if not named:
+            if group is not None and nodes:
+                known = ", ".join(sorted({name for node in nodes for name in _names(file, node)}))
+                raise file.fault(f"it has no skinned mesh {group!r}.", f"Known: {known}.")
+            raise file.fault("it has no mesh with a skin.", "Export the mesh with its armature, or give it as mesh.")
+        for node in named:
+            file.entry("skins", node["skin"])
+        skins = sorted({int(node["skin"]) for node in named})
+        joints, inverse_bind, columns = _columns(file, skins)
+        parts = _Parts(file, dict(shape or {}), len(joints))
+        for node in named:
+            parts.add(node, columns[node["skin"]])
+        positions, triangles, weights = parts.joined()
+        skeleton = bound_skeleton(file, joints, inverse_bind)
+        none = np.zeros((len(positions), 3, 0))
+        return Character(positions, triangles, weights, skeleton, joints, inverse_bind, none)
     except BROKEN as error:
         raise broken(path, error) from error
-
-
-def _character(file: GltfFile, shape: dict[str, float], group: str | None) -> Character:
-    nodes = [node for node in file.table("nodes") if "mesh" in node and "skin" in node]
-    named = [node for node in nodes if group is None or group in _names(file, node)]
-    if not named:
-        if group is not None and nodes:
-            known = ", ".join(sorted({name for node in nodes for name in _names(file, node)}))
-            raise file.fault(f"it has no skinned mesh {group!r}.", f"Known: {known}.")
-        raise file.fault("it has no mesh with a skin.", "Export the mesh with its armature, or give it as mesh.")
-    for node in named:
-        file.entry("skins", node["skin"])
-    skins = sorted({int(node["skin"]) for node in named})
-    joints, inverse_bind, columns = _columns(file, skins)
-    parts = _Parts(file, shape, len(joints))
-    for node in named:
-        parts.add(node, columns[node["skin"]])
-    positions, triangles, weights = parts.joined()
-    skeleton = bound_skeleton(file, joints, inverse_bind)
-    none = np.zeros((len(positions), 3, 0))
-    return Character(positions, triangles, weights, skeleton, joints, inverse_bind, none)
 
 
 class _Parts:
@@ -98,7 +94,13 @@ class _Parts:
                     points = points + self.shape[name] * self._like(target["POSITION"], 3, points)
             self.positions.append(points)
             self.weights.append(self._weights(attributes, column, points))
-            self.triangles.append(self._faces(primitive, len(points)) + self.start)
+            if "indices" not in primitive:
+                flat = np.arange(len(points))
+            else:
+                flat = np.asarray(self.file.array(primitive["indices"], 1)[:, 0], np.int64)
+            if len(flat) % 3 or (len(flat) and (flat.max() >= len(points) or flat.min() < 0)):
+                raise self.file.fault(f"a triangle names a vertex beyond the {len(points):,} of its mesh.")
+            self.triangles.append(flat.reshape(-1, 3) + self.start)
             self.start += len(points)
 
     def joined(self) -> tuple[Floats, Ints, Floats]:
@@ -125,15 +127,6 @@ class _Parts:
         if len(values) != len(points):
             raise self.file.fault(f"accessors[{accessor}] has {len(values)} elements for {len(points)} vertices.")
         return values
-
-    def _faces(self, primitive: dict[str, Any], vertices: int) -> Ints:
-        if "indices" not in primitive:
-            flat = np.arange(vertices)
-        else:
-            flat = np.asarray(self.file.array(primitive["indices"], 1)[:, 0], np.int64)
-        if len(flat) % 3 or (len(flat) and (flat.max() >= vertices or flat.min() < 0)):
-            raise self.file.fault(f"a triangle names a vertex beyond the {vertices:,} of its mesh.")
-        return flat.reshape(-1, 3)
 
     def _weights(self, attributes: dict[str, Any], column: Ints, points: Floats) -> Floats:
         """Weights (n, k) of all sets of four joints."""

@@ -94,14 +94,11 @@ class GltfFile:
             values = np.zeros((count, width), dtype)
         if "sparse" in accessor:
             values = self._replace_sparse(accessor["sparse"], values, where)
-        return self._as_numbers(values, bool(accessor.get("normalized")), where)
-
-    def _as_numbers(self, values: NDArray, normalized: bool, where: str) -> NDArray:
         if values.dtype.kind == "f":
             if not np.isfinite(values).all():
                 raise self.fault(f"{where}[{np.argwhere(~np.isfinite(values))[0, 0]}] is not finite.")
             return values.astype(np.float64)
-        if normalized:
+        if accessor.get("normalized"):
             return np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0)
         return values.astype(np.int64)
 
@@ -320,7 +317,10 @@ def bound_skeleton(file: GltfFile, joints: Ints, inverse_bind: Floats) -> Skelet
     for row in range(len(order)):
         parent = wanted[parents[row]] if parents[row] >= 0 else np.eye(4)
         if not bound[row]:
-            wanted[row] = parent @ _matrix(*(part[row] for part in rest))
+            translation, rotation, scale = (part[row] for part in rest)
+            matrix = np.eye(4)
+            matrix[:3, :3], matrix[:3, 3] = to_matrices(rotation) * scale, translation
+            wanted[row] = parent @ matrix
             continue
         found = _parts(np.linalg.solve(parent, wanted[row]))
         if found is None:
@@ -356,9 +356,3 @@ def _parts(matrix: Floats) -> tuple[Floats, Floats, Floats] | None:
     if np.abs(rotation * scale - linear).max() > SHEAR * scale.max():
         return None
     return matrix[:3, 3], from_matrices(rotation), scale
-
-
-def _matrix(translation: Floats, rotation: Floats, scale: Floats) -> Floats:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = to_matrices(rotation) * scale, translation
-    return matrix

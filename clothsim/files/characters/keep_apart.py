@@ -120,7 +120,25 @@ class _Apart:
         for _ in range(STEPS):
             turned = _turned(pose, self.joints, turns)
             points, transforms = self.character.vertices(turned), self.character.skeleton.transforms(turned)
-            rows, lack = self._rows(points, transforms[self.joints, :3, 3])
+            centres = transforms[self.joints, :3, 3]
+            # rows (r, 3 l) in the axes of space, and what the distances lack of the gap (r,) [m]
+            found, lacks = [], []
+            for pair in self.pairs:
+                if pair.boxes_apart(points) >= self.gap + BEYOND:
+                    continue
+                signed, closest = pair.closest(points)
+                near = np.argsort(signed)[:ROWS]
+                for k in near[(signed[near] < self.gap + BEYOND) & (np.abs(signed[near]) > 1e-9)]:
+                    x = points[pair.vertices[k]]
+                    away = (x - closest[k]) / signed[k]  # outwards also from inside, where the distance is negative
+                    row = np.zeros(3 * len(self.limbs))
+                    for part, sign, at in ((pair.names[0], 1.0, x), (pair.names[1], -1.0, closest[k])):
+                        if part in self.limbs:
+                            limb = self.limbs.index(part)
+                            row[3 * limb : 3 * limb + 3] = sign * np.cross(at - centres[limb], away)
+                    found.append(row)
+                    lacks.append(self.gap - signed[k])
+            rows, lack = np.array(found).reshape(len(found), 3 * len(self.limbs)), np.array(lacks)
             if not len(rows):
                 return np.zeros_like(turns) if not turns.any() else self._relaxed(pose, turns)
             parents = self.character.skeleton.parents[self.joints]
@@ -140,26 +158,6 @@ class _Apart:
         points = self.character.vertices(_turned(pose, self.joints, half))
         near = any(pair.boxes_apart(points) < self.gap and pair.distance(points)[0] < self.gap for pair in self.pairs)
         return turns if near else half if np.linalg.norm(half, axis=1).max() > 0.01 else np.zeros_like(turns)
-
-    def _rows(self, points: Floats, centres: Floats) -> tuple[Floats, Floats]:
-        """Rows (r, 3 l) in the axes of space, and what the distances lack of the gap (r,) [m]."""
-        rows, lack = [], []
-        for pair in self.pairs:
-            if pair.boxes_apart(points) >= self.gap + BEYOND:
-                continue
-            signed, closest = pair.closest(points)
-            near = np.argsort(signed)[:ROWS]
-            for k in near[(signed[near] < self.gap + BEYOND) & (np.abs(signed[near]) > 1e-9)]:
-                x = points[pair.vertices[k]]
-                away = (x - closest[k]) / signed[k]  # outwards also from inside, where the distance is negative
-                row = np.zeros(3 * len(self.limbs))
-                for part, sign, at in ((pair.names[0], 1.0, x), (pair.names[1], -1.0, closest[k])):
-                    if part in self.limbs:
-                        limb = self.limbs.index(part)
-                        row[3 * limb : 3 * limb + 3] = sign * np.cross(at - centres[limb], away)
-                rows.append(row)
-                lack.append(self.gap - signed[k])
-        return np.array(rows).reshape(len(rows), 3 * len(self.limbs)), np.array(lack)
 
 
 def _least(rows: Floats, bounds: Floats) -> Floats:

@@ -67,15 +67,8 @@ def read_bvh(path: Path) -> Clip:
     head, motion, frames = read_regular_file(path, MOST_BYTES).decode("utf-8", "replace").partition("MOTION")
     if not motion or not head.lstrip("\ufeff \t\r\n").startswith("HIERARCHY"):
         raise InputError(f"{path.name} is not a BVH file: HIERARCHY or MOTION is missing.", "Export it as BVH.")
-    joints = _hierarchy(path, head)
-    count, seconds, values = _bvh_frames(path, frames, sum(map(len, joints.channels)))
-    Budget(path.name).spend("numbers", count, len(joints.names), 4)
-    return _bvh_clip(path, joints, count, seconds, values)
-
-
-def _hierarchy(path: Path, text: str) -> _Hierarchy:
     joints, braces = _Hierarchy(), [ABOVE]
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(head.splitlines(), start=1):
         words = line.replace("{", " ").split()  # some exporters open the brace behind the name
         if not words or words[0] == "HIERARCHY":
             continue
@@ -88,7 +81,29 @@ def _hierarchy(path: Path, text: str) -> _Hierarchy:
         raise InputError(f"{path.name}: its HIERARCHY has no joint, or a brace is not closed.", "Export it again.")
     if joints.parents.count(ABOVE) != 1:
         raise InputError(f"{path.name} has {joints.parents.count(ABOVE)} ROOT joints.", "Export one character.")
-    return joints
+    count, seconds, values = _bvh_frames(path, frames, sum(map(len, joints.channels)))
+    Budget(path.name).spend("numbers", count, len(joints.names), 4)
+    parents: Ints = np.array(joints.parents, np.int64)
+    offsets = np.array(joints.offsets)
+    positions = offsets.copy()
+    for j, parent in enumerate(joints.parents):
+        if parent >= 0:
+            positions[j] += positions[parent]
+    names = tuple(name if joints.names.index(name) == k else f"{name}_{k}" for k, name in enumerate(joints.names))
+    skeleton = skeleton_at(names, parents, positions)
+    rotations = np.tile([1.0, 0.0, 0.0, 0.0], (count, len(parents), 1))
+    root = np.tile(offsets[0], (count, 1))
+    column = 0
+    for j, channels in enumerate(joints.channels):
+        for name in channels:
+            axis = "XYZ".index(name[0])
+            if name.endswith("rotation"):
+                turn = np.radians(values[:, column, None]) * np.eye(3)[axis]
+                rotations[:, j] = product(rotations[:, j], from_rotation_vectors(turn))
+            elif j == 0:
+                root[:, axis] = values[:, column]
+            column += 1
+    return uniform_clip(path.name, skeleton, 1 / seconds, rotations, root)
 
 
 def _read_line(joints: _Hierarchy, braces: list[int], words: list[str]) -> None:
@@ -103,7 +118,9 @@ def _read_line(joints: _Hierarchy, braces: list[int], words: list[str]) -> None:
     elif words[0] == "}" and len(braces) > 1:
         braces.pop()
     elif words[0] == "OFFSET" and here != ABOVE:
-        offset = _three_numbers(words[1:])
+        offset = [float(word) for word in words[1:]]
+        if len(offset) != 3 or not np.isfinite(offset).all():
+            raise ValueError("three finite numbers are needed")
         if here != END_SITE:
             joints.offsets[here] = offset
     elif words[0] == "CHANNELS" and here >= 0:
@@ -137,40 +154,6 @@ def _bvh_frames(path: Path, text: str, width: int) -> tuple[int, float, Floats]:
     if len(bad):
         raise InputError(f"{path.name}: frame {bad[0] // width} has a value that is not finite.", "Export it again.")
     return count, seconds, values.reshape(count, width)
-
-
-def _bvh_clip(path: Path, joints: _Hierarchy, count: int, seconds: float, values: Floats) -> Clip:
-    parents: Ints = np.array(joints.parents, np.int64)
-    offsets = np.array(joints.offsets)
-    positions = offsets.copy()
-    for j, parent in enumerate(joints.parents):
-        if parent >= 0:
-            positions[j] += positions[parent]
-    skeleton = skeleton_at(_unique(joints.names), parents, positions)
-    rotations = np.tile([1.0, 0.0, 0.0, 0.0], (count, len(parents), 1))
-    root = np.tile(offsets[0], (count, 1))
-    column = 0
-    for j, channels in enumerate(joints.channels):
-        for name in channels:
-            axis = "XYZ".index(name[0])
-            if name.endswith("rotation"):
-                turn = np.radians(values[:, column, None]) * np.eye(3)[axis]
-                rotations[:, j] = product(rotations[:, j], from_rotation_vectors(turn))
-            elif j == 0:
-                root[:, axis] = values[:, column]
-            column += 1
-    return uniform_clip(path.name, skeleton, 1 / seconds, rotations, root)
-
-
-def _three_numbers(words: list[str]) -> list[float]:
-    values = [float(word) for word in words]
-    if len(values) != 3 or not np.isfinite(values).all():
-        raise ValueError("three finite numbers are needed")
-    return values
-
-
-def _unique(names: list[str]) -> tuple[str, ...]:
-    return tuple(name if names.index(name) == k else f"{name}_{k}" for k, name in enumerate(names))
 
 
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
@@ -274,31 +257,27 @@ def read_animation(path: Path, skeleton: Skeleton, name: str | None = None) -> C
     """
     file = read_gltf(path)
     try:
-        return _gltf_clip(file, skeleton, name)
+        animations = file.table("animations")
+        names = [str(each.get("name", f"animation{k}")) for k, each in enumerate(animations)]
+        if not animations:
+            raise file.fault("it has no animation.", "Export it with one, or use another clip.")
+        if name is not None and name not in names:
+            raise file.fault(f"it has no animation {name!r}.", f"Known: {', '.join(names)}.")
+        number = 0 if name is None else names.index(name)
+        order, _ = node_order(file)
+        row = {node: k for k, node in enumerate(order)}
+        tracks = []
+        for channel in animations[number].get("channels", []):
+            target = channel["target"]
+            if "node" in target and target.get("path") in PARTS:
+                file.entry("nodes", target["node"])
+                sampler = animations[number]["samplers"][channel["sampler"]]
+                tracks.append(_track(file, sampler, PARTS[target["path"]], row[target["node"]], names[number]))
+        if not tracks:
+            raise file.fault(f"animation {names[number]!r} moves no joint.", "Export it with its key frames.")
+        return Clip(names[number], skeleton, node_pose(file, order), tuple(tracks))
     except BROKEN as error:
         raise broken(path, error) from error
-
-
-def _gltf_clip(file: GltfFile, skeleton: Skeleton, name: str | None) -> Clip:
-    animations = file.table("animations")
-    names = [str(each.get("name", f"animation{k}")) for k, each in enumerate(animations)]
-    if not animations:
-        raise file.fault("it has no animation.", "Export it with one, or use another clip.")
-    if name is not None and name not in names:
-        raise file.fault(f"it has no animation {name!r}.", f"Known: {', '.join(names)}.")
-    number = 0 if name is None else names.index(name)
-    order, _ = node_order(file)
-    row = {node: k for k, node in enumerate(order)}
-    tracks = []
-    for channel in animations[number].get("channels", []):
-        target = channel["target"]
-        if "node" in target and target.get("path") in PARTS:
-            file.entry("nodes", target["node"])
-            sampler = animations[number]["samplers"][channel["sampler"]]
-            tracks.append(_track(file, sampler, PARTS[target["path"]], row[target["node"]], names[number]))
-    if not tracks:
-        raise file.fault(f"animation {names[number]!r} moves no joint.", "Export it with its key frames.")
-    return Clip(names[number], skeleton, node_pose(file, order), tuple(tracks))
 
 
 def _track(file: GltfFile, sampler: dict[str, Any], path: Part, joint: int, name: str) -> Track:

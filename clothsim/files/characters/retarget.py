@@ -121,8 +121,12 @@ def retargeted(clip: Clip, target: Skeleton, scale: float | None = None) -> Reta
         side, _, joint = role.rpartition("_")
         other = f"{side}_{NEXT.get(joint, '')}"
         if all(other in known and role in known for known in roles):
-            bones = (here[roles[1][other]] - here[j], axes @ (there[roles[0][other]] - there[roles[0][role]]))
-            corrections[j] = _shortest_turn(*bones)
+            # the turn by the smallest angle that takes the direction of the one bone to that of the other
+            start, end = here[roles[1][other]] - here[j], axes @ (there[roles[0][other]] - there[roles[0][role]])
+            axis = np.cross(start, end)
+            length = float(np.linalg.norm(axis))
+            angle = float(np.arctan2(length, start @ end))
+            corrections[j] = rotation_matrix(axis * (angle / length)) if length > 1e-12 else np.eye(3)
     for side in ("left", "right"):  # a hand goes on along its forearm
         if {f"{side}_wrist", f"{side}_elbow"} <= roles[1].keys():
             corrections[roles[1][f"{side}_wrist"]] = corrections[roles[1][f"{side}_elbow"]]
@@ -130,15 +134,11 @@ def retargeted(clip: Clip, target: Skeleton, scale: float | None = None) -> Reta
     pairs = {j: roles[0][role] for role, j in roles[1].items() if role in roles[0]}
     pelvis, up = (roles[1]["pelvis"], roles[0]["pelvis"]), body_axes(here, roles[1])[:, 1]
     level = Retargeted(clip, target, pairs, corrections, axes, ratio, pelvis, 0.0, up)
-    return replace(level, lift=_lift(level, roles[1]))
-
-
-def _lift(motion: Retargeted, roles: dict[str, int]) -> float:
-    """Displacement upwards that puts the lowest foot of the clip where the lower foot is at rest [m]."""
-    feet = [roles.get(f"{side}_ankle", roles[f"{side}_knee"]) for side in ("left", "right")]
-    times = np.linspace(0, motion.duration, SAMPLES if motion.duration else 1)
-    heights = [motion.skeleton.transforms(motion.pose(t))[feet, :3, 3] @ motion.up for t in times]
-    return float((motion.skeleton.rest_positions()[feet] @ motion.up).min() - np.min(heights))
+    # the lift puts the lowest foot of the clip where the lower foot is at rest [m]
+    feet = [roles[1].get(f"{side}_ankle", roles[1][f"{side}_knee"]) for side in ("left", "right")]
+    times = np.linspace(0, level.duration, SAMPLES if level.duration else 1)
+    heights = [level.skeleton.transforms(level.pose(t))[feet, :3, 3] @ level.up for t in times]
+    return replace(level, lift=float((level.skeleton.rest_positions()[feet] @ level.up).min() - np.min(heights)))
 
 
 def body_axes(positions: Floats, roles: dict[str, int]) -> Floats:
@@ -162,11 +162,3 @@ def leg_length(positions: Floats, roles: dict[str, int]) -> float:
         np.linalg.norm(positions[roles[f"{side}_hip"]] - positions[roles[f"{side}_knee"]]) for side in ("left", "right")
     ]
     return max(float(np.mean(lengths)), 1e-12)
-
-
-def _shortest_turn(start: Floats, end: Floats) -> Floats:
-    """Rotation (3, 3) by the smallest angle that takes the direction of `start` to that of `end`."""
-    axis = np.cross(start, end)
-    length = float(np.linalg.norm(axis))
-    angle = float(np.arctan2(length, start @ end))
-    return rotation_matrix(axis * (angle / length)) if length > 1e-12 else np.eye(3)

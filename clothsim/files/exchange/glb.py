@@ -120,7 +120,13 @@ def glb_bytes(animation: Animation) -> bytes:
     for k in range(1, len(animation.times)):
         shapes = animation.at(k)
         for number in moving:
-            target = _target(buffer, bases[number], shapes[number], splits[number][0])
+            # a morph target: what a shape differs by from the base as it is stored
+            base, shape, vertices = bases[number], shapes[number], splits[number][0]
+            stored = base.points.astype(np.float32).astype(np.float64)
+            target = {
+                "POSITION": buffer.floats((shape.points - stored)[vertices], bounds=True),
+                "NORMAL": buffer.floats((shape.normals - base.normals)[vertices]),
+            }
             for primitive in meshes[number]["primitives"]:
                 primitive.setdefault("targets", []).append(target)
     return buffer.glb(_document(animation, meshes, _animation(buffer, animation, meshes, moving)))
@@ -156,15 +162,6 @@ def panels(part: AnimatedPart) -> dict[str, Ints]:
             found[name] = rows
     rest = np.flatnonzero(free)
     return {**found, **({part.name: rest} if len(rest) else {})}
-
-
-def _target(buffer: GlbBuffer, base: PartFrame, shape: PartFrame, vertices: Ints) -> dict[str, int]:
-    """A morph target: what `shape` differs by from the base as it is stored."""
-    stored = base.points.astype(np.float32).astype(np.float64)
-    return {
-        "POSITION": buffer.floats((shape.points - stored)[vertices], bounds=True),
-        "NORMAL": buffer.floats((shape.normals - base.normals)[vertices]),
-    }
 
 
 def _animation(

@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.base.arrays import Ints
 from clothsim.base.file_writing import replacing, write_atomically
 from clothsim.files.exchange.animation import (
     AnimatedPart,
@@ -129,10 +128,31 @@ def ply_bytes(animation: Animation, frame: int) -> bytes:
     """The file of a frame."""
     vertices, faces, count = [], [], 0
     for number, (part, shape) in enumerate(zip(animation.parts, animation.at(frame), strict=True)):
-        rows, triangles = _ply_part(part, shape)
+        split, triangles, texture = split_vertices(part, len(shape.points))
+        rows = np.zeros(len(split), _VERTEX)
+        colours = shape.colours[split] if len(shape.colours) else np.full((len(split), 3), BODY_GREY)
+        stretch = vertex_means(shape.stretch, part.triangles, len(shape.points))[split] if len(shape.stretch) else 1.0
+        for name, column in zip("xyz", shape.points[split].T, strict=True):
+            rows[name] = column
+        for name, column in zip(("nx", "ny", "nz"), shape.normals[split].T, strict=True):
+            rows[name] = column
+        for name, column in zip(("red", "green", "blue"), np.rint(255 * colours).T, strict=True):
+            rows[name] = column
+        rows["stretch"] = stretch
+        if len(texture):
+            rows["s"], rows["t"] = texture.T
         rows["surface"] = number
         vertices.append(rows)
-        faces.append(_ply_faces(part, triangles + count))
+        # for each face a byte with the number of its corners, then these
+        corners, sizes = part.corners(triangles + count)
+        starts = np.cumsum(sizes) - sizes
+        packed = np.zeros(4 * len(corners) + len(sizes), np.uint8)
+        counted = 4 * starts + np.arange(len(sizes))
+        packed[counted] = sizes
+        rest = np.ones(len(packed), bool)
+        rest[counted] = False
+        packed[rest] = corners.astype("<i4").view(np.uint8)
+        faces.append(packed.tobytes())
         count += len(rows)
     header = [
         "ply",
@@ -146,37 +166,6 @@ def ply_bytes(animation: Animation, frame: int) -> bytes:
         "end_header\n",
     ]
     return "\n".join(header).encode() + b"".join([*(each.tobytes() for each in vertices), *faces])
-
-
-def _ply_faces(part: AnimatedPart, triangles: Ints) -> bytes:
-    """The faces of a surface: for each a byte with the number of its corners, then these."""
-    corners, sizes = part.corners(triangles)
-    starts = np.cumsum(sizes) - sizes
-    packed = np.zeros(4 * len(corners) + len(sizes), np.uint8)
-    counted = 4 * starts + np.arange(len(sizes))
-    packed[counted] = sizes
-    rest = np.ones(len(packed), bool)
-    rest[counted] = False
-    packed[rest] = corners.astype("<i4").view(np.uint8)
-    return packed.tobytes()
-
-
-def _ply_part(part: AnimatedPart, shape: PartFrame) -> tuple[np.ndarray, np.ndarray]:
-    """The vertices of a surface, and its triangles by their rows."""
-    split, triangles, texture = split_vertices(part, len(shape.points))
-    rows = np.zeros(len(split), _VERTEX)
-    colours = shape.colours[split] if len(shape.colours) else np.full((len(split), 3), BODY_GREY)
-    stretch = vertex_means(shape.stretch, part.triangles, len(shape.points))[split] if len(shape.stretch) else 1.0
-    for name, column in zip("xyz", shape.points[split].T, strict=True):
-        rows[name] = column
-    for name, column in zip(("nx", "ny", "nz"), shape.normals[split].T, strict=True):
-        rows[name] = column
-    for name, column in zip(("red", "green", "blue"), np.rint(255 * colours).T, strict=True):
-        rows[name] = column
-    rows["stretch"] = stretch
-    if len(texture):
-        rows["s"], rows["t"] = texture.T
-    return rows, triangles
 
 
 @dataclass(frozen=True)

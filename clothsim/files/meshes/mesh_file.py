@@ -21,7 +21,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import bounded_decompression, read_regular_file
-from clothsim.base.own_process import in_own_process
+from clothsim.base.process_memory import in_own_process
 from clothsim.files.meshes.polygons import MeshFile, MeshPart, Polygons, choose, cut_polygons
 from clothsim.files.meshes.readers.gmsh import read_msh
 from clothsim.files.meshes.readers.obj import read_obj
@@ -240,7 +240,16 @@ def _read(file: Path) -> Polygons:
         return TEXT_READERS[ending](file, content.decode("utf-8", errors="replace"))
     if ending in BYTE_READERS:
         return BYTE_READERS[ending](file, content)
-    return _read_with_library(file, ending, content)
+    try:  # all exceptions, exits and prints of a library become one sentence
+        nowhere = io.StringIO()
+        with warnings.catch_warnings(), contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
+            warnings.simplefilter("ignore")
+            return LIBRARY_READERS[ending](file, content)
+    except (InputError, ImportError):
+        raise
+    except (Exception, SystemExit) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{file} cannot be read as {ending[1:]} ({reason[:100]}).") from error
 
 
 USD_MEMORY, USD_SECONDS = 3 << 29, 600.0
@@ -252,20 +261,6 @@ def _read_usd(function: str, file: Path, *arguments: object) -> Any:
     memory = USD_MEMORY + MOST_UNPACKED * file.stat().st_size
     where = f"clothsim.files.meshes.readers.usd_reader:{function}"
     return in_own_process(where, file, *arguments, memory=memory, seconds=USD_SECONDS, what=str(file))
-
-
-def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
-    """Read by a library; all its exceptions, exits and prints become one sentence of an InputError."""
-    try:
-        nowhere = io.StringIO()
-        with warnings.catch_warnings(), contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
-            warnings.simplefilter("ignore")
-            return LIBRARY_READERS[ending](file, content)
-    except (InputError, ImportError):
-        raise
-    except (Exception, SystemExit) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{file} cannot be read as {ending[1:]} ({reason[:100]}).") from error
 
 
 def checked(file: Path, polygons: Polygons) -> Polygons:
@@ -318,7 +313,11 @@ def animation_files(directory: Path, pattern: str) -> list[Path]:
         raise InputError(
             f"No file matches frames = {pattern!r}.", f"It starts from {directory}; * stands for any characters."
         )
-    return [directory / name for name in sorted(names, key=lambda name: (_natural(name), name))]
+    digits = re.compile(r"([0-9]+)")  # which are sorted by their number, everything else as text
+    in_order = {
+        name: [(int(word), "") if word.isdecimal() else (-1, word) for word in digits.split(name)] for name in names
+    }
+    return [directory / name for name in sorted(names, key=lambda name: (in_order[name], name))]
 
 
 def read_frames(files: Sequence[Path], part: MeshPart, rate: float = 25.0) -> tuple[MeshFile, Floats]:
@@ -365,33 +364,27 @@ def _one_topology(files: Sequence[Path], states: Iterator[Polygons], part: MeshP
         )
     frames = [mesh.positions]
     for file, polygons in zip(files[1:], states, strict=True):
-        _refuse_other_topology(file, polygons, files[0], first)
+        remedy = "All frames of a body need the same vertices and faces in the same order."
+        counts = (
+            ("vertices", len(polygons.positions), len(first.positions)),
+            ("faces", len(polygons.starts), len(first.starts)),
+        )
+        for what, has, expected in counts:
+            if has != expected:
+                less = 1 if what == "faces" else 0
+                raise InputError(f"{file} has {has - less} {what}, {files[0].name} has {expected - less}.", remedy)
+        sizes = np.flatnonzero(np.diff(polygons.starts) != np.diff(first.starts))
+        if len(sizes):
+            raise InputError(f"{file}: face {sizes[0]} has another number of corners than in {files[0].name}.", remedy)
+        differ = np.flatnonzero(polygons.corners != first.corners)
+        if len(differ):
+            face = int(np.searchsorted(first.starts, differ[0], side="right")) - 1
+            rows = slice(first.starts[face], first.starts[face + 1])
+            raise InputError(
+                f"{file}: face {face} is {polygons.corners[rows].tolist()}, in {files[0].name} "
+                f"{first.corners[rows].tolist()}.",
+                remedy,
+            )
         moved = replace(first, positions=polygons.positions)
         frames.append(choose(file, moved, cut, part).positions)
     return mesh, np.stack(frames)
-
-
-def _refuse_other_topology(file: Path, other: Polygons, first_file: Path, first: Polygons) -> None:
-    remedy = "All frames of a body need the same vertices and faces in the same order."
-    counts = (("vertices", len(other.positions), len(first.positions)), ("faces", len(other.starts), len(first.starts)))
-    for what, has, expected in counts:
-        if has != expected:
-            less = 1 if what == "faces" else 0
-            raise InputError(f"{file} has {has - less} {what}, {first_file.name} has {expected - less}.", remedy)
-    sizes = np.flatnonzero(np.diff(other.starts) != np.diff(first.starts))
-    if len(sizes):
-        raise InputError(f"{file}: face {sizes[0]} has another number of corners than in {first_file.name}.", remedy)
-    differ = np.flatnonzero(other.corners != first.corners)
-    if len(differ):
-        face = int(np.searchsorted(first.starts, differ[0], side="right")) - 1
-        rows = slice(first.starts[face], first.starts[face + 1])
-        raise InputError(
-            f"{file}: face {face} is {other.corners[rows].tolist()}, in {first_file.name} "
-            f"{first.corners[rows].tolist()}.",
-            remedy,
-        )
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    """The sort key of a name: digits by their number, everything else as text."""
-    return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"([0-9]+)", name)]

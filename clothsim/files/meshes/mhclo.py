@@ -58,7 +58,10 @@ def read_clothes(path: Path) -> Clothes:
             continue
         try:
             if words[0] in _SCALES:
-                scales[_SCALES.index(words[0])] = _scale(words)
+                length = float(words[3])
+                if not 0 < length < float("inf"):
+                    raise ValueError
+                scales[_SCALES.index(words[0])] = _index(words[1]), _index(words[2]), length
             elif words[0] == "obj_file":
                 obj_file = path.parent / Path(words[1]).name
             elif words[0] == "verts":
@@ -73,13 +76,6 @@ def read_clothes(path: Path) -> Clothes:
         raise InputError(f"{path} names no obj_file, or no verts.", "Give a MakeHuman .mhclo file.")
     table = np.array(rows)
     return Clothes(obj_file, table[:, :3].astype(np.int64), table[:, 3:6], table[:, 6:], tuple(scales))
-
-
-def _scale(words: list[str]) -> tuple[int, int, float]:
-    length = float(words[3])
-    if not 0 < length < float("inf"):
-        raise ValueError
-    return _index(words[1]), _index(words[2]), length
 
 
 def _row(words: list[str]) -> list[float]:

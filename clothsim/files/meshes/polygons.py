@@ -6,7 +6,6 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints, as_count, as_positive
 from clothsim.base.errors import InputError
@@ -57,7 +56,21 @@ def cut_polygons(polygons: Polygons) -> tuple[Ints, Ints, tuple[str, ...]]:
         rows = np.flatnonzero(sizes == size)
         corner = polygons.starts[rows, None] + np.arange(size)
         with np.errstate(over="ignore", invalid="ignore"):  # at 1e154 any fan will do
-            fans, overlapping = _best_fans(polygons.positions[polygons.corners[corner]])
+            points = polygons.positions[polygons.corners[corner]]
+            # the fan of each polygon, and where even that overlaps
+            count = len(points)
+            fans = np.zeros((count, size - 2, 3), np.int64)
+            least_turned, shortest = np.full(count, size), np.full(count, np.inf)
+            for origin in range(1 if size == 3 else 2 if size == 4 else min(size, MOST_FANS)):
+                ring = (origin + np.arange(size)) % size
+                fan = np.column_stack([np.full(size - 2, ring[0]), ring[1:-1], ring[2:]])
+                spokes = points[:, ring[1:]] - points[:, ring[:1]]
+                normals = np.cross(spokes[:, :-1], spokes[:, 1:])
+                turned = (np.einsum("kij,kj->ki", normals, normals.sum(axis=1)) < 0).sum(axis=1)
+                length = np.linalg.norm(spokes[:, 1:-1], axis=2).sum(axis=1)
+                better = (turned < least_turned) | ((turned == least_turned) & (length < shortest * (1 - 1e-6)))
+                fans[better], least_turned[better], shortest[better] = fan, turned[better], length[better]
+            overlapping = least_turned > 0
         corner_rows.append(np.take_along_axis(corner, fans.reshape(len(rows), -1), axis=1).reshape(-1, 3))
         faces.append(np.repeat(rows, size - 2))
         if size > 3:
@@ -67,23 +80,6 @@ def cut_polygons(polygons: Polygons) -> tuple[Ints, Ints, tuple[str, ...]]:
             messages.append(f"{overlapping.sum()} of them fold or bend inward, first face {rows[overlapping][0]}")
     order = np.argsort(np.concatenate(faces), kind="stable")
     return np.concatenate(corner_rows)[order], np.concatenate(faces)[order], tuple(messages)
-
-
-def _best_fans(points: Floats) -> tuple[Ints, NDArray[np.bool_]]:
-    """The fan of each polygon (k, n, 3) as corner numbers (k, n - 2, 3), and True where even that overlaps (k,)."""
-    count, size = points.shape[:2]
-    best = np.zeros((count, size - 2, 3), np.int64)
-    least_turned, shortest = np.full(count, size), np.full(count, np.inf)
-    for origin in range(1 if size == 3 else 2 if size == 4 else min(size, MOST_FANS)):
-        ring = (origin + np.arange(size)) % size
-        fan = np.column_stack([np.full(size - 2, ring[0]), ring[1:-1], ring[2:]])
-        spokes = points[:, ring[1:]] - points[:, ring[:1]]
-        normals = np.cross(spokes[:, :-1], spokes[:, 1:])
-        turned = (np.einsum("kij,kj->ki", normals, normals.sum(axis=1)) < 0).sum(axis=1)
-        length = np.linalg.norm(spokes[:, 1:-1], axis=2).sum(axis=1)
-        better = (turned < least_turned) | ((turned == least_turned) & (length < shortest * (1 - 1e-6)))
-        best[better], least_turned[better], shortest[better] = fan, turned[better], length[better]
-    return best, least_turned > 0
 
 
 @dataclass(frozen=True)
@@ -141,11 +137,19 @@ def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...
     elif part.parts:
         mesh = _take_groups(file, whole, part.parts)
     elif part.component is not None:
-        mesh = _take_component(file, whole, part.component)
+        label = components(whole.triangles, len(whole.positions))
+        pieces, first = np.unique(label[np.sort(np.unique(whole.triangles))], return_index=True)
+        size = np.bincount(label)[pieces]
+        order = np.lexsort((first, -size))
+        number = as_count(f"{file}: component", part.component, least=0, most=len(pieces) - 1)
+        keep = np.equal(label[whole.triangles[:, 0]], pieces[order[number]])
+        mesh = _part(whole, keep, f"component {number} of {len(pieces)} by decreasing number of vertices")
     elif part.vertices is not None:
         mesh = _take_range(file, whole, part.vertices)
     else:
-        mesh = _note_unused(whole)
+        unused = len(whole.positions) - len(np.unique(whole.triangles))
+        notes = (f"{unused} vertices are in no triangle",) if unused else ()
+        mesh = replace(whole, messages=(*whole.messages, *notes))
     if factor == 1:
         return mesh
     return replace(mesh, positions=factor * mesh.positions, messages=(*mesh.messages, f"scaled by {factor:g}"))
@@ -162,16 +166,6 @@ def _take_groups(file: Path, whole: MeshFile, wanted: Sequence[str]) -> MeshFile
     for group in wanted:
         keep[whole.groups[group]] = True
     return _part(whole, keep, f"{'group' if len(wanted) == 1 else 'groups'} {', '.join(map(repr, wanted))}")
-
-
-def _take_component(file: Path, whole: MeshFile, component: int) -> MeshFile:
-    label = components(whole.triangles, len(whole.positions))
-    pieces, first = np.unique(label[np.sort(np.unique(whole.triangles))], return_index=True)
-    size = np.bincount(label)[pieces]
-    order = np.lexsort((first, -size))
-    number = as_count(f"{file}: component", component, least=0, most=len(pieces) - 1)
-    keep = np.equal(label[whole.triangles[:, 0]], pieces[order[number]])
-    return _part(whole, keep, f"component {number} of {len(pieces)} by decreasing number of vertices")
 
 
 def _take_range(file: Path, whole: MeshFile, vertices: Sequence[int]) -> MeshFile:
@@ -205,10 +199,3 @@ def _part(whole: MeshFile, keep: np.ndarray, what: str) -> MeshFile:
         renumbered_groups(whole.groups, np.flatnonzero(keep)),
         used,
     )
-
-
-def _note_unused(whole: MeshFile) -> MeshFile:
-    unused = len(whole.positions) - len(np.unique(whole.triangles))
-    if not unused:
-        return whole
-    return replace(whole, messages=(*whole.messages, f"{unused} vertices are in no triangle"))

@@ -15,7 +15,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.inputs import is_number, refuse_unknown
-from clothsim.files.patterns.dxf.drawing import SEW, UNITS, Drawing, Piece, read_drawing
+from clothsim.files.patterns.dxf.drawing import SEW, UNITS, Piece, read_drawing
 from clothsim.files.patterns.dxf.outline import Part, loop_of, outline_edges, polygon, reflected, unfolded
 from clothsim.patterns.pattern import Panel, Pattern, Side, Stitch
 from clothsim.patterns.specification import USUAL_UNITS, read_specification
@@ -209,15 +209,45 @@ def read_dxf_pattern(path: str | Path, seams: str | Path | None = None, sewn: bo
     given = seams is not None or sewing_path.is_file()
     sewing = read_sewing_file(sewing_path) if given else SewingFile()
     drawing = read_drawing(file, sewing.units, sewing.layer)
-    of_size, size_notes = _choose_size(file.name, drawing, sewing.size)
-    notes = (*drawing.notes, *size_notes)
+    pieces, sizes = drawing.pieces, sorted({piece.size for piece in drawing.pieces if piece.size})
+    if sewing.size and sewing.size not in sizes:
+        raise InputError(
+            f"{file.name} has no pieces of size {sewing.size!r}.", f"Sizes: {', '.join(sizes) or 'none is named'}."
+        )
+    size = sewing.size or (drawing.sample_size if drawing.sample_size in sizes else "")
+    if size:
+        pieces = tuple(piece for piece in pieces if piece.size in (size, ""))
+    elif any(piece.inserted for piece in pieces):
+        pieces = tuple(piece for piece in pieces if piece.inserted)
+    of_size: dict[str, Piece] = {}
+    for piece in pieces:
+        if piece.name in of_size:
+            both = f"{of_size[piece.name].size or 'unnamed'} and {piece.size or 'unnamed'}"
+            raise InputError(
+                f"{file.name} has the piece {piece.name} twice, of sizes {both}.",
+                f'Choose a size in the file of --seams: size = "{sizes[0]}".' if len(sizes) > 1 else "Rename one.",
+            )
+        of_size[piece.name] = piece
+    left = [each for each in sizes if each not in {piece.size for piece in of_size.values()}]
+    read = ", ".join(sorted({piece.size for piece in of_size.values()} - {""}))
+    notes = (*drawing.notes, *([f"size {read}; left out: {', '.join(left)}"] if left else []))
     used = {keys.piece for keys in sewing.panels.values()}
     others = [name for name in of_size if name not in used]
     left_out = others if sewn and used else []
     tables = {**sewing.panels, **{name: PanelKeys(name, notches=sewing.notches) for name in others}}
     panels = {name: _panel(name, keys, of_size, sewing) for name, keys in tables.items() if name not in left_out}
     if sewn:
-        _refuse_unsewn(file, sewing_path, given, sewing, panels)
+        look = f"`clothsim check {file.name} -o edges.svg` draws the edges with their numbers."
+        if not given:
+            raise InputError(f"{file.name} names no seams, and there is no {sewing_path}.", f"Write them to it: {look}")
+        if not sewing.seams and len(panels) > 1:
+            raise InputError(f"{sewing_path.name} has no [[seam]].", look)
+        lost = [name for name in panels if name not in sewing.panels or sewing.panels[name].position is None]
+        if lost and len(panels) > 1:
+            raise InputError(
+                f"{sewing_path.name} places no panel {', '.join(lost)}.",
+                f"Give each its place in metres, y upward from the floor: [panels.{lost[0]}] position = [0, 1.2, 0.2].",
+            )
     if left_out:
         notes += (f"pieces without a table [panels.NAME] are left out: {', '.join(left_out)}",)
     source = {"properties": {"units_in_meter": USUAL_UNITS}}
@@ -225,33 +255,6 @@ def read_dxf_pattern(path: str | Path, seams: str | Path | None = None, sewn: bo
         return Pattern(panels, sewing.seams, notes, source)
     except InputError as error:
         raise InputError(f"{sewing_path.name}: {error.sentence}", error.remedy) from error
-
-
-def _choose_size(file: str, drawing: Drawing, given: str) -> tuple[dict[str, Piece], tuple[str, ...]]:
-    """Pieces of one size by name, and a note with the sizes that are left out.
-
-    The size is the one that is given, else the sample size; of a drawing that names none, that of the inserted blocks.
-    """
-    pieces, sizes = drawing.pieces, sorted({piece.size for piece in drawing.pieces if piece.size})
-    if given and given not in sizes:
-        raise InputError(f"{file} has no pieces of size {given!r}.", f"Sizes: {', '.join(sizes) or 'none is named'}.")
-    size = given or (drawing.sample_size if drawing.sample_size in sizes else "")
-    if size:
-        pieces = tuple(piece for piece in pieces if piece.size in (size, ""))
-    elif any(piece.inserted for piece in pieces):
-        pieces = tuple(piece for piece in pieces if piece.inserted)
-    found: dict[str, Piece] = {}
-    for piece in pieces:
-        if piece.name in found:
-            both = f"{found[piece.name].size or 'unnamed'} and {piece.size or 'unnamed'}"
-            raise InputError(
-                f"{file} has the piece {piece.name} twice, of sizes {both}.",
-                f'Choose a size in the file of --seams: size = "{sizes[0]}".' if len(sizes) > 1 else "Rename one.",
-            )
-        found[piece.name] = piece
-    left = [each for each in sizes if each not in {piece.size for piece in found.values()}]
-    read = ", ".join(sorted({piece.size for piece in found.values()} - {""}))
-    return found, ((f"size {read}; left out: {', '.join(left)}",) if left else ())
 
 
 def _panel(name: str, keys: PanelKeys, pieces: dict[str, Piece], sewing: SewingFile) -> Panel:
@@ -293,21 +296,6 @@ def _upright(grain: Floats | None) -> float:
     along = grain[1] - grain[0]
     angle = float(np.arctan2(along[1], along[0])) % np.pi
     return np.pi / 2 - (angle - np.pi if angle > np.pi - LEVEL else angle)
-
-
-def _refuse_unsewn(file: Path, sewing_path: Path, given: bool, sewing: SewingFile, panels: dict[str, Panel]) -> None:
-    """InputError for a drawing without seams, or with panels that lie nowhere."""
-    look = f"`clothsim check {file.name} -o edges.svg` draws the edges with their numbers."
-    if not given:
-        raise InputError(f"{file.name} names no seams, and there is no {sewing_path}.", f"Write them to it: {look}")
-    if not sewing.seams and len(panels) > 1:
-        raise InputError(f"{sewing_path.name} has no [[seam]].", look)
-    lost = [name for name in panels if name not in sewing.panels or sewing.panels[name].position is None]
-    if lost and len(panels) > 1:
-        raise InputError(
-            f"{sewing_path.name} places no panel {', '.join(lost)}.",
-            f"Give each its place in metres, y upward from the floor: [panels.{lost[0]}] position = [0, 1.2, 0.2].",
-        )
 
 
 DXF = ".dxf"

@@ -60,7 +60,11 @@ def packed(checkpoint: Checkpoint) -> bytes:
     }
     counters = json.dumps({**history, **checkpoint.counters}, default=lambda number: number.tolist())
     archive = BytesIO()
-    more: dict[str, Any] = dict(_packed_files(checkpoint.files))
+    more: dict[str, Any] = {}
+    if files := checkpoint.files:
+        sizes = np.array([len(content) for content in files.values()], np.int64)
+        contents = np.frombuffer(b"".join(files.values()), np.uint8)
+        more = {"file_names": _text(json.dumps(list(files))), "file_sizes": sizes, "file_contents": contents}
     if previous is not None:
         more |= {
             "previous_positions": np.asarray(previous.positions, np.float64),
@@ -100,37 +104,33 @@ def unpacked(data: bytes, name: str) -> Checkpoint:
             if sum(entry.file_size for entry in archive.infolist()) > len(content.getvalue()):
                 raise ValueError("it would unpack to more than it should")  # NumPy writes it uncompressed
         with np.load(content, allow_pickle=False) as arrays:
-            return _from_arrays(arrays)
+            if _string(arrays["format"]) not in (_FORMAT, _EARLIER):
+                raise ValueError(f"its format is not {_FORMAT!r}")
+            positions, velocities = arrays["positions"], arrays["velocities"]
+            if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != velocities.shape:
+                raise ValueError(f"positions {positions.shape} and velocities {velocities.shape} are not (N, 3)")
+            times, counts = arrays["times"], arrays["counts"]
+            if counts.dtype != np.int64 or any(a.dtype != np.float64 for a in (positions, velocities, times)):
+                raise ValueError("its numbers are of other types")
+            (time, dt, blocked_at), (frame, step, blocked) = times.tolist(), counts.tolist()
+            if not (0 <= time < math.inf and 0 < dt < math.inf and min(frame, step, blocked) >= 0):
+                raise ValueError(f"its time is {time} s, its step {dt} s, its counts {counts}")
+            scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
+            if not isinstance(counters, dict):
+                raise ValueError("its counters are not tables")
+            state = State(
+                *(time, dt, step, frame, positions, velocities, blocked_at, blocked),
+                memory=counters.pop("memory", {}),
+                previous=_previous(arrays, positions.shape),
+                temporal_error=counters.pop("temporal_error", 0.0),
+                slow_steps=counters.pop("slow_steps", 0),
+                rest=Rest[counters.pop("rest", Rest.MOVING.name)],
+            )
+            return Checkpoint(state, scene_text, counters, _files(arrays))
     except Exception as error:  # zipfile, NumPy and JSON raise a dozen types of errors
         raise InputError(
             f"{name} is broken or not a checkpoint ({error}).", "Repeat the run from its scene."
         ) from error
-
-
-def _from_arrays(arrays: Any) -> Checkpoint:
-    if _string(arrays["format"]) not in (_FORMAT, _EARLIER):
-        raise ValueError(f"its format is not {_FORMAT!r}")
-    positions, velocities = arrays["positions"], arrays["velocities"]
-    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != velocities.shape:
-        raise ValueError(f"positions {positions.shape} and velocities {velocities.shape} are not (N, 3)")
-    times, counts = arrays["times"], arrays["counts"]
-    if counts.dtype != np.int64 or any(a.dtype != np.float64 for a in (positions, velocities, times)):
-        raise ValueError("its numbers are of other types")
-    (time, dt, blocked_at), (frame, step, blocked) = times.tolist(), counts.tolist()
-    if not (0 <= time < math.inf and 0 < dt < math.inf and min(frame, step, blocked) >= 0):
-        raise ValueError(f"its time is {time} s, its step {dt} s, its counts {counts}")
-    scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
-    if not isinstance(counters, dict):
-        raise ValueError("its counters are not tables")
-    state = State(
-        *(time, dt, step, frame, positions, velocities, blocked_at, blocked),
-        memory=counters.pop("memory", {}),
-        previous=_previous(arrays, positions.shape),
-        temporal_error=counters.pop("temporal_error", 0.0),
-        slow_steps=counters.pop("slow_steps", 0),
-        rest=Rest[counters.pop("rest", Rest.MOVING.name)],
-    )
-    return Checkpoint(state, scene_text, counters, _files(arrays))
 
 
 def _previous(arrays: Any, shape: tuple[int, ...]) -> Previous | None:
@@ -145,17 +145,8 @@ def _previous(arrays: Any, shape: tuple[int, ...]) -> Previous | None:
     return Previous(positions, velocities, dt)
 
 
-def _packed_files(files: Mapping[str, bytes]) -> dict[str, np.ndarray]:
-    """Names, sizes and contents of files as arrays; none where there is no file."""
-    if not files:
-        return {}
-    sizes = np.array([len(content) for content in files.values()], np.int64)
-    contents = np.frombuffer(b"".join(files.values()), np.uint8)
-    return {"file_names": _text(json.dumps(list(files))), "file_sizes": sizes, "file_contents": contents}
-
-
 def _files(arrays: Any) -> dict[str, bytes]:
-    """The files of `_packed_files`."""
+    """The files that `packed` took."""
     if "file_names" not in arrays:
         return {}
     names, sizes = json.loads(_string(arrays["file_names"])), arrays["file_sizes"].tolist()

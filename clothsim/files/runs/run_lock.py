@@ -72,7 +72,10 @@ def _taken(path: Path, directory: Path) -> int:
             left = _content(handle)
             if left and left.get("host") != platform.node():
                 raise _refusal(directory, left)
-            _write(handle)
+            now = datetime.now(UTC).isoformat(timespec="seconds")
+            os.ftruncate(handle, 0)
+            os.lseek(handle, 0, os.SEEK_SET)
+            os.write(handle, json.dumps({"pid": os.getpid(), "host": platform.node(), "started": now}).encode())
         except BaseException:
             os.close(handle)
             raise
@@ -108,13 +111,6 @@ def _content(handle: int) -> dict[str, Any]:
     except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _write(handle: int) -> None:
-    now = datetime.now(UTC).isoformat(timespec="seconds")
-    os.ftruncate(handle, 0)
-    os.lseek(handle, 0, os.SEEK_SET)
-    os.write(handle, json.dumps({"pid": os.getpid(), "host": platform.node(), "started": now}).encode())
 
 
 def _refusal(directory: Path, holder: dict[str, Any]) -> InputError:

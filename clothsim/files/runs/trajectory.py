@@ -110,25 +110,7 @@ class TrajectoryWriter(ClosingWriter):
         if not np.isfinite(time) or (frame and time <= self._file["VTKHDF/Steps/Values"][frame - 1]):
             raise InputError(f"Frame {frame} is at {time!r} s, which is not later than the frame before it.")
         stretches = {} if principal_stretches is None else {STRETCHES.name: principal_stretches}
-        parts = self._per_surface({**stretches, **(fields or {})})
-        require_space(self._path, frame_size_bound(self.surfaces, self.arrays))
-        with writing(self._path):
-            self._write(frame, float(time), x, parts)
-
-    def _write(self, frame: int, time: float, x: Floats, parts: Mapping[tuple[str, str], NDArray[np.float32]]) -> None:
-        grow_tables(self._file, frame)
-        for surface, block in zip(self.surfaces, blocks(self._file), strict=True):
-            if surface.moving or frame == 0:
-                write_frame(block, "Points", frame, x[surface.rows])
-            for array in arrays_for(surface, self.arrays):
-                write_frame(block, array.dataset, frame, parts[surface.name, array.name])
-        # First the frame, then the number of frames: readers never see an incomplete one.
-        self._file.flush()
-        set_frame_count(self._file, frame + 1, time)
-        self._file.flush()
-
-    def _per_surface(self, values: Mapping[str, ArrayLike]) -> dict[tuple[str, str], NDArray[np.float32]]:
-        """The rows of each array that belong to each surface, tensors flattened."""
+        values = {**stretches, **(fields or {})}
         names = [array.name for array in self.arrays]
         if sorted(values) != sorted(names):
             raise InputError(
@@ -147,7 +129,18 @@ class TrajectoryWriter(ClosingWriter):
             flat = rows.reshape(len(rows), math.prod(array.components)) if array.components else rows
             for surface, start, stop in zip(own, ends[:-1], ends[1:], strict=True):
                 parts[surface.name, array.name] = flat[start:stop]
-        return parts
+        require_space(self._path, frame_size_bound(self.surfaces, self.arrays))
+        with writing(self._path):
+            grow_tables(self._file, frame)
+            for surface, block in zip(self.surfaces, blocks(self._file), strict=True):
+                if surface.moving or frame == 0:
+                    write_frame(block, "Points", frame, x[surface.rows])
+                for array in arrays_for(surface, self.arrays):
+                    write_frame(block, array.dataset, frame, parts[surface.name, array.name])
+            # First the frame, then the number of frames: readers never see an incomplete one.
+            self._file.flush()
+            set_frame_count(self._file, frame + 1, float(time))
+            self._file.flush()
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,26 +220,22 @@ def read_trajectory(path: str | Path) -> Trajectory:
     """
     with _opened(Path(path)) as file:
         steps = file["VTKHDF/Steps"]
-        return Trajectory(Path(path), steps["Values"][: int(steps.attrs["NSteps"])], _read_surfaces(file))
-
-
-def _read_surfaces(file: h5py.File) -> tuple[SurfaceRows, ...]:
-    surfaces: list[SurfaceRows] = []
-    start = 0
-    for block in blocks(file):
-        stop = start + int(block["NumberOfPoints"][0])
-        triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
-        name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
-        rigid = bool(block.attrs.get("Rigid", 0))
-        edges, radius = NO_EDGES, float(block.attrs.get("Radius", 0.0))
-        if radius:
-            edges = block["Lines/Connectivity"][:].reshape(-1, 2) + start
-        surfaces.append(SurfaceRows(name, role, slice(start, stop), triangles, bool(moving), rigid, edges, radius))
-        if triangles.size and not start <= triangles.min() <= triangles.max() < stop:
-            raise ValueError(f"{name} has triangles of vertices that are not there")
-        start = stop
-    check_surfaces(surfaces)
-    return tuple(surfaces)
+        surfaces: list[SurfaceRows] = []
+        start = 0
+        for block in blocks(file):
+            stop = start + int(block["NumberOfPoints"][0])
+            triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
+            name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
+            rigid = bool(block.attrs.get("Rigid", 0))
+            edges, radius = NO_EDGES, float(block.attrs.get("Radius", 0.0))
+            if radius:
+                edges = block["Lines/Connectivity"][:].reshape(-1, 2) + start
+            surfaces.append(SurfaceRows(name, role, slice(start, stop), triangles, bool(moving), rigid, edges, radius))
+            if triangles.size and not start <= triangles.min() <= triangles.max() < stop:
+                raise ValueError(f"{name} has triangles of vertices that are not there")
+            start = stop
+        check_surfaces(surfaces)
+        return Trajectory(Path(path), steps["Values"][: int(steps.attrs["NSteps"])], tuple(surfaces))
 
 
 def _create(path: Path, surfaces: tuple[SurfaceRows, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:

@@ -18,9 +18,15 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import build
 from clothsim.garments.dress.limbs import Wearer, limbs_between
 from clothsim.garments.dress.placement import is_of_arm
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth, worst_gap
-from clothsim.garments.dress.welding import mean_edge, welded_where_closed
-from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.dress.sewing_state import (
+    Fabrics,
+    SewingState,
+    crosses_body,
+    mean_edge,
+    sewn_cloth,
+    welded_where_closed,
+    worst_gap,
+)
 from clothsim.garments.stages import Listener, dress_closing, named_stage, simulate_stage
 from clothsim.patterns import MeshedSeam, Panel, PatternMesh
 from transfer.signed_distance import BodySurface
@@ -211,17 +217,16 @@ def insets(mesh: PatternMesh) -> set[str]:
         sides = tuple((side.panel, side.edge) for side in seam.stitch.sides)
         for pair in (sides, sides[::-1]):
             found.setdefault(pair[0][0], []).append(pair)
+
+    def meet(first: tuple[str, int], second: tuple[str, int]) -> bool:  # edges of one panel with a common corner
+        number = len(mesh.pattern.panels[first[0]].edges)
+        return first[0] == second[0] and (first[1] - second[1]) % number in (1, number - 1)
+
     return {
         name
         for name, pairs in found.items()
-        if len(pairs) == 2 and all(_meet(mesh, *each) for each in zip(*pairs, strict=True))
+        if len(pairs) == 2 and all(meet(*each) for each in zip(*pairs, strict=True))
     }
-
-
-def _meet(mesh: PatternMesh, first: tuple[str, int], second: tuple[str, int]) -> bool:
-    """True for two edges (panel, number) of one panel with a common corner."""
-    number = len(mesh.pattern.panels[first[0]].edges)
-    return first[0] == second[0] and (first[1] - second[1]) % number in (1, number - 1)
 
 
 def _panels_of(seam: MeshedSeam) -> set[str]:
@@ -250,7 +255,20 @@ def order_of(seam: MeshedSeam, state: SewingState) -> int:
     if is_of_arm(first):
         return WITHIN
     across, up, ahead = np.abs(_panel_middle(second) - _panel_middle(first))
-    return BELOW if up > max(across, ahead) or _joins_below(seam, state.mesh) else WITHIN
+    if up > max(across, ahead):
+        return BELOW
+    # the lower edge of one panel sewn to the upper edge of another, whose middle need not lie below: the quarter of a
+    # bodice is farther from the middle of its waistband across the body than upward, and the corners of half a circle
+    # skirt are level with its waist
+    mesh, shares = state.mesh, []
+    for side in seam.stitch.sides:
+        corners = mesh.positions[mesh.vertices[side.panel]]
+        heights = corners @ mesh.up
+        extent = float(np.ptp(heights))
+        lies = extent < LYING * np.ptp(corners, axis=0).max()
+        above = float((mesh.positions[mesh.edges[side]] @ mesh.up).mean() - heights.mean())
+        shares.append(0.0 if lies else above / extent)  # of the panel's height
+    return BELOW if shares[0] * shares[1] < 0 and min(map(abs, shares)) > EDGE else WITHIN
 
 
 def _panel_middle(panel: Panel) -> Floats:
@@ -263,26 +281,6 @@ EDGE = 0.2
 upper or a lower edge: 0.5 where both are straight, 0 of a side."""
 LYING = 0.02
 """Height of a panel, as a fraction of its largest extent, below which it lies level: it has no upper or lower edge."""
-
-
-def _joins_below(seam: MeshedSeam, mesh: PatternMesh) -> bool:
-    """True where the lower edge of one panel is sewn to the upper edge of another, as placed.
-
-    The middle of one need not lie below that of the other: the quarter of a bodice is farther from the middle of its
-    waistband across the body than upward, and the corners of half a circle skirt are level with its waist.
-    """
-    first, second = (_share_of_height(mesh.edges[side], side.panel, mesh) for side in seam.stitch.sides)
-    return first * second < 0 and min(abs(first), abs(second)) > EDGE
-
-
-def _share_of_height(rows: Ints, panel: str, mesh: PatternMesh) -> float:
-    """Height of the middle of vertices above that of their panel, as a fraction of the panel's height; 0 if it lies."""
-    corners = mesh.positions[mesh.vertices[panel]]
-    heights = corners @ mesh.up
-    extent = float(np.ptp(heights))
-    if extent < LYING * np.ptp(corners, axis=0).max():
-        return 0.0
-    return float((mesh.positions[rows] @ mesh.up).mean() - heights.mean()) / extent
 
 
 def is_on_top(panel: Panel) -> bool:
@@ -357,7 +355,14 @@ def close(
             waiting.appendleft(replace(phase, patient=False))
         if not springs.springs:
             continue
-        scene = _closing_scene(state, body, fabrics, springs)
+        seams = []
+        for spring in springs.springs:
+            first, second = spring.pairs.T
+            lines = {"from": {"vertices": first.tolist()}, "to": {"vertices": second.tolist()}, "match": "vertices"}
+            seams.append({**lines, "start": spring.start, "end": spring.end, "stiffness": springs.stiffness})
+        sections = dress_closing(mean_edge(state), seams, springs.held.tolist(), springs.duration, springs.friction)
+        obstacle = Body(body.positions, body.triangles, name="body")
+        scene = sections.scene(cloth=sewn_cloth(state, fabrics), body=obstacle)
         limit = CLOSED * contact_gap(scene) if waiting else NEAR * mean_edge(state)
         most = len(runs) + 1 + len(waiting) + len(further)
         label = f"close, round {len(runs) + 1} of at most {most}"
@@ -389,16 +394,12 @@ def _between_sides(state: SewingState, wearer: Wearer, limit: float) -> tuple[st
     if gap <= limit:
         return "", ()
     own = [seam for seam in state.mesh.seams if seam.name == name]
-    here, between = (limbs_between(state, seams, wearer, limit) for seams in (own, _open_seams(state)))
+    still_open = [state.mesh.seams[k] for k in state.open_seams]
+    here, between = (limbs_between(state, seams, wearer, limit) for seams in (own, still_open))
     what = ", ".join(f"the {limb}" for limb in here) or "only cloth"
     counts = f"(at most {1e3 * limit:.2g} mm counts as closed)"
     sentence = f"Seam {name} stays open by {1e3 * gap:.3g} mm {counts}. Between its sides: {what}."
     return sentence, between
-
-
-def _open_seams(state: SewingState) -> list[MeshedSeam]:
-    """Seams with a pair that is not welded."""
-    return [state.mesh.seams[k] for k in state.open_seams]
 
 
 def contact_gap(scene: Scene) -> float:
@@ -409,17 +410,6 @@ def contact_gap(scene: Scene) -> float:
     alone = Scene(cloth=scene.cloth, effects={"self_contact": scene.effects["self_contact"]})
     contact: Any = build(alone).energies["self_contact"]
     return float(contact.activation_distance)
-
-
-def _closing_scene(state: SewingState, body: BodyMesh, fabrics: Fabrics, phase: PhaseSprings) -> Scene:
-    """Scene of a round."""
-    seams = []
-    for springs in phase.springs:
-        first, second = springs.pairs.T
-        lines = {"from": {"vertices": first.tolist()}, "to": {"vertices": second.tolist()}, "match": "vertices"}
-        seams.append({**lines, "start": springs.start, "end": springs.end, "stiffness": phase.stiffness})
-    sections = dress_closing(mean_edge(state), seams, phase.held.tolist(), phase.duration, phase.friction)
-    return sections.scene(cloth=sewn_cloth(state, fabrics), body=Body(body.positions, body.triangles, name="body"))
 
 
 def stretch_range(stretches: Floats) -> tuple[float, float]:

@@ -13,7 +13,6 @@ garment slips down.
 
 import igl
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
@@ -112,7 +111,10 @@ def separated(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple
     levels = body.positions @ body.up
     middle = np.bincount(of_panel, state.positions @ body.up) / np.bincount(of_panel)
     above = middle > levels.min() + SHOULDERS * np.ptp(levels)
-    names, texts = _group_names(state, of_panel), []
+    found: dict[int, str] = {}
+    for name, rows in state.mesh.vertices.items():
+        found.setdefault(int(of_panel[state.number[rows.start]]), name)
+    names, texts = [found[group] for group in range(len(found))], []
     for where, directions in (("outward", outward_of_groups(state, body)), ("upward", above[:, None] * body.up)):
         state, shift = _moved_apart(state, surface, of_panel, directions)
         moved = ", ".join(name for name, distance in zip(names, shift, strict=True) if distance > 0)
@@ -131,8 +133,14 @@ def _moved_apart(
     positions = state.positions
     for _ in range(ROUNDS):
         counts, with_body, own = penetrations(positions, state.triangles, surface)
-        moving = [] if counts.clean else _groups_to_move(state, positions, with_body, own, surface, of_panel, shift)
-        moving = [group for group in moving if directions[group].any()]
+        groups: set[int] = set()
+        if not counts.clean:
+            groups = {int(group) for group in of_panel[state.triangles[with_body[:, 0], 0]]}
+            groups |= {int(group) for group in of_panel[surface.closest(positions).signed_distance < 0]}
+            for a, b in {tuple(sorted(pair)) for pair in of_panel[state.triangles[own][:, :, 0]].tolist()}:
+                if a != b and not {a, b} & groups:
+                    groups.add(b if shift[b] >= shift[a] else a)
+        moving = [group for group in sorted(groups) if directions[group].any()]
         if not moving:
             break
         shift[moving] += STEP
@@ -191,14 +199,6 @@ def parted(state: SewingState) -> tuple[SewingState, tuple[str, ...]]:
     return state.moved_to(positions), (note,)
 
 
-def _group_names(state: SewingState, of_panel: np.ndarray) -> list[str]:
-    """Name of the first panel of each group."""
-    found: dict[int, str] = {}
-    for name, rows in state.mesh.vertices.items():
-        found.setdefault(int(of_panel[state.number[rows.start]]), name)
-    return [found[group] for group in range(len(found))]
-
-
 def rigid_groups(state: SewingState) -> Ints:
     """Group of panels joined by welds of each vertex of the garment, (k,)."""
     return components(state.triangles, len(state.positions))
@@ -219,25 +219,6 @@ def outward_of_groups(state: SewingState, body: BodyMesh) -> Floats:
         away = corners.mean(axis=(0, 1)) - middle
         found.append(normal if normal @ away >= 0 else -normal)
     return np.array(found)
-
-
-def _groups_to_move(
-    state: SewingState,
-    positions: Floats,
-    with_body: np.ndarray,
-    own: np.ndarray,
-    surface: BodySurface,
-    of_panel: np.ndarray,
-    shift: Floats,
-) -> list[int]:
-    """Groups that move in this round."""
-    faces = state.triangles
-    moving = {int(group) for group in of_panel[faces[with_body[:, 0], 0]]}
-    moving |= {int(group) for group in of_panel[surface.closest(positions).signed_distance < 0]}
-    for a, b in {tuple(sorted(pair)) for pair in of_panel[faces[own][:, :, 0]].tolist()}:
-        if a != b and not {a, b} & moving:
-            moving.add(b if shift[b] >= shift[a] else a)
-    return sorted(moving)
 
 
 LIFTS = np.arange(0.0, 0.151, 0.01)
@@ -297,11 +278,17 @@ SHIFT_CLEAR = 0.02
 def sleeves_cleared(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, tuple[str, ...]]:
     """State with each sleeve moved along its arm, and a note for each that was moved.
 
-    By the least distance at which the fewest springs of the torso run through its panels, as `_best_shift` allows;
+    By the least distance at which the fewest springs of the torso run through its panels;
     sleeves that are welded to other panels stay.
     """
     right, middle = np.cross(body.up, body.front), middle_of(body)
-    springs = _torso_springs(state)
+    panels = state.mesh.pattern.panels
+    found: list[Ints] = [np.zeros((0, 2), np.int64)]
+    for k in state.open_seams:
+        sides = [panels[side.panel] for side in state.mesh.seams[k].stitch.sides]
+        if not any(is_of_arm(panel) or is_on_top(panel) for panel in sides):
+            found.append(state.pairs(state.mesh.seams[k]))
+    springs = np.asarray(state.positions[np.concatenate(found)], np.float64)  # between panels of the torso, (k, 2, 3)
     waiting = crosses_body(springs, surface)
     positions, notes = state.positions.copy(), []
     for side in (1.0, -1.0):
@@ -318,9 +305,22 @@ def sleeves_cleared(state: SewingState, body: BodyMesh, surface: BodySurface) ->
         others = [state.triangles[rows] for name, rows in state.mesh.faces.items() if name not in names]
         if np.isin(faces, np.concatenate([np.zeros((0, 3), np.int64), *others])).any():
             continue
-        through = np.array([_crossing(springs - shift * arm.direction, state.positions, faces) for shift in SHIFTS])
+        crossing = []
+        for shift in SHIFTS:
+            ends = springs - shift * arm.direction
+            along = ends[:, 1] - ends[:, 0]
+            lengths = np.linalg.norm(along, axis=1)
+            directions = along / np.maximum(lengths, np.finfo(float).tiny)[:, None]
+            crossing.append(first_hits(ends[:, 0], directions, state.positions, faces) < lengths)
+        through = np.array(crossing)
         tip = float(((state.positions[np.unique(faces)] - arm.point) @ arm.direction).max())
-        best = _best_shift(through, waiting, arm.reach - tip)
+        # the sleeve stays within the tip of the hand, but for SHIFT_CLEAR, unless springs that do not wait ask for more
+        drawn = (through & ~waiting).sum(
+            axis=1
+        )  # those that run through the body are drawn last, when panels lie on it
+        allowed = max(np.count_nonzero(arm.reach - tip >= SHIFTS), 1)
+        allowed = allowed if drawn[:allowed].min() == drawn.min() else len(SHIFTS)
+        best = int(np.argmin(through[:allowed].sum(axis=1)))
         if best:
             distance = SHIFTS[best] + SHIFT_CLEAR
             positions[np.unique(faces)] += distance * arm.direction
@@ -330,41 +330,3 @@ def sleeves_cleared(state: SewingState, body: BodyMesh, surface: BodySurface) ->
                 f" ran through, {after} do now"
             )
     return state.moved_to(positions), tuple(notes)
-
-
-def _best_shift(through: NDArray[np.bool_], waiting: NDArray[np.bool_], room: float) -> int:
-    """Number of the distance of `SHIFTS` at which the fewest springs run through a sleeve, the least of equals.
-
-    Parameters
-    ----------
-    through : (s, k) bool array
-        True for each spring that runs through the sleeve at each distance.
-    waiting : (k,) bool array
-        True for springs that run through the body: they are drawn last, when the panels lie on it.
-    room : float
-        Distance from the end of the sleeve to the tip of the hand [m]: it stays within, but for SHIFT_CLEAR, unless
-        springs that do not wait ask for more.
-    """
-    drawn = (through & ~waiting).sum(axis=1)
-    allowed = max(np.count_nonzero(room >= SHIFTS), 1)
-    allowed = allowed if drawn[:allowed].min() == drawn.min() else len(SHIFTS)
-    return int(np.argmin(through[:allowed].sum(axis=1)))
-
-
-def _torso_springs(state: SewingState) -> Floats:
-    """Ends of the springs of all seams between two panels of the torso, (k, 2, 3) [m]."""
-    panels = state.mesh.pattern.panels
-    found: list[Ints] = [np.zeros((0, 2), np.int64)]
-    for k in state.open_seams:
-        sides = [panels[side.panel] for side in state.mesh.seams[k].stitch.sides]
-        if not any(is_of_arm(panel) or is_on_top(panel) for panel in sides):
-            found.append(state.pairs(state.mesh.seams[k]))
-    return np.asarray(state.positions[np.concatenate(found)], np.float64)
-
-
-def _crossing(springs: Floats, positions: Floats, triangles: Ints) -> NDArray[np.bool_]:
-    """True for each of the segments (k, 2, 3) that meets a triangle, (k,)."""
-    along = springs[:, 1] - springs[:, 0]
-    lengths = np.linalg.norm(along, axis=1)
-    directions = along / np.maximum(lengths, np.finfo(float).tiny)[:, None]
-    return np.asarray(first_hits(springs[:, 0], directions, positions, triangles) < lengths)

@@ -83,15 +83,11 @@ def _fan_about(points: Floats, rows: Ints, sewn: list[Ints]) -> Fan | None:
     on_arc = [each for each in sewn if np.abs(distance[each] - radius).max() < ON_ARC]
     inner = np.unique(np.concatenate(on_arc))
     angle = np.arctan2(away[:, 1], away[:, 0])
-    angle = (angle - _middle_of_arc(angle[inner]) + np.pi) % (2 * np.pi) - np.pi
-    return Fan(radius, 2 * float(np.abs(angle[inner]).max()), distance, angle, inner)
-
-
-def _middle_of_arc(angles: Floats) -> float:
-    """Angle of the middle of points on a circle (k,), opposite to their widest gap [rad]."""
-    around = np.sort(angles)
+    around = np.sort(angle[inner])
     gaps = np.diff(around, append=around[0] + 2 * np.pi)
-    return float(around[gaps.argmax()] + gaps.max() / 2 + np.pi)
+    middle = float(around[gaps.argmax()] + gaps.max() / 2 + np.pi)  # opposite to the widest gap [rad]
+    angle = (angle - middle + np.pi) % (2 * np.pi) - np.pi
+    return Fan(radius, 2 * float(np.abs(angle[inner]).max()), distance, angle, inner)
 
 
 def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tuple[PatternMesh, tuple[str, ...]]:
@@ -105,7 +101,9 @@ def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tupl
     middle = middle_of(body)
     highest = float((body.positions @ body.up).min() + CHEST * np.ptp(body.positions @ body.up))
     for name, panel in mesh.pattern.panels.items():
-        fan = None if is_of_arm(panel) or abs(_normal(mesh, name) @ body.front) < FACING else fan_of(mesh, name)
+        points = mesh.positions[mesh.vertices[name]]
+        normal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2]
+        fan = None if is_of_arm(panel) or abs(normal @ body.front) < FACING else fan_of(mesh, name)
         if fan is not None and LEAST_TURN < fan.turn < MOST_TURN and _level(mesh, name, fan, body) < highest:
             fans[name] = fan
     folded, notes = mesh.positions.copy(), []
@@ -124,12 +122,6 @@ def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tupl
             turn = f"a fan of {np.degrees(fans[name].turn):.0f} degrees, placed in waves round the body"
             notes.append(f"{name}, {turn}: {before} springs of its sides ran through the body, {after} do now")
     return replace(mesh, positions=positions), tuple(notes)
-
-
-def _normal(mesh: PatternMesh, name: str) -> Floats:
-    """Unit normal of a flat panel, (3,)."""
-    points = mesh.positions[mesh.vertices[name]]
-    return np.asarray(np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2], np.float64)
 
 
 def _level(mesh: PatternMesh, name: str, fan: Fan, body: BodyMesh) -> float:

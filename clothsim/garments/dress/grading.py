@@ -121,7 +121,20 @@ def sizes_between(source: BodyMesh, target: BodyMesh, given: Mapping[str, float]
     factors = size_factors(*parts)
     (down, depth), (other_down, other_depth) = (_crotch_line(*each) for each in zip(parts, partings, strict=True))
     rise = (other_down + other_depth - float(factors.trunk[0]) * depth) / down
-    factors = _apply_given(replace(factors, named={**factors.named, "rise": rise}), parts[0], given)
+    named = {**factors.named, "rise": rise}
+    # with the factors that are given: girths of the trunk change between the named levels in proportion
+    crotch, armpit = parts[0].landmarks["crotch"], parts[0].landmarks["armpit"]
+    change = {name: given.get(name, named[name]) / named[name] for name in NAMES}
+    at = [crotch + part * (armpit - crotch) for part in LEVELS.values()]
+    trunk = np.exp(np.interp(parts[0].trunk.levels, at, np.log([change[name] for name in LEVELS])))
+    factors = replace(
+        factors,
+        named={**named, **given},
+        trunk=factors.trunk * trunk,
+        legs=factors.legs * change["thigh"],
+        arms=factors.arms * change["arm"],
+        lengths=factors.lengths * np.array([change[f"{part}_length"] for part in ("trunk", "leg", "arm")]),
+    )
     own, other = (level / each.landmarks["crotch"] for level, each in zip(partings, parts, strict=True))
     return BodySizes(parts[0], factors, partings[0], other / own)
 
@@ -136,23 +149,6 @@ def _crotch_line(parts: BodyParts, parting: float) -> tuple[float, float]:
     middle, half = trunk.at(heights, trunk.centres)[:, 2], trunk.at(heights, trunk.extents)[:, 1]
     down = sum(float(np.hypot(np.diff(heights), np.diff(line)).sum()) for line in (middle + half, middle - half))
     return down + 2 * (float(heights[0]) - parting), 2 * float(half[0])
-
-
-def _apply_given(factors: SizeFactors, parts: BodyParts, given: Mapping[str, float]) -> SizeFactors:
-    """The factors with those that are given: girths of the trunk change between the named levels in proportion."""
-    crotch, armpit = parts.landmarks["crotch"], parts.landmarks["armpit"]
-    change = {name: given.get(name, factors.named[name]) / factors.named[name] for name in NAMES}
-    at = [crotch + part * (armpit - crotch) for part in LEVELS.values()]
-    trunk = np.exp(np.interp(parts.trunk.levels, at, np.log([change[name] for name in LEVELS])))
-    lengths = np.array([change[f"{part}_length"] for part in ("trunk", "leg", "arm")])
-    return replace(
-        factors,
-        named={**factors.named, **given},
-        trunk=factors.trunk * trunk,
-        legs=factors.legs * change["thigh"],
-        arms=factors.arms * change["arm"],
-        lengths=factors.lengths * lengths,
-    )
 
 
 LOW = 0.02
@@ -285,20 +281,15 @@ def _panels_of_trousers(pattern: Pattern) -> set[str]:
             for name, panel in pattern.panels.items()
             if is_of_leg(panel) and (side * panel.placed(panel.vertices)[:, 0]).min() > -ACROSS
         }
-        for piece in _sewn_pieces(pattern, names):
+        pieces = [{name} for name in sorted(names)]
+        for stitch in pattern.stitches:
+            sides = {side.panel for side in stitch.sides}
+            if sides <= names:
+                joined = [piece for piece in pieces if piece & sides]
+                pieces = [piece for piece in pieces if not piece & sides] + [set().union(*joined)]
+        for piece in pieces:
             found |= piece if form_a_tube(mesh, sorted(piece), mesh.up) else set()
     return found
-
-
-def _sewn_pieces(pattern: Pattern, names: set[str]) -> list[set[str]]:
-    """These panels by the pieces that their seams join."""
-    pieces = [{name} for name in sorted(names)]
-    for stitch in pattern.stitches:
-        sides = {side.panel for side in stitch.sides}
-        if sides <= names:
-            joined = [piece for piece in pieces if piece & sides]
-            pieces = [piece for piece in pieces if not piece & sides] + [set().union(*joined)]
-    return pieces
 
 
 def _grade_along_trunk(
@@ -340,7 +331,21 @@ def _grade_along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: l
         for name, each in pattern.panels.items()
         if is_of_arm(each) and (each.placed(each.vertices)[:, 0].mean() > middle) == side
     }
-    root, tip = _ends_of_sleeve(sleeve, pattern)
+    sewn: set[tuple[str, int]] = set()
+    roots, tips = [], []  # middles of its seams with others, and of its free edges, each (3,) [m]
+    for stitch in pattern.stitches:
+        for here, there in (stitch.sides, stitch.sides[::-1]):
+            sewn.add((here.panel, here.edge))
+            if here.panel in sleeve and there.panel not in sleeve:
+                roots.append(_edge_middle(sleeve[here.panel], here.edge))
+    for name, each in sleeve.items():
+        tips += [_edge_middle(each, k) for k in range(len(each.edges)) if (name, k) not in sewn]
+    if roots and tips:
+        root, tip = np.mean(roots, axis=0), np.mean(tips, axis=0)
+    else:
+        points = np.concatenate([each.placed(each.vertices) for each in sleeve.values()])
+        order = np.argsort(np.abs(points[:, 0]))
+        root, tip = points[order[0]], points[order[-1]]
     shoulder = float(sizes.height(np.array([root[1] + levels[0]]))[0]) - levels[1]
     wider = float(sizes.trunk_girth(np.array([root[1] + levels[0]]))[0])
     moved = np.array([wider * root[0], shoulder, wider * root[2]]) - root
@@ -355,24 +360,6 @@ def _grade_along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: l
     before = panel.placed(origin[None])[0]
     off = (before - root) * max(1.0, float(sizes.factors.named["arm"]))
     return _translate_to(image.panel(panel), origin, root + moved + off)
-
-
-def _ends_of_sleeve(sleeve: Mapping[str, Panel], pattern: Pattern) -> tuple[Floats, Floats]:
-    """Middles of the seams of a sleeve with others and of its free edges, each (3,) [m]; else its ends in x."""
-    sewn: set[tuple[str, int]] = set()
-    roots, tips = [], []
-    for stitch in pattern.stitches:
-        for side, other in (stitch.sides, stitch.sides[::-1]):
-            sewn.add((side.panel, side.edge))
-            if side.panel in sleeve and other.panel not in sleeve:
-                roots.append(_edge_middle(sleeve[side.panel], side.edge))
-    for name, panel in sleeve.items():
-        tips += [_edge_middle(panel, k) for k in range(len(panel.edges)) if (name, k) not in sewn]
-    if roots and tips:
-        return np.mean(roots, axis=0), np.mean(tips, axis=0)
-    points = np.concatenate([panel.placed(panel.vertices) for panel in sleeve.values()])
-    order = np.argsort(np.abs(points[:, 0]))
-    return points[order[0]], points[order[-1]]
 
 
 def _edge_middle(panel: Panel, edge: int) -> Floats:

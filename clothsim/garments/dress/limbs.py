@@ -6,13 +6,14 @@ the arms raised, and these come back under contact, as a person steps into trous
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats
 from clothsim.engine import components
 from clothsim.garments.dress.sewing_state import SewingState, body_hits
 from clothsim.garments.inputs import BodyMesh
@@ -103,20 +104,16 @@ def form_a_tube(mesh: PatternMesh, names: list[str], up: Floats) -> bool:
         share = (above[cut][:, 0] / (above[cut][:, 0] - above[cut][:, 1]))[:, None]
         ends = mesh.positions[sides[cut]]
         cloth = ((1 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 2, 3)  # two sides of a triangle are cut
-        lines = np.concatenate([cloth, _strings_at(mesh, pairs, heights, low + fraction * (high - low))])[..., across]
+        level = low + fraction * (high - low)
+        strings = [np.zeros((0, 2, 3))]  # of each seam that reaches the level the nearest
+        for rows in pairs:
+            middles = heights[rows].mean(axis=1)
+            if middles.min() <= level <= middles.max():
+                strings.append(mesh.positions[rows[[np.argmin(np.abs(middles - level))]]])
+        lines = np.concatenate([cloth, *strings])[..., across]
         if len(lines) and goes_round(lines - lines.reshape(-1, 2).mean(axis=0)):
             return True
     return False
-
-
-def _strings_at(mesh: PatternMesh, pairs: list[Ints], heights: Floats, level: float) -> Floats:
-    """Ends (k, 2, 3) [m] of the string of each seam that is nearest to a level, of those that reach it."""
-    found = [np.zeros((0, 2, 3))]
-    for rows in pairs:
-        middles = heights[rows].mean(axis=1)
-        if middles.min() <= level <= middles.max():
-            found.append(mesh.positions[rows[[np.argmin(np.abs(middles - level))]]])
-    return np.concatenate(found)
 
 
 SPLIT = np.linspace(1.0, 0.85, 30)
@@ -178,7 +175,14 @@ def sewing_pose(wearer: Wearer, limbs: Iterable[str]) -> tuple[Wearer, str]:
     """
     found = " ".join(limbs)
     legs = PARTING if "leg" in found or TORSO in found else 0.0
-    arms = _raise_of_arms(wearer.body) if "arm" in found or "hand" in found else 0.0
+    arms = 0.0
+    if "arm" in found or "hand" in found:
+        with suppress(TransferError):  # there are none
+            axes = np.array([arm_axis(wearer.body.parts, side) for side in (0, 1)])
+            along = axes[:, 0] - axes[:, -1]
+            arms = float(np.arctan2(-along[:, 1], np.abs(along[:, 0])).mean())  # below the horizontal
+    if arms <= LEAST_RAISE:
+        arms = 0.0
     changes = [
         *([f"the legs parted by {np.degrees(legs):.0f} degrees each"] if legs else []),
         *([f"the arms raised by {np.degrees(arms):.0f} degrees"] if arms else []),
@@ -188,18 +192,6 @@ def sewing_pose(wearer: Wearer, limbs: Iterable[str]) -> tuple[Wearer, str]:
     way = np.stack([_posed(wearer.body, t * legs, t * arms) for t in np.linspace(1.0, 0.0, STATIONS)])
     body = replace(wearer.body, positions=way[0])
     return Wearer(body, body_surface(body.positions, body.triangles), way), " and ".join(changes)
-
-
-def _raise_of_arms(body: BodyMesh) -> float:
-    """Angle by which the arms hang below the horizontal [rad]; 0 where it is small, or where there are none."""
-    try:
-        parts = body.parts
-    except TransferError:
-        return 0.0
-    axes = np.array([arm_axis(parts, side) for side in (0, 1)])
-    along = axes[:, 0] - axes[:, -1]
-    angle = float(np.arctan2(-along[:, 1], np.abs(along[:, 0])).mean())
-    return angle if angle > LEAST_RAISE else 0.0
 
 
 def _posed(body: BodyMesh, legs: float, arms: float) -> Floats:

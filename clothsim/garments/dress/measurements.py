@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from clothsim import Pattern
@@ -80,7 +79,14 @@ def girth_along_cloth(state: SewingState, body: BodyMesh, level: float, highest:
             lengths.append(float(sides.sum()))
             closed.append(not np.isin(_edge_keys(state.number[line[0]], len(state.positions)), border).any())
     taken = np.array(closed, bool) if any(closed) else np.ones(len(closed), bool)
-    return _interpolate_length(np.array(heights)[taken], np.array(lengths)[taken], level, highest)
+    at, long = np.array(heights)[taken], np.array(lengths)[taken]
+    passing = np.flatnonzero((at[:-1] <= level) & (at[1:] >= level))
+    if len(passing):  # where the lines, from below, first pass the level
+        k = passing[0]
+        rise = at[k + 1] - at[k]
+        fraction = (level - at[k]) / rise if rise > 0 else 0.0
+        return float(long[k] + fraction * (long[k + 1] - long[k]))
+    return float(long[-1]) if highest and len(at) and level > at.max() else 0.0
 
 
 def _edge_keys(edges: Ints, count: int) -> Ints:
@@ -114,17 +120,6 @@ def axis_of(body: BodyMesh) -> Floats:
     """Vertical line through the middle of the bounding box, (2,) [m]."""
     flat = body.positions[:, across(body)]
     return np.asarray((flat.min(axis=0) + flat.max(axis=0)) / 2, np.float64)
-
-
-def _interpolate_length(heights: Floats, lengths: Floats, level: float, highest: bool) -> float:
-    """Length at a level where the heights of the lines, from below, first pass it."""
-    passing = np.flatnonzero((heights[:-1] <= level) & (heights[1:] >= level))
-    if len(passing):
-        k = passing[0]
-        rise = heights[k + 1] - heights[k]
-        fraction = (level - heights[k]) / rise if rise > 0 else 0.0
-        return float(lengths[k] + fraction * (lengths[k + 1] - lengths[k]))
-    return float(lengths[-1]) if highest and len(heights) and level > heights.max() else 0.0
 
 
 LEVELS = {"chest": np.array([0.72]), "waist": np.arange(0.58, 0.685, 0.01), "hip": np.arange(0.46, 0.555, 0.01)}
@@ -217,10 +212,24 @@ def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
         if of_torso[loop == name].mean() > 0.5 or not of_torso.any()
     }
     lowest = min(mean, key=lambda name: mean[name])
-    chosen = (loop == lowest) & ~_of_slits(state.mesh, half, body.up)
+    mesh = state.mesh
+    face, corner = half // 3, half % 3
+    steep: list[Ints] = [np.zeros((0, 2), np.int64)]
+    for rows in mesh.edges.values():
+        along = mesh.positions[rows[-1]] - mesh.positions[rows[0]]
+        if abs(along @ body.up) > STEEP * np.linalg.norm(along):
+            steep.append(np.column_stack([rows[:-1], rows[1:]]))
+    sides = np.column_stack([mesh.triangles[face, corner], mesh.triangles[face, (corner + 1) % 3]])
+    keys = [np.sort(pairs, axis=1) @ [len(mesh.positions), 1] for pairs in (sides, np.concatenate(steep))]
+    chosen = (loop == lowest) & ~np.isin(keys[0], keys[1])  # without slits: panel edges that are steep as placed
     chosen = chosen if chosen.any() else loop == lowest
     heights = state.positions @ body.up
-    chosen = _lowest_parts(edges, chosen, heights)
+    # between the steep edges of an opening lie the hem and the neck: without parts above OPEN of the garment's height
+    part = components(np.column_stack([edges, edges[:, 1]])[chosen], len(heights))[edges[:, 0]]
+    most = float(heights.min()) + OPEN * float(np.ptp(heights))
+    low = [name for name in np.unique(part[chosen]) if heights[edges[chosen & (part == name)]].mean() < most]
+    chosen = chosen & np.isin(part, low) if low else chosen
+
     if np.ptp(heights[edges[chosen]]) > WAVY * np.ptp(heights):  # it goes on along an opening, and round the neck
         rise = np.abs(np.diff(heights[edges], axis=1)[:, 0])
         level = chosen & (levels < heights.min() + OPEN / 2 * np.ptp(heights)) & (rise < LEVEL * lengths)
@@ -230,30 +239,6 @@ def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
         float(np.average(levels[chosen], weights=lengths[chosen])),
         np.unique(edges[chosen]),
     )
-
-
-def _lowest_parts(edges: Ints, chosen: NDArray[np.bool_], heights: Floats) -> NDArray[np.bool_]:
-    """The chosen edges (b, 2) without those parts of them whose mean height is above OPEN of the garment's.
-
-    Between the steep edges of an opening lie the hem and the neck.
-    """
-    part = components(np.column_stack([edges, edges[:, 1]])[chosen], len(heights))[edges[:, 0]]
-    most = float(heights.min()) + OPEN * float(np.ptp(heights))
-    low = [name for name in np.unique(part[chosen]) if heights[edges[chosen & (part == name)]].mean() < most]
-    return chosen & np.isin(part, low) if low else chosen
-
-
-def _of_slits(mesh: PatternMesh, half: Ints, up: Floats) -> NDArray[np.bool_]:
-    """True for sides of triangles (b,), 3 face + corner, that are of panel edges which are steep as placed."""
-    face, corner = half // 3, half % 3
-    steep: list[Ints] = [np.zeros((0, 2), np.int64)]
-    for rows in mesh.edges.values():
-        along = mesh.positions[rows[-1]] - mesh.positions[rows[0]]
-        if abs(along @ up) > STEEP * np.linalg.norm(along):
-            steep.append(np.column_stack([rows[:-1], rows[1:]]))
-    sides = np.column_stack([mesh.triangles[face, corner], mesh.triangles[face, (corner + 1) % 3]])
-    keys = [np.sort(pairs, axis=1) @ [len(mesh.positions), 1] for pairs in (sides, np.concatenate(steep))]
-    return np.isin(keys[0], keys[1])
 
 
 def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tuple[Floats, Ints]:

@@ -29,8 +29,15 @@ from clothsim.garments.dress.corrections import (
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.placement import hangs_on_shoulders
 from clothsim.garments.dress.rings import centred, closed_round_legs
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth, worst_gap
-from clothsim.garments.dress.welding import mean_edge, welded_and_untangled, welded_where_closed
+from clothsim.garments.dress.sewing_state import (
+    Fabrics,
+    SewingState,
+    mean_edge,
+    sewn_cloth,
+    welded_and_untangled,
+    welded_where_closed,
+    worst_gap,
+)
 from clothsim.garments.fit.moving_body import carrying_stiffness
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import (

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from clothsim.base.arrays import Floats, Ints
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.limbs import form_a_tube
 from clothsim.garments.inputs import BodyMesh, usual_front
@@ -246,17 +246,32 @@ def turned_to_legs(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> t
             if is_of_leg(panel)
         }
         names = [name for name, points in place.items() if (side * points @ right).min() > -ACROSS]
-        pairs = _leg_seam_pairs(mesh, names)
+        inside = set(names)
+        of_leg = [
+            seam.pairs
+            for seam in mesh.seams
+            if (panels := {side.panel for side in seam.stitch.sides}) <= inside and len(panels) == 2
+        ]
+        pairs = np.concatenate([np.zeros((0, 2), np.int64), *of_leg])
         if not len(pairs) or not form_a_tube(mesh, names, body.up):
             continue
         middles = mesh.positions[pairs].mean(axis=1)
         crotch = middles[np.argmin(np.abs((middles - middle) @ right))]
         turned, angles = positions, []
         for facing in (1.0, -1.0):
-            rows = _panel_rows(mesh, [name for name in names if facing * place[name].mean(axis=0) @ front > 0])
-            angle = _angle_to_leg(positions[rows], crotch, body, side * right) if len(rows) else 0.0
-            axis = np.cross(body.up, side * right)
-            turned = _turn_rows(turned, rows, crotch, angle * axis, side * right)
+            ahead = [name for name in names if facing * place[name].mean(axis=0) @ front > 0]
+            if not ahead:
+                angles.append(0.0)
+                continue
+            rows = np.concatenate([np.arange(len(mesh.positions))[mesh.vertices[name]] for name in ahead])
+            outward = side * right
+            angle = _angle_to_leg(positions[rows], crotch, body, outward)
+            rotation = Rotation.from_rotvec(angle * np.cross(body.up, outward))
+            moved = turned.copy()
+            moved[rows] = rotation.apply(turned[rows] - crotch) + crotch
+            nearer = float((turned[rows] @ outward).min() - (moved[rows] @ outward).min())
+            moved[rows] += max(nearer, 0.0) * outward  # none comes nearer to the middle
+            turned = moved
             angles.append(abs(np.degrees(angle)))
         if max(angles) < LEAST_TURN_DEGREES:
             continue
@@ -276,23 +291,6 @@ def is_of_leg(panel: Panel) -> bool:
     return any(word in panel.name.lower() for word in LEG_WORDS)
 
 
-def _leg_seam_pairs(mesh: PatternMesh, names: list[str]) -> Ints:
-    """Pairs of vertices of all seams between two panels of one leg, (k, 2)."""
-    inside = set(names)
-    pairs = [
-        seam.pairs
-        for seam in mesh.seams
-        if (panels := {side.panel for side in seam.stitch.sides}) <= inside and len(panels) == 2
-    ]
-    return np.concatenate([np.zeros((0, 2), np.int64), *pairs])
-
-
-def _panel_rows(mesh: PatternMesh, names: list[str]) -> Ints:
-    """Vertices of some panels."""
-    every = np.arange(len(mesh.positions))
-    return np.concatenate([np.zeros(0, np.int64), *(every[mesh.vertices[name]] for name in names)])
-
-
 def _angle_to_leg(points: Floats, crotch: Floats, body: BodyMesh, outward: Floats) -> float:
     """Angle [rad] that brings the middle of the hem of a panel over the leg; 0 for a hem above the legs."""
     up = body.up
@@ -308,17 +306,6 @@ def _angle_to_leg(points: Floats, crotch: Floats, body: BodyMesh, outward: Float
     target = (reach.min() + reach.max()) / 2
     along, below = (hem - crotch) @ outward, (crotch - hem) @ up
     return float(np.arctan2(along, below) - np.arctan2(target - crotch @ outward, below))
-
-
-def _turn_rows(positions: Floats, rows: Ints, pivot: Floats, rotation: Floats, outward: Floats) -> Floats:
-    """Positions of which `rows` are turned about a pivot, then moved outward until none is nearer to the middle."""
-    if not len(rows):
-        return positions
-    moved = positions.copy()
-    moved[rows] = Rotation.from_rotvec(rotation).apply(positions[rows] - pivot) + pivot
-    nearer = float((positions[rows] @ outward).min() - (moved[rows] @ outward).min())
-    moved[rows] += max(nearer, 0.0) * outward
-    return moved
 
 
 def _missing_clearance(ends: Floats, surface: BodySurface) -> float:

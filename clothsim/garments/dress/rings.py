@@ -18,7 +18,7 @@ from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_a
 from clothsim.garments.dress.sewing_state import SewingState, as_placed, crosses_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import penetrations
-from clothsim.patterns import MeshedSeam, PatternMesh
+from clothsim.patterns import PatternMesh
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface
 
@@ -31,24 +31,19 @@ def rings(state: SewingState, body: BodyMesh) -> list[tuple[str, ...]]:
     panels = state.mesh.pattern.panels
     names = [name for name, panel in panels.items() if not is_of_arm(panel) and not is_on_top(panel)]
     label = {name: k for k, name in enumerate(names)}
+    axes = np.stack([np.cross(body.up, body.front), body.up, body.front])
     for seam in state.mesh.seams:
         first, second = (side.panel for side in seam.stitch.sides)
-        if {first, second} <= label.keys() and _goes_round(state, seam, body):
+        if not {first, second} <= label.keys() or order_of(seam, state) != WITHIN:
+            continue
+        # from the front to the back of a garment, or one that runs upward; others join what is below
+        lines = state.mesh.positions[seam.pairs]
+        apart = np.abs(axes @ (lines[:, 1] - lines[:, 0]).mean(axis=0))
+        span = np.ptp(lines @ axes.T, axis=0).mean(axis=0)
+        if apart.argmax() == 2 or span.argmax() == 1:
             old, new = label[second], label[first]
             label |= {name: new for name, number in label.items() if number == old}
     return [tuple(name for name in names if label[name] == number) for number in sorted(set(label.values()))]
-
-
-def _goes_round(state: SewingState, seam: MeshedSeam, body: BodyMesh) -> bool:
-    """True for a seam from the front to the back of a garment, or one that runs upward; others join what is below."""
-    if order_of(seam, state) != WITHIN:
-        return False
-    front = body.front
-    axes = np.stack([np.cross(body.up, front), body.up, front])
-    lines = state.mesh.positions[seam.pairs]
-    apart = np.abs(axes @ (lines[:, 1] - lines[:, 0]).mean(axis=0))
-    span = np.ptp(lines @ axes.T, axis=0).mean(axis=0)
-    return bool(apart.argmax() == 2 or span.argmax() == 1)
 
 
 def open_pairs_by_seam(state: SewingState, names: tuple[str, ...]) -> list[Ints]:
@@ -104,9 +99,13 @@ def centred(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str,
         at = ends.mean(axis=1)
         lacking = _lacking_beside(at, centre, beside, body.up, right)
         if names in of_legs and sum(lacking) > 0:  # narrower than the leg: off its middle, it closes beside it
-            shift = _middle_at(at, beside, body.up, right) - centre
+            # mean of the middles of the leg at the levels of the springs [m]
+            slices = [_slice_at(beside, level, body.up) @ right for level in at @ body.up]
+            shift = float(np.mean([(part.min() + part.max()) / 2 for part in slices if len(part)])) - centre
         else:
-            shift = _shift_between(*lacking)
+            # after which both sides lack equally much: drawn together, a tube becomes round, and narrower than flat
+            both = max(lacking) > 0 and np.isfinite(sum(lacking))
+            shift = (lacking[0] - lacking[1]) / 2 if both else 0.0
         if abs(shift) < BESIDE:
             continue
         raised = max(float((trunk @ body.up).min() - (ends @ body.up).min()), 0.0)
@@ -159,24 +158,10 @@ def _lacking_beside(at: Floats, middle: float, body: Floats, up: Floats, right: 
     return lacking[0], lacking[1]
 
 
-def _middle_at(at: Floats, leg: Floats, up: Floats, right: Floats) -> float:
-    """Mean of the middles of a leg (n, 3) at the levels of points (k, 3), along `right` [m]; below it of its foot."""
-    slices = [_slice_at(leg, level, up) @ right for level in at @ up]
-    return float(np.mean([(part.min() + part.max()) / 2 for part in slices if len(part)]))
-
-
 def _slice_at(leg: Floats, level: float, up: Floats) -> Floats:
     """Vertices (k, 3) of a leg (n, 3) near a level, at most as low as its foot and as high as its top."""
     heights = leg @ up
     return leg[np.abs(heights - np.clip(level, heights.min(), heights.max())) < SLICE]
-
-
-def _shift_between(right: float, left: float) -> float:
-    """Displacement to the right after which both sides lack equally much; 0 where neither lacks anything [m].
-
-    Drawn together, a tube becomes round, and narrower than its panels are flat.
-    """
-    return (right - left) / 2 if max(right, left) > 0 and np.isfinite(right + left) else 0.0
 
 
 TUBE = 2
@@ -212,21 +197,16 @@ def closed_round_legs(state: SewingState, body: BodyMesh, surface: BodySurface) 
             continue
         side = np.sign((own.mean(axis=0) - middle) @ right)
         leg = body.positions[side * ((body.positions - middle) @ right) > 0]
-        if not _is_narrower(ends, leg, body.up, right):
+        levels = ends.mean(axis=1) @ body.up
+        inner, outer = _reach_of_sides(ends, levels, body.up, right)
+        thickness = np.array([np.ptp(_slice_at(leg, level, body.up) @ right) for level in levels])
+        if np.mean(outer - inner < thickness) <= MOST:  # wider than the leg
             continue
         closed = _closed_round(state, names, ends, leg, body, surface)
         if closed is not None:
             state = replace(closed, tight=(*state.tight, *names))
             notes.append(f"{', '.join(names)} begin closed round the leg, which is thicker than they are wide")
     return state, tuple(notes)
-
-
-def _is_narrower(ends: Floats, leg: Floats, up: Floats, right: Floats) -> bool:
-    """True for a tube with these strings (k, 2, 3) that is narrower than a leg at most of their heights."""
-    levels = ends.mean(axis=1) @ up
-    inner, outer = _reach_of_sides(ends, levels, up, right)
-    thickness = np.array([np.ptp(_slice_at(leg, level, up) @ right) for level in levels])
-    return bool(np.mean(outer - inner < thickness) > MOST)
 
 
 def _reach_of_sides(ends: Floats, levels: Floats, up: Floats, right: Floats) -> list[Floats]:
@@ -253,19 +233,13 @@ def _closed_round(
     distance = np.full(len(positions), CLEARANCE)
     for _ in range(ROUNDS):
         tried = closed.moved_to(positions + distance[:, None] * out)
-        hit = _intersecting_faces(tried, names, surface)
+        _, with_body, own = penetrations(tried.positions, tried.triangles, surface)
+        of_tube = np.concatenate([np.arange(len(tried.triangles))[tried.mesh.faces[name]] for name in names])
+        hit = np.intersect1d(of_tube, np.concatenate([with_body[:, 0], own.ravel()]))  # others are moved apart later
         if not len(hit):
             return tried
         distance[np.unique(tried.triangles[hit])] += CLEARANCE
     return None
-
-
-def _intersecting_faces(state: SewingState, names: tuple[str, ...], surface: BodySurface) -> Ints:
-    """Triangles of some panels that intersect the body or cloth; those of other panels are moved apart later."""
-    _, with_body, own = penetrations(state.positions, state.triangles, surface)
-    rows = [state.mesh.faces[name] for name in names]
-    faces = np.concatenate([np.arange(each.start, each.stop) for each in rows])
-    return np.intersect1d(faces, np.concatenate([with_body[:, 0], own.ravel()]))
 
 
 def _bent_round(
@@ -315,7 +289,12 @@ def lowered_to_crotch(mesh: PatternMesh, body: BodyMesh, crotch: float = np.inf)
         sewn = _sewn_to(state, names)
         if hangs_on_shoulders(mesh.positions[vertices_of(state, sewn)], body, level=CHEST):
             continue
-        inseam = _inner_strings(state, names, body)
+        # strings of the inseams: from front to back, in the inner half of the trousers' width
+        right, middle = np.cross(body.up, body.front), middle_of(body)
+        ends = state.positions[open_pairs_of(state, names)]
+        ahead, aside = (ends - middle) @ body.front, np.abs((ends.mean(axis=1) - middle) @ right)
+        width = float(np.abs((state.positions[vertices_of(state, names)] - middle) @ right).max())
+        inseam = ends[(ahead[:, 0] * ahead[:, 1] < 0) & (aside < width / 2)]
         if not len(inseam):
             continue
         above = float(parts.frame.local(inseam.mean(axis=1))[:, 1].max() - crotch)
@@ -337,16 +316,6 @@ def _sewn_to(state: SewingState, names: tuple[str, ...]) -> tuple[str, ...]:
         if more == found:
             return tuple(name for name in state.mesh.vertices if name in found)
         found = more
-
-
-def _inner_strings(state: SewingState, names: tuple[str, ...], body: BodyMesh) -> Floats:
-    """Strings of the inseams of trousers, (k, 2, 3) [m]: from front to back, in the inner half of their width."""
-    front = body.front
-    right, middle = np.cross(body.up, front), middle_of(body)
-    ends = state.positions[open_pairs_of(state, names)]
-    ahead, aside = (ends - middle) @ front, np.abs((ends.mean(axis=1) - middle) @ right)
-    width = float(np.abs((state.positions[vertices_of(state, names)] - middle) @ right).max())
-    return np.asarray(ends[(ahead[:, 0] * ahead[:, 1] < 0) & (aside < width / 2)], np.float64)
 
 
 def arms_between(state: SewingState, wearer: Wearer) -> tuple[str, ...]:

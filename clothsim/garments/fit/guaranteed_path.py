@@ -30,7 +30,7 @@ from clothsim.base.triangles import cotangent_laplacian, thirds_at_vertices, tri
 from clothsim.engine import components, intersecting_pairs, intersection_points
 from transfer.errors import TransferError
 from transfer.signed_distance import SKIN, BodySurface, body_surface
-from transfer.triangle_surface import Sparse, edges_of
+from transfer.triangle_surface import edges_of
 
 LARGEST_FRACTION = 0.9
 """Largest displacement as a fraction of the half thickness: the rest keeps the two surfaces apart."""
@@ -42,8 +42,13 @@ RAYS, OPENING = 7, np.radians(20.0)
 
 def half_thickness(body: BodySurface) -> Floats:
     """Half thickness of the body below each vertex, (n,) [m]: median over a cone of rays, then smoothed."""
-    thicknesses = []
-    for directions in _cone(-body.vertex_normals):
+    thicknesses, inward = [], -body.vertex_normals
+    steepest = np.eye(3)[np.argmin(np.abs(inward), axis=1)]
+    side = unit(np.cross(inward, steepest))
+    other = np.cross(inward, side)
+    angles = 2 * np.pi * np.arange(RAYS - 1) / (RAYS - 1)
+    tilted = [inward + np.tan(OPENING) * (np.cos(a) * side + np.sin(a) * other) for a in angles]
+    for directions in [unit(ray) for ray in (inward, *tilted)]:
         distance, _ = body.exits(body.positions + 10 * SKIN * body.size * directions, directions)
         thicknesses.append(np.where(np.isfinite(distance), distance, 0.0))  # no hit: the rim of an open body stays
     return smoothed(0.5 * np.median(thicknesses, axis=0), body.triangles)
@@ -77,16 +82,6 @@ def smoothed(values: Floats, triangles: Ints) -> Floats:
     return values
 
 
-def _cone(directions: Floats) -> list[Floats]:
-    """`directions (n, 3)`, and RAYS - 1 evenly around each."""
-    steepest = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
-    side = unit(np.cross(directions, steepest))
-    other = np.cross(directions, side)
-    angles = 2 * np.pi * np.arange(RAYS - 1) / (RAYS - 1)
-    tilted = [directions + np.tan(OPENING) * (np.cos(a) * side + np.sin(a) * other) for a in angles]
-    return [unit(ray) for ray in (directions, *tilted)]
-
-
 TIMES = (0.002, 0.004, 0.008, 0.016)
 """Flow times [m^2] that are tried: a cylinder of radius r loses dr in about r dr."""
 SMALLEST_FRACTION = 0.5
@@ -102,25 +97,17 @@ def unfolding(positions: Floats, triangles: Ints) -> Iterator[Floats]:
     x, before = positions, 0.0
     stiffness = cotangent_laplacian(positions, triangles, COTANGENTS)
     for time in TIMES:
-        x = _flowed(x, stiffness, _vertex_areas(x, triangles), time - before)
+        at = thirds_at_vertices(triangle_areas(x[triangles]), triangles, len(x))
+        areas = np.maximum(at, 1e-9 * at.max())  # a vertex without triangles stays where it is
+        # one implicit step: (M + step L) x' = M x. Where the solver stops early x' is still a body, only less smooth
+        matrix = (diags_array(areas) + (time - before) * stiffness).tocsr()
+        jacobi = diags_array(1 / matrix.diagonal())
+        solved = [cg(matrix, areas * c, x0=c, rtol=RESIDUAL, maxiter=ITERATIONS, M=jacobi)[0] for c in x.T]
+        x = np.ascontiguousarray(np.transpose(solved))
         if np.linalg.norm(np.ptp(x[triangles.ravel()], axis=0)) < SMALLEST_FRACTION * size:
             return
         before = time
         yield x
-
-
-def _flowed(x: Floats, stiffness: Sparse, areas: Floats, step: float) -> Floats:
-    """One implicit step: (M + step L) x' = M x. Where the solver stops early x' is still a body, only less smooth."""
-    matrix = (diags_array(areas) + step * stiffness).tocsr()
-    jacobi = diags_array(1 / matrix.diagonal())
-    solved = [cg(matrix, areas * c, x0=c, rtol=RESIDUAL, maxiter=ITERATIONS, M=jacobi)[0] for c in x.T]
-    return np.ascontiguousarray(np.transpose(solved))
-
-
-def _vertex_areas(positions: Floats, triangles: Ints) -> Floats:
-    """A third of the triangles at each vertex [m^2], (n,); a vertex without any stays where it is."""
-    at = thirds_at_vertices(triangle_areas(positions[triangles]), triangles, len(positions))
-    return np.maximum(at, 1e-9 * at.max())
 
 
 DEPTHS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
@@ -234,7 +221,9 @@ def overlaps_at(body: BodySurface, place: Floats) -> Iterator[Overlap]:
     extent = float(np.ptp(body.positions, axis=0).max())
     if not len(points):
         return
-    points = _connected(points, np.linalg.norm(points - place, axis=1) < NEAR * extent, LINKED * extent)
+    links = cKDTree(points).query_pairs(LINKED * extent, output_type="ndarray")
+    label = components(np.column_stack([links, links[:, 1]]), len(points))
+    points = points[np.isin(label, label[np.linalg.norm(points - place, axis=1) < NEAR * extent])]
     if not len(points):
         return
     left = (NONE * extent - _distances(points, body.positions)) / ((NONE - WHOLE) * extent)
@@ -249,13 +238,6 @@ def overlaps_at(body: BodySurface, place: Floats) -> Iterator[Overlap]:
 def flypapered_rows(overlap: Overlap, positions: Floats, flypapered: np.ndarray) -> Ints:
     """Rows of the vertices (n, 3) [m] that are marked as flypapered (n,) where the body overlaps itself."""
     return np.flatnonzero(flypapered & overlap.holds(positions)).astype(np.int64)
-
-
-def _connected(points: Floats, chosen: np.ndarray, distance: float) -> Floats:
-    """The chosen points (k, 3), and those that a chain of points no further than `distance` apart joins to them [m]."""
-    links = cKDTree(points).query_pairs(distance, output_type="ndarray")
-    label = components(np.column_stack([links, links[:, 1]]), len(points))
-    return np.asarray(points[np.isin(label, label[chosen])], np.float64)
 
 
 def _distances(points: Floats, positions: Floats) -> Floats:

@@ -53,7 +53,13 @@ class EmbeddedVertices:
         """Return the positions (k, 3) on the host at `positions (n, 3)` [m]."""
         points = np.einsum("ij,ijk->ik", self.weights, positions[self.corners])
         free = points + np.einsum("ijk,ij->ik", _frames(positions[self.corners]), self.offsets)
-        return _rigidly(self.shape, free) if len(self.shape) else free
+        if not len(self.shape):
+            return free
+        # the shape moved rigidly onto these targets (Kabsch 1976)
+        middle, goal = self.shape.mean(axis=0), free.mean(axis=0)
+        U, _, Vt = np.linalg.svd((self.shape - middle).T @ (free - goal))
+        sign = np.sign(np.linalg.det(U @ Vt))
+        return (self.shape - middle) @ (U * [1, 1, sign]) @ Vt + goal
 
 
 def embed(
@@ -86,14 +92,6 @@ def _frames(corners: Floats) -> Floats:
     normal = np.cross(along, corners[:, 2] - corners[:, 0])
     along, normal = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300) for v in (along, normal))
     return np.stack([along, np.cross(normal, along), normal], axis=1)
-
-
-def _rigidly(shape: Floats, targets: Floats) -> Floats:
-    """The shape (k, 3) moved rigidly onto the targets (Kabsch 1976)."""
-    middle, goal = shape.mean(axis=0), targets.mean(axis=0)
-    U, _, Vt = np.linalg.svd((shape - middle).T @ (targets - goal))
-    sign = np.sign(np.linalg.det(U @ Vt))
-    return (shape - middle) @ (U * [1, 1, sign]) @ Vt + goal
 
 
 SMALL = 0.2
@@ -187,11 +185,22 @@ def divided(positions: Floats, triangles: Ints) -> Division:
     for piece in order[1:]:
         own = np.flatnonzero(label == piece)
         distance, host, closest = surface.nearest(positions[own])
-        fate = _fate(distance, total[piece] < SMALL * total[order[0]])
+        if distance.max() <= COINCIDENT:
+            fate = "second side"
+        elif total[piece] >= SMALL * total[order[0]] or distance.min() > NEAR:
+            fate = "simulated"
+        elif np.quantile(distance, MOSTLY) <= LYING and distance.max() <= NEAR:
+            fate = "lying"
+        else:
+            fate = "stitched" if np.count_nonzero(distance <= TOUCHING) > 1 else "near"
         if fate != "simulated":
             found.append((fate, own[distance <= TOUCHING] if fate == "stitched" else own, host, closest))
         if fate == "lying":
-            found += [("joined", rows, host, closest) for rows in _held_by(host, label)]
+            # a small piece joins those on which it lies, as a buckle strap and bib: the vertices of all but one
+            below = label[host[:, 0]]
+            pieces, counts = np.unique(below, return_counts=True)
+            pieces = pieces[np.argsort(-counts, kind="stable")][: np.count_nonzero(counts >= JOINED * len(host))]
+            found += [("joined", np.unique(host[below == each]), host, closest) for each in pieces[1:]]
         if fate in ("simulated", "stitched"):
             simulated |= of_triangle == piece
             surface = _Surface(positions, triangles[simulated])
@@ -212,28 +221,6 @@ class _Surface:
         )
         corners = self.triangles[np.asarray(rows, np.int64).ravel()]
         return np.sqrt(np.ravel(squared)), corners, np.array(closest, np.float64).reshape(-1, 3)
-
-
-def _fate(distance: Floats, is_small: bool) -> str:
-    """What becomes of a piece whose vertices have these distances [m] from the larger ones."""
-    if distance.max() <= COINCIDENT:
-        return "second side"
-    if not is_small or distance.min() > NEAR:
-        return "simulated"
-    if np.quantile(distance, MOSTLY) <= LYING and distance.max() <= NEAR:
-        return "lying"
-    return "stitched" if np.count_nonzero(distance <= TOUCHING) > 1 else "near"
-
-
-def _held_by(host: Ints, label: Ints) -> list[Ints]:
-    """Vertices of all pieces but one on which a small piece lies, as a buckle on strap and bib: it joins them.
-
-    host (k, 3): nearest triangles of its vertices; label (n,): piece of each vertex.
-    """
-    of_vertex = label[host[:, 0]]
-    pieces, counts = np.unique(of_vertex, return_counts=True)
-    pieces = pieces[np.argsort(-counts, kind="stable")][: np.count_nonzero(counts >= JOINED * len(host))]
-    return [np.unique(host[of_vertex == piece]) for piece in pieces[1:]]
 
 
 def _division(positions: Floats, triangles: Ints, rows: Ints, found: list[tuple[str, Ints, Ints, Floats]]) -> Division:

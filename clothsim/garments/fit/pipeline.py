@@ -235,7 +235,11 @@ def _run_guaranteed_path(task: Task, state: FitState) -> FitState:
     if (done is None or done.failure) and not task.same_body and own.counts.on_body:
         if done is not None:
             state = replace(state, stages=done.stages, notes=(*done.notes, done.failure))
-        state = _morph_body(state, own, task)
+        closed = task.source.closed
+        worn = replace(state.worn, body_triangles=closed.triangles)
+        frames, how = [closed.positions, state.source_shape], f"{task.source.name} became {task.target.name} under IPC"
+        moved = _move_body(replace(state, worn=worn), "morph", own.positions, frames, task, state.body, how)
+        state = replace(moved, worn=state.worn)
         if state.failure or state.last.counts.clean:
             return state
         done = _free_of_body(state, [state.last], task, body)
@@ -328,16 +332,6 @@ def _grow_body(
         if not opened.failure:
             return replace(opened, overlap=overlap)
     return grown
-
-
-def _morph_body(state: FitState, start: Stage, task: Task) -> FitState:
-    """The source body becomes the target, with the garment of the stage `start` on it."""
-    own = task.source.closed
-    worn = replace(state.worn, body_triangles=own.triangles)
-    description = f"{task.source.name} became {task.target.name} under IPC"
-    frames = [own.positions, state.source_shape]
-    done = _move_body(replace(state, worn=worn), "morph", start.positions, frames, task, state.body, description)
-    return replace(done, worn=state.worn)
 
 
 def _move_body(
@@ -439,21 +433,15 @@ def drape_fitted(task: Task, state: FitState) -> DrapeOutcome:
     if not stage.counts.clean:
         reason = f"The drape ended with {stage.counts}, {stage.counts.where}."
         return DrapeOutcome("refined", reason, run, state.stages if state.last.counts.clean else (*state.stages, stage))
-    fallen = _falling_reason(run, task.target.name)
+    record, fallen = run.record(), ""
+    fastest = record[-1]["fastest"] if record else 0.0
+    if fastest >= FALLING:
+        fallen = (
+            f"The garment does not stay on {task.target.name}: at the end of its drape it still moves at {fastest:.2g} "
+            "m/s. Does it lie on the body that it was made for (--made-for, --scale)?"
+        )
     stages = (*state.stages, stage)
     return DrapeOutcome("failed" if fallen else "completed", fallen or run.reason, run, stages, flypapered())
-
-
-def _falling_reason(run: Run, body: str) -> str:
-    """Sentence for a garment that is still falling at the end of the drape; empty where it rests on the body."""
-    record = run.record()
-    fastest = record[-1]["fastest"] if record else 0.0
-    if fastest < FALLING:
-        return ""
-    return (
-        f"The garment does not stay on {body}: at the end of its drape it still moves at {fastest:.2g} m/s. "
-        "Does it lie on the body that it was made for (--made-for, --scale)?"
-    )
 
 
 SEEDING = (

@@ -1,5 +1,6 @@
 """Deformation transfer of a garment to another body as the start of a fit: markers, size, and where it was worn."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from clothsim.base.file_reading import read_regular_file
 from clothsim.garments.fit.guaranteed_path import smoothed
 from clothsim.garments.inputs import BodyMesh, Garment
 from clothsim.garments.waistband import with_waistbands
-from transfer.body_parts import BodyParts
 from transfer.correspond import correspond
 from transfer.errors import TransferError
 from transfer.garment import transfer_garment, with_lengths
@@ -86,7 +86,11 @@ def transferred(garment: Garment, source: BodyMesh, target: BodyMesh, markers: F
     if not np.array_equal(source.triangles, target.triangles):
         given = marked_vertices(markers, source, target) if len(markers) else None
         bodies = source.positions, source.triangles, target.positions, target.triangles
-        registration = correspond(*bodies, given, parts=None if len(markers) else _parts(source, target))
+        parts = None
+        if not len(markers):
+            with suppress(TransferError):  # one of them is not a standing body
+                parts = source.parts, target.parts
+        registration = correspond(*bodies, given, parts=parts)
         how = f"with {len(registration.markers)} {'derived' if registration.derived else 'given'} markers"
         how = how if len(registration.markers) else "part by part"
         body, description = registration.positions, f"{source.name} registered to {target.name} {how}"
@@ -94,15 +98,6 @@ def transferred(garment: Garment, source: BodyMesh, target: BodyMesh, markers: F
         description += ", so the markers are not needed"
     placed = transfer_garment(garment.positions, garment.triangles, source.positions, body, source.triangles)
     return Transferred(placed, body, description)
-
-
-def _parts(*bodies: BodyMesh) -> tuple[BodyParts, BodyParts] | None:
-    """Parts of both bodies; None where one is not a standing body."""
-    try:
-        source, target = (body.parts for body in bodies)
-    except TransferError:
-        return None
-    return source, target
 
 
 @dataclass(frozen=True)
@@ -158,13 +153,7 @@ def worn_positions(garment: Floats, source: BodySurface, moved: Floats) -> Float
     below = source.closest(garment)
     corners = source.triangles[below.triangles]
     weights = barycentric(source.positions[corners], below.points)
-    turn = _rotations(source, moved)[corners]
-    turned = np.einsum("nk,nkij,nj->ni", weights, turn, garment - below.points)
-    return np.asarray(np.einsum("nk,nkj->nj", weights, moved[corners]) + turned, np.float64)
-
-
-def _rotations(source: BodySurface, moved: Floats) -> Floats:
-    """Rotations of the body's surface at its vertices, (k, 3, 3): polar factors of smoothed deformation gradients."""
+    # rotations of the body's surface at its vertices: polar factors of smoothed deformation gradients
     before, after = _frames(source.positions[source.triangles]), _frames(moved[source.triangles])
     gradients = after @ np.linalg.pinv(before)
     count = len(source.positions)
@@ -173,7 +162,9 @@ def _rotations(source: BodySurface, moved: Floats) -> Floats:
     smooth = smoothed(of_vertex.reshape(count, 9), source.triangles)
     left, _, right = np.linalg.svd(smooth.reshape(count, 3, 3))
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-    return left @ right
+    turn = (left @ right)[corners]
+    turned = np.einsum("nk,nkij,nj->ni", weights, turn, garment - below.points)
+    return np.asarray(np.einsum("nk,nkj->nj", weights, moved[corners]) + turned, np.float64)
 
 
 def _frames(corners: Floats) -> Floats:

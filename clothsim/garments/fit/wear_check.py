@@ -1,5 +1,6 @@
 """Wear check of a fitted garment: distortion against the garment as given, front in front, hem at its height."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,11 +79,23 @@ def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: Bo
     distorted = float(((parts > 2.0) | (parts < 0.5)).mean())
     worst = edges[int(np.argmax(np.abs(np.log(np.maximum(ratios, 1e-12)))))]
     place, front, hem = positions[worst].mean(axis=0), 1.0, 0.0
-    frames = _frames(source, target)
+    frames: tuple[BodyFrame, ...] = ()
+    with suppress(TransferError):  # one of them is not a standing body
+        frames = source.frame, target.frame
     if frames:
         local = [frame.local(shape) for frame, shape in zip(frames, shapes, strict=True)]
         front = float(min(np.corrcoef(local[0][:, axis], local[1][:, axis])[0, 1] for axis in (0, 2)))
-        hem = _rise(garment, positions, source, target)
+        # rise of the lowest vertices against the height that they had on their own body, which becomes that of the
+        # other by crotch, armpits and neck: a hem above the knees belongs there on longer legs too
+        own, worn = (
+            float(np.sort(body.frame.local(shape)[:, 1])[: max(1, round(LOWEST * len(shape)))].mean())
+            for body, shape in ((source, garment.positions), (target, positions))
+        )
+        try:
+            there = float(heights_onto(source.parts, target.parts, np.array([own]))[0])
+        except TransferError:
+            there = own / source.frame.height * target.frame.height
+        hem = (worn - there) / target.frame.height
     fault = ""
     if low < EDGES[0] or high > EDGES[1]:
         fault = f"its edges are {low:.2f} to {high:.2f} of their lengths (1st to 99th percentile, scale {scale:.2f})"
@@ -95,31 +108,6 @@ def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: Bo
         place = positions[np.argmin(frames[1].local(positions)[:, 1])]
     x, y, z = (float(value) for value in place)
     return WearCheck(scale, low, high, distorted, front, hem, fault, (x, y, z))
-
-
-def _frames(source: BodyMesh, target: BodyMesh) -> tuple[BodyFrame, ...]:
-    """Frames of both bodies; none where one is not a standing body."""
-    try:
-        return source.frame, target.frame
-    except TransferError:
-        return ()
-
-
-def _rise(garment: Garment, positions: Floats, source: BodyMesh, target: BodyMesh) -> float:
-    """Rise of the mean height of the lowest vertices as a fraction of the target's height.
-
-    Against the height that they had on their own body, which becomes that of the other by crotch, armpits and neck: a
-    hem above the knees belongs there on longer legs too. Where a body has no such parts, by the whole height.
-    """
-    own, worn = (
-        float(np.sort(body.frame.local(shape)[:, 1])[: max(1, round(LOWEST * len(shape)))].mean())
-        for body, shape in ((source, garment.positions), (target, positions))
-    )
-    try:
-        there = float(heights_onto(source.parts, target.parts, np.array([own]))[0])
-    except TransferError:
-        there = own / source.frame.height * target.frame.height
-    return (worn - there) / target.frame.height
 
 
 PERCENTILES = (1.0, 99.0)

@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.garments.wrinkle.compression import Compression
-from clothsim.garments.wrinkle.waves import Waves, amplitude
+from clothsim.garments.wrinkle.compression import Compression, Waves, amplitude
 
 LEAST = 0.01
 """Compression 1 - s2 below which cloth is not wrinkled."""
@@ -128,16 +127,14 @@ class CompressionField:
         longest = sheet.edge * max(len(self.trace(seed, crests=False, most=400)[0]), 1)
         along, across = stretches[rows].mean(axis=0)
         tension, length = sheet.waves.stretching * (float(along) - 1), sheet.edge * max(len(points) - 1, 1)
-        return sheet.waves.wavelength(tension, length, self._radius(rows), longest, float(across))
-
-    def _radius(self, rows: Ints) -> float:
-        """Radius of curvature along a crest in space [m]: of a circle through its ends and its middle."""
-        if len(rows) < 5:
-            return math.inf
-        a, b, c = self.positions[rows[[0, len(rows) // 2, -1]]]
-        doubled = float(np.linalg.norm(np.cross(b - a, c - a)))
-        sides = float(np.linalg.norm(b - a) * np.linalg.norm(c - b) * np.linalg.norm(c - a))
-        return sides / (2 * doubled) if doubled > 1e-9 * sides ** (2 / 3) else math.inf
+        radius = math.inf  # of curvature in space [m]: of a circle through the ends and the middle of the crest
+        if len(rows) >= 5:
+            a, b, c = self.positions[rows[[0, len(rows) // 2, -1]]]
+            doubled = float(np.linalg.norm(np.cross(b - a, c - a)))
+            sides = float(np.linalg.norm(b - a) * np.linalg.norm(c - b) * np.linalg.norm(c - a))
+            if doubled > 1e-9 * sides ** (2 / 3):
+                radius = sides / (2 * doubled)
+        return sheet.waves.wavelength(tension, length, radius, longest, float(across))
 
 
 def followed_curves(curves: list[Crest], field: CompressionField, seconds: float) -> list[Crest]:
@@ -233,15 +230,6 @@ AT_ONCE = 4000
 """Vertices whose distances to all curves are in memory at once."""
 
 
-def _distances(points: Floats, curves: list[Crest]) -> Floats:
-    """Distance of each point (k, 3) from each curve, (curves, k) [m]."""
-    others = np.concatenate([each.points for each in curves])
-    first = np.cumsum([0, *(len(each.points) for each in curves)])[:-1]
-    blocks = range(0, len(points), AT_ONCE)
-    parts = [np.minimum.reduceat(cdist(others, points[k : k + AT_ONCE]), first, axis=0) for k in blocks]
-    return np.concatenate(parts, axis=1)
-
-
 def heights(curves: list[Crest], field: CompressionField) -> Floats:
     """Displacements along the normals, (k,) [m]: sines between neighbouring crests.
 
@@ -253,7 +241,11 @@ def heights(curves: list[Crest], field: CompressionField) -> Floats:
     if not curves:
         return out
     longest = max(each.wavelength for each in curves)
-    distances = _distances(sheet.points, curves)
+    others = np.concatenate([each.points for each in curves])
+    first = np.cumsum([0, *(len(each.points) for each in curves)])[:-1]
+    blocks = range(0, len(sheet.points), AT_ONCE)
+    parts = [np.minimum.reduceat(cdist(others, sheet.points[k : k + AT_ONCE]), first, axis=0) for k in blocks]
+    distances = np.concatenate(parts, axis=1)
     order = np.argpartition(distances, min(1, len(curves) - 1), axis=0)[:2]
     order = np.take_along_axis(order, np.argsort(np.take_along_axis(distances, order, axis=0), axis=0), axis=0)
     r1 = np.take_along_axis(distances, order[:1], axis=0)[0]

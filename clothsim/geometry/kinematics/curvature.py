@@ -205,7 +205,16 @@ def bending_strains(world: World, hinges: Hinges, angles: Floats | None = None) 
     columns -= free @ np.linalg.pinv(free) @ columns
     m = len(columns)
     triangles = sparse.bsr_array((columns, np.arange(m), np.arange(m + 1)), shape=(3 * m, 3 * m))
-    strains = (triangles.tocsr() @ _middle_angles(edges, law, len(hinges.vertices))).tocsr()
+    # from changes of angle to the m of each edge of each triangle
+    hinge, kind = edges.hinges.ravel(), edges.kinds.ravel()
+    covered, half = np.flatnonzero((kind == CLAMPED) | (kind == INTERIOR)), np.flatnonzero(kind == INTERIOR)
+    shape = (len(hinge), len(hinges.vertices))
+    weight = np.where(kind[covered] == CLAMPED, 1.0, 0.5)
+    sign = 1.0 - 2.0 * edges.sides.ravel()[half]
+    correction = sparse.csr_array((sign, (half, hinge[half])), shape=shape)
+    middle = sparse.csr_array((weight, (covered, hinge[covered])), shape=shape)
+    middle = middle + correction @ _recovery(edges, law, len(hinges.vertices))
+    strains = (triangles.tocsr() @ middle).tocsr()
     strains.data[np.abs(strains.data) <= 1e-13 * np.abs(strains.data).max(initial=0.0)] = 0.0
     strains.eliminate_zeros()
     return strains
@@ -272,20 +281,6 @@ def hinges_of_triangles(triangles: Ints, hinge_vertices: Ints) -> tuple[Ints, In
     return found.reshape(-1, 3), sides.reshape(-1, 3)
 
 
-def _middle_angles(edges: TriangleEdges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
-    """The matrix (3 m, h) from changes of angle to the m of each edge of each triangle."""
-    hinge, kind = edges.hinges.ravel(), edges.kinds.ravel()
-    covered = np.flatnonzero((kind == CLAMPED) | (kind == INTERIOR))
-    shape = (len(hinge), n_hinges)
-    weight = np.where(kind[covered] == CLAMPED, 1.0, 0.5)
-    half = np.flatnonzero(kind == INTERIOR)
-    sign = 1.0 - 2.0 * edges.sides.ravel()[half]
-    correction = sparse.csr_array((sign, (half, hinge[half])), shape=shape)
-    return sparse.csr_array((weight, (covered, hinge[covered])), shape=shape) + correction @ _recovery(
-        edges, law, n_hinges
-    )
-
-
 def _recovery(edges: TriangleEdges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
     """The matrix (h, h) from changes of angle to phi, for the interior hinges.
 
@@ -312,19 +307,12 @@ def _recovery(edges: TriangleEdges, law: PlateLaw, n_hinges: int) -> sparse.csr_
             moments.append(np.where(kind == FREE, np.einsum("hk,hkl->hl", moment, turn), 0.0))
     free = np.stack(moments, axis=1)
     admissible = np.eye(3) - np.linalg.pinv(free, rcond=SMOOTH_BORDER_ANGLE) @ free
-    coefficients = _minimum_norm(np.stack(rows, axis=1), admissible, phi)
+    stacked = np.stack(rows, axis=1)
+    U, s, Vt = np.linalg.svd(stacked @ admissible, full_matrices=False)
+    regular = s > 1e-9 * np.linalg.norm(stacked, axis=(1, 2))[:, None]
+    components = np.divide(np.einsum("hkm,hml,hl->hk", Vt, admissible, phi), s, out=np.zeros_like(s), where=regular)
+    coefficients = np.einsum("hjk,hk->hj", U, np.clip(components, -MAX_COEFFICIENT, MAX_COEFFICIENT))
     columns = np.stack(number, axis=1)
     present = columns >= 0
     at = np.broadcast_to(known[:, None], columns.shape)[present]
     return sparse.csr_array((coefficients[present], (at, columns[present])), shape=(n_hinges, n_hinges))
-
-
-def _minimum_norm(rows: Floats, admissible: Floats, phi: Floats) -> Floats:
-    """The minimum-norm c (h, j) with (c A) k = b k for all `admissible` k, no component beyond MAX_COEFFICIENT.
-
-    `rows` A (h, j, 3), `admissible` the projections (h, 3, 3) on those k, `phi` b (h, 3).
-    """
-    U, s, Vt = np.linalg.svd(rows @ admissible, full_matrices=False)
-    regular = s > 1e-9 * np.linalg.norm(rows, axis=(1, 2))[:, None]
-    components = np.divide(np.einsum("hkm,hml,hl->hk", Vt, admissible, phi), s, out=np.zeros_like(s), where=regular)
-    return np.einsum("hjk,hk->hj", U, np.clip(components, -MAX_COEFFICIENT, MAX_COEFFICIENT))

@@ -100,10 +100,19 @@ def point_strains(
     stiffness = world.per_triangle("bending_stiffness")
     patch, usable, turn, shift = _patches(hinges, edges, law, stiffness)
     response = _angles_of_polynomials(hinges, patch, turn, shift, np.sqrt(edges.areas))
-    mean = _entries(strains, patch)
+    listed = strains.tocoo()
+    triangle, row = np.divmod(listed.row, 3)
+    mean = np.zeros((m, 3, patch.shape[1]))  # the rows of G over the hinges of each patch
+    mean[triangle, row, np.argmax(patch[triangle] == listed.col[:, None], axis=1)] = listed.data
     curvature = mean / np.sqrt(np.where(stiffness > 0, stiffness, 1.0))[:, None, None]
     missing, turned = _lost(law.roots(), curvature @ response)
-    recovery = _recovery(np.where(usable[..., None], response, 0.0))
+    # from changes of angle to g _SIZES, lengths over sizes
+    measured = np.where(usable[..., None], response, 0.0)
+    quadratic, cubic = measured[..., :3], measured[..., 3:7] / _SIZES
+    free = np.eye(measured.shape[1]) - quadratic @ np.linalg.pinv(quadratic, rcond=1e-9)
+    U, s, Vt = np.linalg.svd(free @ cubic, full_matrices=False)
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > DETERMINED)
+    recovery = np.einsum("mka,mk,mik->mai", Vt, inverse, U) @ free
     lost = np.sqrt(weight * stiffness)[:, None, None] * (missing @ recovery)
     rows = np.concatenate([mean, lost], axis=1)
     points = np.empty((m, 3, 3, 7))
@@ -164,38 +173,28 @@ def _angles_of_polynomials(hinges: Hinges, patch: Ints, turn: np.ndarray, shift:
     local = hinges.corners[patch]
     points = (local[..., 0] + 1j * local[..., 1]) * turn[..., None] + shift[..., None]
     points = np.concatenate([points, points[..., :2].mean(axis=2, keepdims=True)], axis=2) / sizes[:, None, None]
-    values = _polynomials(points)
+    # x^j y^k / (j! k!) of degrees 2, 3, 4: each has one derivative of its degree, 1
+    (x, y), values = _powers(points), np.empty((*points.shape, len(_DEGREES)))
+    for i, (j, k, _) in enumerate(_DEGREES):
+        np.multiply(x[j], y[k], out=values[..., i])
     over = local[..., 2:, 0] / local[..., 1:2, 0]
     foot = values[..., 0:1, :] + over[..., None] * (values[..., 1:2, :] - values[..., 0:1, :])
     slopes = (values[..., 2:4, :] - foot) / (local[..., 2:, 1] / sizes[:, None, None])[..., None]
     turned = np.where((patch >= 0)[..., None], slopes[..., 0, :] - slopes[..., 1, :], 0.0)
     for side, sign in ((0, 1.0), (1, -1.0)):
-        t, i = np.nonzero(held == side)
-        beside = _slopes(points[t, i, 4], 1j * turn[t, i])
-        turned[t, i] = sign * (beside - slopes[t, i, 1 - side])
+        rows = np.nonzero(held == side)
+        direction = 1j * turn[rows]
+        (x, y), beside = _powers(points[..., 4][rows]), np.zeros((len(rows[0]), len(_DEGREES)))
+        for i, (j, k, _) in enumerate(_DEGREES):
+            if j:
+                beside[:, i] += direction.real * x[j - 1] * y[k]
+            if k:
+                beside[:, i] += direction.imag * x[j] * y[k - 1]
+        turned[rows] = sign * (beside - slopes[..., 1 - side, :][rows])
     return turned
 
 
 _DEGREES = [(k, n - k, n) for n in (2, 3, 4) for k in range(n, -1, -1)]
-
-
-def _polynomials(z: np.ndarray) -> Floats:
-    """x^j y^k / (j! k!) of degrees 2, 3, 4 at z (...), (..., 12): each has one derivative of its degree, 1."""
-    (x, y), out = _powers(z), np.empty((*z.shape, len(_DEGREES)))
-    for i, (j, k, _) in enumerate(_DEGREES):
-        np.multiply(x[j], y[k], out=out[..., i])
-    return out
-
-
-def _slopes(z: np.ndarray, direction: np.ndarray) -> Floats:
-    """Their derivatives along unit directions (...), (..., 12)."""
-    (x, y), out = _powers(z), np.zeros((*z.shape, len(_DEGREES)))
-    for i, (j, k, _) in enumerate(_DEGREES):
-        if j:
-            out[..., i] += direction.real * x[j - 1] * y[k]
-        if k:
-            out[..., i] += direction.imag * x[j] * y[k - 1]
-    return out
 
 
 def _powers(z: np.ndarray) -> tuple[list[Floats], list[Floats]]:
@@ -207,15 +206,6 @@ def _powers(z: np.ndarray) -> tuple[list[Floats], list[Floats]]:
             of_part.append(of_part[-1] * part / n)
         powers.append(of_part)
     return powers[0], powers[1]
-
-
-def _entries(strains: sparse.csr_array, patch: Ints) -> Floats:
-    """The rows of G as (m, 3, 9) over the hinges of each patch."""
-    listed = strains.tocoo()
-    triangle, row = np.divmod(listed.row, 3)
-    entries = np.zeros((len(patch), 3, patch.shape[1]))
-    entries[triangle, row, np.argmax(patch[triangle] == listed.col[:, None], axis=1)] = listed.data
-    return entries
 
 
 def _lost(roots: Floats, response: Floats) -> tuple[Floats, Floats]:
@@ -237,12 +227,3 @@ def _lost(roots: Floats, response: Floats) -> tuple[Floats, Floats]:
     root = np.einsum("mik,mk,mjk->mij", vectors, np.sqrt(values), vectors)
     left, _, right = np.linalg.svd(derivatives @ root, full_matrices=False)
     return root, left @ right
-
-
-def _recovery(response: Floats) -> Floats:
-    """The matrices (m, 4, 9) from changes of angle to g _SIZES, lengths over sizes, of angles (m, 9, 12)."""
-    quadratic, cubic = response[..., :3], response[..., 3:7] / _SIZES
-    free = np.eye(response.shape[1]) - quadratic @ np.linalg.pinv(quadratic, rcond=1e-9)
-    U, s, Vt = np.linalg.svd(free @ cubic, full_matrices=False)
-    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > DETERMINED)
-    return np.einsum("mka,mk,mik->mai", Vt, inverse, U) @ free

@@ -5,7 +5,6 @@ a lone triangle has only two neighbours, always on a line; with the vertex they 
 rotation.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,24 +71,6 @@ def vertex_frames(reference: Floats, deformed: Floats, starts: Ints, neighbours:
     >>> np.allclose(frames.rotations, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     True
     """
-    p, q = _checked(reference, deformed, starts, neighbours)
-    rotations = np.empty((len(p), 3, 3))
-    determined = np.empty(len(p), bool)
-    for vertices, rings in _rings_by_size(starts, neighbours):
-        rotations[vertices], determined[vertices] = kabsch(p[rings], q[rings])
-    return VertexFrames(rotations, np.flatnonzero(~determined))
-
-
-def _rings_by_size(starts: Ints, neighbours: Ints) -> Iterator[tuple[Ints, Ints]]:
-    """Vertices (g,) with equally many neighbours, and their neighbourhoods with the vertex itself first, (g, k + 1)."""
-    sizes = np.diff(starts)
-    for size in np.unique(sizes):
-        vertices = np.flatnonzero(sizes == size)
-        yield vertices, np.column_stack([vertices, neighbours[starts[vertices, None] + np.arange(size)]])
-
-
-def _checked(reference: Floats, deformed: Floats, starts: Ints, neighbours: Ints) -> tuple[Floats, Floats]:
-    """Both positions as (n, 3) float arrays. InputError if shapes or rows do not fit."""
     p, q = as_points("reference", reference), as_points("deformed", deformed)
     if p.shape != q.shape:
         raise InputError(f"reference has {len(p)} vertices, deformed {len(q)}.")
@@ -101,4 +82,11 @@ def _checked(reference: Floats, deformed: Floats, starts: Ints, neighbours: Ints
     bad = np.flatnonzero((neighbours < 0) | (neighbours >= len(p)))
     if bad.size:
         raise InputError(f"neighbours[{bad[0]}] = {neighbours[bad[0]]} is not a vertex in 0..{len(p) - 1}.")
-    return p, q
+    rotations = np.empty((len(p), 3, 3))
+    determined = np.empty(len(p), bool)
+    sizes = np.diff(starts)
+    for size in np.unique(sizes):
+        vertices = np.flatnonzero(sizes == size)
+        rings = np.column_stack([vertices, neighbours[starts[vertices, None] + np.arange(size)]])
+        rotations[vertices], determined[vertices] = kabsch(p[rings], q[rings])
+    return VertexFrames(rotations, np.flatnonzero(~determined))

@@ -69,7 +69,15 @@ def edge_triangle_intersections(x: Floats, triangles: Ints, pairs: Ints) -> Edge
     >>> found.edges.tolist(), found.along.tolist()
     ([[1, 2], [3, 4]], [0.5, 0.5])
     """
-    edges, faces, origin = _candidates(triangles, pairs)
+    # edges of one triangle of each pair that have no vertex of the other, those others, and (pair, role) of each
+    listed: list[tuple[Ints, Ints, Ints]] = []
+    for role in (0, 1):
+        own, other = triangles[pairs[:, role]], pairs[:, 1 - role]
+        for k in range(3):
+            edge = np.sort(own[:, [k, (k + 1) % 3]], axis=1)
+            rows = np.flatnonzero(~(edge[:, :, None] == triangles[other][:, None, :]).any(axis=(1, 2)))
+            listed.append((edge[rows], other[rows], np.column_stack([rows, np.full(len(rows), role)])))
+    edges, faces, origin = (np.concatenate(each) for each in zip(*listed, strict=True))
     p, q = x[edges[:, 0]], x[edges[:, 1]]
     a, b, c = (x[triangles[faces, corner]] for corner in range(3))
     normals = np.cross(b - a, c - a)
@@ -91,21 +99,6 @@ def edge_triangle_intersections(x: Floats, triangles: Ints, pairs: Ints) -> Edge
     return EdgeTriangleIntersections(
         edges[rows], faces[rows], along[rows], barycentric[rows], normals[rows], depths[rows], incidences
     )
-
-
-def _candidates(triangles: Ints, pairs: Ints) -> tuple[Ints, Ints, Ints]:
-    """Edges of one triangle of each pair that have no vertex of the other, those others, and (pair, role) of each."""
-    edges, faces, origin = [], [], []
-    for role in (0, 1):
-        own, other = triangles[pairs[:, role]], pairs[:, 1 - role]
-        for k in range(3):
-            edge = np.sort(own[:, [k, (k + 1) % 3]], axis=1)
-            free = ~(edge[:, :, None] == triangles[other][:, None, :]).any(axis=(1, 2))
-            rows = np.flatnonzero(free)
-            edges.append(edge[rows])
-            faces.append(other[rows])
-            origin.append(np.column_stack([rows, np.full(len(rows), role)]))
-    return np.concatenate(edges), np.concatenate(faces), np.concatenate(origin)
 
 
 @dataclass(frozen=True)
@@ -236,7 +229,9 @@ def inner_ends(mesh: FilledMesh, found: EdgeTriangleIntersections, graph: Contou
             regions.setdefault(int(graph.contour_of_curve[curve]), []).append(region)
     inner, inside = np.full(len(rows), -1), np.zeros(n, bool)
     for candidates in regions.values():
-        chosen = _chosen(candidates)
+        # the old of two, else the one that is not a disc, else the smaller: an end of a tube can pass through the disc
+        # that it cuts out of a sheet, the disc cannot pass through the tube
+        chosen = min(candidates, key=lambda each: (not each.is_old, each.is_disc, each.area, each.intersections[0]))
         inner[chosen.intersections] = chosen.inner
         inside |= chosen.vertices
     return InsideEnds(inner, ~np.isin(graph.contour, list(regions)), inside)
@@ -264,19 +259,6 @@ def _region(
     vertices = np.isin(side, numbers)
     whole = float(area[numbers].sum())
     is_old = float((area * old)[numbers].sum()) > MOSTLY * whole
-    return Region(own, np.where(cut, other_inside, -1), vertices, whole, _is_disc(mesh, vertices), is_old)
-
-
-def _chosen(candidates: list[Region]) -> Region:
-    """The old of two regions, else the one that is not a disc, else the smaller.
-
-    An end of a tube can pass through the disc that it cuts out of a sheet, the disc cannot pass through the tube.
-    """
-    return min(candidates, key=lambda region: (not region.is_old, region.is_disc, region.area, region.intersections[0]))
-
-
-def _is_disc(mesh: FilledMesh, inside: Flags) -> bool:
-    """True where the part of the mesh on the flagged vertices has Euler characteristic 1."""
-    edges = np.count_nonzero(inside[mesh.edges].all(axis=1))
-    faces = np.count_nonzero(inside[mesh.triangles].all(axis=1))
-    return bool(np.count_nonzero(inside) - edges + faces == 1)
+    edges, faces = (np.count_nonzero(vertices[each].all(axis=1)) for each in (mesh.edges, mesh.triangles))
+    is_disc = bool(np.count_nonzero(vertices) - edges + faces == 1)  # its Euler characteristic
+    return Region(own, np.where(cut, other_inside, -1), vertices, whole, is_disc, is_old)

@@ -234,7 +234,14 @@ def _cloth_targets(
     x: Floats, mesh: FilledMesh, own: Ints, inside_before: Flags, layers: Ints | None, gap: float, step: float
 ) -> tuple[list[Part], Flags]:
     """Targets for the contours of cloth with cloth, and the vertices inside."""
-    x = _leave_planes(x, mesh.triangles, own, JITTER * step)
+    # a vertex that lies in a triangle, or an edge in its plane, is on neither side: pairs that are not coplanar jitter
+    corners = x[mesh.triangles[own]]
+    normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    cosine = np.abs(np.einsum("ij,ij->i", normals[:, 0], normals[:, 1]))
+    steep = cosine < COPLANAR * np.linalg.norm(normals, axis=2).prod(axis=1)
+    vertices = np.unique(mesh.triangles[own[steep]])
+    x = x.copy()
+    x[vertices] += JITTER * step * np.random.default_rng(0).standard_normal((len(vertices), 3))
     found = edge_triangle_intersections(x, mesh.triangles, own)
     graph = contours(found, len(own))
     chosen = inner_ends(mesh, found, graph, inside_before)
@@ -256,21 +263,6 @@ def _cloth_targets(
     pierced[found.of_pair[:, 1]] = True
     parts.append(_part_touching(x, mesh, own[~pierced], gap))
     return parts, chosen.inside
-
-
-def _leave_planes(x: Floats, triangles: Ints, pairs: Ints, distance: float) -> Floats:
-    """Positions in which the corners of pairs that are not nearly coplanar are displaced at random by `distance` [m].
-
-    A vertex that lies in a triangle, or an edge in its plane, is on neither side of it.
-    """
-    corners = x[triangles[pairs]]
-    normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    cosine = np.abs(np.einsum("ij,ij->i", normals[:, 0], normals[:, 1]))
-    steep = cosine < COPLANAR * np.linalg.norm(normals, axis=2).prod(axis=1)
-    vertices = np.unique(triangles[pairs[steep]])
-    moved = x.copy()
-    moved[vertices] += distance * np.random.default_rng(0).standard_normal((len(vertices), 3))
-    return moved
 
 
 def _pull_through(triangles: Ints, found: EdgeTriangleIntersections, inner: Ints, gap: float, step: float) -> Part:

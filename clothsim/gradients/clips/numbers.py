@@ -265,7 +265,13 @@ def clip_numbers(scene: Scene, free: Sequence[str] = ()) -> ClipNumbers:
     if of_arrays and "membrane" in scene.effects:
         rests = [each.material_coordinates if each.flat else each.rest_positions for each in world.cloths]
         shapes = tuple(RestShape.of(cloth, rest) for cloth, rest in zip(world.cloths, rests, strict=True))
-        found += _of_lengths(world, shapes)
+        for k, (cloth, shape) in enumerate(zip(world.cloths, shapes, strict=True)):
+            panels = shape.panels[:1] if shape.alike else shape.panels
+            for number, panel in enumerate(panels):
+                parts = [cloth.name] if len(shapes) > 1 else []
+                parts += [panel.name] if len(panels) > 1 else []
+                suffix = ":" + ".".join(parts) if parts else ""
+                found += [ClipNumber(name + suffix, OF_LENGTH, (), k, number) for name in LENGTHS]
     unknown = [name for name in free if not any(_names(name, each.name) for each in found)]
     if unknown:
         known = ", ".join(dict.fromkeys(each.name for each in found))
@@ -355,15 +361,3 @@ def _number(scene: Scene, world: World, path: str) -> float:
     except InputError:
         return 0.0
     return 0.0 if value.shape else float(value)
-
-
-def _of_lengths(world: World, shapes: Sequence[RestShape]) -> list[ClipNumber]:
-    found = []
-    for k, (cloth, shape) in enumerate(zip(world.cloths, shapes, strict=True)):
-        panels = shape.panels[:1] if shape.alike else shape.panels
-        for number, panel in enumerate(panels):
-            parts = [cloth.name] if len(shapes) > 1 else []
-            parts += [panel.name] if len(panels) > 1 else []
-            suffix = ":" + ".".join(parts) if parts else ""
-            found += [ClipNumber(name + suffix, OF_LENGTH, (), k, number) for name in LENGTHS]
-    return found

@@ -179,20 +179,10 @@ def half_surface(f: Floats, nodes: tuple[Floats, Floats, Floats]) -> tuple[Float
     positions : (n, 3) float64
         Vertices with x >= 0 [m].
     triangles : (m, 3) int64
-        Facing towards growing f; a manifold, see `_plain`.
+        Facing towards growing f; a manifold.
     """
-    f = _plain(f)
-    number, positions = _cell_vertices(f, nodes)
-    quads = np.concatenate([_quads(f < 0, number, axis) for axis in range(3)])
-    first, second = (np.linalg.norm(positions[quads[:, k]] - positions[quads[:, k + 2]], axis=1) for k in (0, 1))
-    return positions, cut_quads(quads, (second < first * (1 - 1e-6)).astype(np.int64))
-
-
-def _plain(f: Floats) -> Floats:
-    """f without cells whose inside or outside corners are connected only across a diagonal: there sheets would touch.
-
-    Where the surface has a thin ridge between the nodes such a cell loses its shallowest inside corner.
-    """
+    # A cell whose inside or outside corners are connected only across a diagonal, as at a thin ridge between the nodes,
+    # would let sheets touch: it loses its shallowest inside corner.
     f = f.copy()
     f[0] = f[1]  # exactly symmetric, whatever the rounding
     for _ in range(64):
@@ -205,7 +195,10 @@ def _plain(f: Floats) -> Floats:
         shallow = np.where(values < 0, values, -np.inf).argmax(axis=1)
         f[tuple((bad + _CORNERS[shallow]).T)] = 1e-9
         f[:2] = f[:2].max(axis=0)
-    return f
+    number, positions = _cell_vertices(f, nodes)
+    quads = np.concatenate([_quads(f < 0, number, axis) for axis in range(3)])
+    first, second = (np.linalg.norm(positions[quads[:, k]] - positions[quads[:, k + 2]], axis=1) for k in (0, 1))
+    return positions, cut_quads(quads, (second < first * (1 - 1e-6)).astype(np.int64))
 
 
 def _corners(f: Floats) -> Floats:
@@ -349,10 +342,14 @@ def _smooth(
     positions: Floats, triangles: Ints, field: Field, level: float, cut: Field | None, passes: int
 ) -> tuple[Floats, Ints]:
     middle, held = positions[:, 0] == 0, _on_border(positions, triangles)
-    border = _border(triangles, middle)
+    border, n = _border(triangles, middle), len(positions)
     for _ in range(passes):
         triangles = flipped(positions, triangles, middle, held)
-        moved = positions + 0.6 * (_neighbour_means(positions, triangles, border, held) - positions)
+        inner, back = half_edges(triangles), half_edges(triangles)[:, ::-1]  # the held have neighbours along the border
+        links = np.concatenate([inner[~held[inner[:, 0]]], back[~held[back[:, 0]]], border, border[:, ::-1]])
+        count = np.maximum(np.bincount(links[:, 0], minlength=n), 1)
+        sums = [np.bincount(links[:, 0], positions[links[:, 1], k], minlength=n) for k in range(3)]
+        moved = positions + 0.6 * (np.column_stack([each / count for each in sums]) - positions)
         moved[middle, 0] = 0.0
         positions = _put(moved, held, field, level, cut, 1)
     return positions, triangles
@@ -387,7 +384,10 @@ def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.nda
     good &= ~(middle[one] & middle[two]) & ~(held[one] & held[two])
     across = np.sort(corners[:, 2:], axis=1)
     good &= ~np.isin(across @ [len(positions), 1], unique_edges(triangles) @ [len(positions), 1])
-    good &= _same_side(positions, corners)
+    s, e, a, b = (positions[corners[:, k]] for k in range(4))
+    normal = np.cross(e - s, a - s) + np.cross(s - e, b - e)  # both triangles after the flip face as those before it
+    for flip in (np.cross(b - s, a - s), np.cross(e - b, a - b)):
+        good &= (normal * flip).sum(axis=1) > 0
     best = np.zeros(len(triangles))
     np.maximum.at(best, pairs[good].ravel(), np.repeat(excess[good], 2))
     good &= (excess >= best[pairs[:, 0]]) & (excess >= best[pairs[:, 1]])
@@ -424,26 +424,6 @@ def _border(triangles: Ints, middle: np.ndarray) -> Ints:
     return edges[~middle[edges].all(axis=1)]
 
 
-def _neighbour_means(positions: Floats, triangles: Ints, border: Ints, held: np.ndarray) -> Floats:
-    """Mean of the neighbours of each vertex (n, 3), of those along the border for the `held` ones."""
-    inner = half_edges(triangles)
-    inner = inner[~held[inner[:, 0]]]
-    back = half_edges(triangles)[:, ::-1]
-    links = np.concatenate([inner, back[~held[back[:, 0]]], border, border[:, ::-1]])
-    count = np.maximum(np.bincount(links[:, 0], minlength=len(positions)), 1)
-    return np.column_stack(
-        [np.bincount(links[:, 0], positions[links[:, 1], k], minlength=len(positions)) / count for k in range(3)]
-    )
-
-
 def _angle(positions: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
     a, b = positions[one] - positions[at], positions[two] - positions[at]
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
-
-
-def _same_side(positions: Floats, corners: Ints) -> np.ndarray:
-    """True where both triangles after the flip face as those before it: the four corners are nearly coplanar."""
-    s, e, one, two = (positions[corners[:, k]] for k in range(4))
-    before = np.cross(e - s, one - s) + np.cross(s - e, two - e)
-    first, second = np.cross(two - s, one - s), np.cross(e - two, one - two)
-    return ((before * first).sum(axis=1) > 0) & ((before * second).sum(axis=1) > 0)

@@ -184,9 +184,21 @@ def sphere(keys: Sphere) -> tuple[Floats, Ints]:
     >>> positions.shape, triangles.shape
     ((42, 3), (80, 3))
     """
-    positions, triangles = _icosahedron()
-    for _ in range(keys.subdivisions):
-        positions, triangles = _cut_in_four(positions, triangles)
+    golden = 0.5 * (1 + np.sqrt(5))
+    corners = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0), (0, -1, golden), (0, 1, golden)]
+    corners += [(0, -1, -golden), (0, 1, -golden), (golden, 0, -1), (golden, 0, 1), (-golden, 0, -1), (-golden, 0, 1)]
+    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2)]
+    faces += [(10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5)]
+    faces += [(2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
+    positions, triangles = np.array(corners, float) / np.hypot(1, golden), np.array(faces, np.int64)
+    for _ in range(keys.subdivisions):  # each triangle is cut at the midpoints of its edges, projected to the sphere
+        edges, number, _ = distinct_edges(half_edges(triangles))
+        middles = positions[edges].sum(axis=1)
+        middles /= np.linalg.norm(middles, axis=1)[:, None]
+        m01, m12, m20 = len(positions) + number.reshape(-1, 3).T
+        a, b, c = triangles.T
+        parts = [np.column_stack(part) for part in ((a, m01, m20), (m01, b, m12), (m20, m12, c), (m01, m12, m20))]
+        positions, triangles = np.concatenate([positions, middles]), np.stack(parts, axis=1).reshape(-1, 3)
     return keys.radius * positions, triangles
 
 
@@ -219,7 +231,15 @@ def capsule(keys: Capsule) -> tuple[Floats, Ints]:
             f"height must be above 2 radius = {2 * radius:g} m, not {height:g}.",
             'Increase the height, or use mesh = "sphere".',
         )
-    ring_radius, ring_height = _capsule_rings(radius, straight, segments)
+    # radius and height of the rings from below upwards, without the tips, evenly spaced along the profile
+    quarter = max(2, segments // 4)
+    latitude = 0.5 * np.pi * np.arange(1, quarter + 1) / quarter
+    across, down = radius * np.sin(latitude), straight / 2 + radius * np.cos(latitude)
+    down[-1] = straight / 2
+    pieces = as_count("height / radius", max(1, round(straight / (0.5 * np.pi * radius / quarter))), most=10**5)
+    middle = straight * (np.arange(1, pieces) / pieces - 0.5)
+    ring_radius = np.concatenate([across, np.full(pieces - 1, radius), across[::-1]])
+    ring_height = np.concatenate([-down, middle, down[::-1]])
     rings = len(ring_radius)
     column, row = lattice_points(segments - 1, rings - 1).astype(np.int64).T
     angle = 2 * np.pi * column / segments
@@ -268,38 +288,3 @@ def ring(keys: Ring) -> tuple[Floats, Ints]:
     corners = [((i + a) % segments * around + (j + b) % around).ravel() for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
     quads = np.stack(corners, axis=1)
     return positions.reshape(-1, 3), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-
-
-def _capsule_rings(radius: float, straight: float, segments: int) -> tuple[Floats, Floats]:
-    """Radius and height of the rings from below upwards, without the tips, evenly spaced along the profile."""
-    quarter = max(2, segments // 4)
-    latitude = 0.5 * np.pi * np.arange(1, quarter + 1) / quarter
-    across, down = radius * np.sin(latitude), straight / 2 + radius * np.cos(latitude)
-    down[-1] = straight / 2
-    pieces = as_count("height / radius", max(1, round(straight / (0.5 * np.pi * radius / quarter))), most=10**5)
-    middle = straight * (np.arange(1, pieces) / pieces - 0.5)
-    ring_radius = np.concatenate([across, np.full(pieces - 1, radius), across[::-1]])
-    return ring_radius, np.concatenate([-down, middle, down[::-1]])
-
-
-def _icosahedron() -> tuple[Floats, Ints]:
-    golden = 0.5 * (1 + np.sqrt(5))
-    corners = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0), (0, -1, golden), (0, 1, golden)]
-    corners += [(0, -1, -golden), (0, 1, -golden), (golden, 0, -1), (golden, 0, 1), (-golden, 0, -1), (-golden, 0, 1)]
-    triangles = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2)]
-    triangles += [(10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5)]
-    triangles += [(2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
-    return np.array(corners, float) / np.hypot(1, golden), np.array(triangles, np.int64)
-
-
-def _cut_in_four(positions: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Each triangle of a unit sphere cut at the midpoints of its edges, which are projected to the sphere."""
-    edges, number, _ = distinct_edges(half_edges(triangles))
-    middles = positions[edges].sum(axis=1)
-    middles /= np.linalg.norm(middles, axis=1)[:, None]
-    m01, m12, m20 = len(positions) + number.reshape(-1, 3).T
-    a, b, c = triangles.T
-    parts = [(a, m01, m20), (m01, b, m12), (m20, m12, c), (m01, m12, m20)]
-    return np.concatenate([positions, middles]), np.stack([np.column_stack(part) for part in parts], axis=1).reshape(
-        -1, 3
-    )

@@ -159,7 +159,9 @@ class Anchors:
         parents = _parents(new_keys, keys, order, elements, self.elements, normals, self.normals)
         found = np.flatnonzero(parents >= 0)
         slips = np.zeros((len(new_keys), 3))
-        slips[found] = _turned(self.slips[parents[found]], normals[found])
+        slips[found] = turned = tangential(self.slips[parents[found]], normals[found])
+        before, after = lengths(self.slips[parents[found]])[:, None], lengths(turned)[:, None]
+        slips[found] *= np.divide(before, after, out=np.ones_like(after), where=after > 0.0)  # with its length
         return parents, slips
 
 
@@ -423,13 +425,6 @@ def _keys(elements: Ints, weights: Floats, labels: Ints) -> Ints:
         second = elements[p, 1] if weights[p, 0] != 1.0 and weights[p, 1] != 1.0 else -1
         keys[p] = (first * (len(labels) + 1) + second + 1) * count + labels[elements[p, 3]]
     return keys
-
-
-def _turned(vectors: Floats, normals: Floats) -> Floats:
-    """Tangential components of vectors (p, 3) for unit normals, with the lengths of the vectors."""
-    turned = tangential(vectors, normals)
-    before, after = lengths(vectors)[:, None], lengths(turned)[:, None]
-    return np.asarray(turned * np.divide(before, after, out=np.ones_like(after), where=after > 0.0), np.float64)
 
 
 # Adjoints, for the gradient of a run: derivatives of by . result, by each argument.

@@ -185,7 +185,13 @@ class Candidates:
         """Collision-free fraction over the listed pairs."""
         if not len(self._pairs):
             return most
-        indices = self._may_reach_floor(displacement)
+        # With d its distance at the reference, a pair is at most d + displacement apart at the start of the path. It
+        # may descend to its floor or TOLERANCE above, where the CCD stops it, if
+        # d - displacement <= offset + remainder (d + displacement - offset).
+        remainder = 1.0 - SLACK * (1.0 - 2.0 * TOLERANCE)
+        factor, pairs = (1.0 + remainder) / (1.0 - remainder), self._pairs
+        listed = pairs.elements, pairs.n_points, self._distances, displacement.by_row, displacement.approach
+        indices = pairs_possibly_within(*listed, self.offset, factor)
         n_points = int(np.searchsorted(indices, self._pairs.n_points))
         return self.collision_free_fraction(self._pairs.elements.take(indices, axis=0), n_points, x, dx, most)
 
@@ -200,19 +206,6 @@ class Candidates:
         self.seconds["CCD"] += thread_time() - start
         return float(fraction)
 
-    def _may_reach_floor(self, displacement: Displacement) -> Ints:
-        """Indices of the pairs that the CCD may stop, if no row of x moves further than `displacement`.
-
-        With d the distance at the reference, such a pair is at most d + displacement apart at the start of the path,
-        and descends to its floor or TOLERANCE above: d - displacement <= offset + remainder (d + displacement -
-        offset).
-        """
-        remainder = 1.0 - SLACK * (1.0 - 2.0 * TOLERANCE)
-        factor = (1.0 + remainder) / (1.0 - remainder)
-        pairs = self._pairs
-        listed = pairs.elements, pairs.n_points, self._distances, displacement.by_row, displacement.approach
-        return pairs_possibly_within(*listed, self.offset, factor)
-
     def _ensure_covers(
         self, before: Floats, after: Floats, distance: float, displacement: Displacement | None = None
     ) -> Displacement:
@@ -223,7 +216,10 @@ class Candidates:
         margin = 0.5 * (self.activation_distance + 4.0 * self.skin - distance)
         if self._path is not None:
             displacement = self._displacements(before, after) if displacement is None else displacement
-            if displacement.approach <= 2.0 * margin or self._follows_path(before, after, margin):
+            ends = (before,) if after is before else (after, before)
+            if displacement.approach <= 2.0 * margin or all(
+                follows_path(x, *self._path, self.surface.rows, margin) for x in ends
+            ):
                 return displacement
         self._update_list(before, after)
         return self._displacements(before, after)
@@ -235,19 +231,22 @@ class Candidates:
         by_row, first, second = displacement_norms(before, after, self._path[0], rows, n_first)
         return Displacement(by_row, first + (second if n_first < len(rows) else first))
 
-    def _follows_path(self, before: Floats, after: Floats, margin: float) -> bool:
-        """True where all rows stay within `margin` [m] of the listed path at one common fraction."""
-        assert self._path is not None
-        positions = (before,) if after is before else (after, before)
-        return all(follows_path(x, *self._path, self.surface.rows, margin) for x in positions)
-
     def _update_list(self, before: Floats, after: Floats) -> None:
         """Search the pairs incident to rows that leave the skin on a path, or all pairs; the rest is cached."""
         self.builds += 1
         distance = self.activation_distance + (4.0 + 2.0 * PATH_TOLERANCE) * self.skin
-        moved = self._move_reference(before)
-        outside = self._outside_skin(before, after)
-        if outside is None:
+        moved = np.zeros(len(before), bool)
+        if self._path is not None:  # the reference moves along its path to the point closest to `before`
+            fraction = path_fraction(before, *self._path, self.surface.rows)
+            positions, moved = point_on_path(*self._path, fraction)
+            self._path = positions, positions
+        every, outside = self._path is None, np.zeros(len(before), bool)
+        if not every:
+            outside = ~(self._displacements(before, after).by_row <= self.skin)
+            few = outside.sum() <= MAX_FRACTION_OUTSIDE * len(self.surface.first.points)
+            still = self.surface.is_self_contact or not outside[self.surface.second.points].any()
+            every = not few or not still
+        if every:
             self._path = after.copy(), before.copy()
             self._pairs, self._distances = self.search.pairs(*self._path, distance)
             self.searched_vertices += len(self.surface.rows)
@@ -261,20 +260,3 @@ class Candidates:
         self._path = start, np.where(outside[:, None], before, start)
         found, found_distances = self.search.pairs(*self._path, distance, outside)
         self._pairs, self._distances = merged(self._pairs, indices, distances, found, found_distances)
-
-    def _move_reference(self, x: Floats) -> np.ndarray:
-        """Move the reference along its path to the point closest to x; returns the rows that moved (N,)."""
-        if self._path is None:
-            return np.zeros(len(x), bool)
-        positions, moved = point_on_path(*self._path, path_fraction(x, *self._path, self.surface.rows))
-        self._path = positions, positions
-        return moved
-
-    def _outside_skin(self, before: Floats, after: Floats) -> np.ndarray | None:
-        """Rows of x that leave the skin on a path, (N,); None where all pairs are to be searched."""
-        if self._path is None:
-            return None
-        outside = ~(self._displacements(before, after).by_row <= self.skin)
-        few = outside.sum() <= MAX_FRACTION_OUTSIDE * len(self.surface.first.points)
-        second_still = self.surface.is_self_contact or not outside[self.surface.second.points].any()
-        return outside if few and second_still else None

@@ -298,7 +298,12 @@ class FrictionEnergy(
         by_x, by_weights = at_start.start_adjoint(
             start, *(one + other for one, other in zip(to_anchors, of_start, strict=True))
         )
-        by_rigid, by_displacements = self._predictable_adjoint(at_start, by_end)
+        by_rigid, by_displacements = np.zeros_like(by_end), by_end.copy()  # of `_predictable`
+        cloths = np.unique(self.labels[at_start.elements[at_start.turners[:, 0] < 0]])
+        if len(cloths):
+            rows = np.isin(self.labels, cloths)
+            own = start[rows], self.contacts.displacements[rows], self.labels[rows]
+            by_rigid[rows], by_displacements[rows] = rigid_adjoint(*own, by_end[rows])
         by_x += by_end + by_rigid
         # slips, from the anchors of the step before
         parents, _ = self.anchors.inherited(*pairs, normals, self.labels)
@@ -318,16 +323,6 @@ class FrictionEnergy(
             by_x += of_x
         more[:, :4], more[:, 4:] = to_weights + by_weights, to_normals + by_normals
         return by_x, memory if len(memory) else None, step.dt * by_displacements
-
-    def _predictable_adjoint(self, anchors: Anchors, by: Floats) -> tuple[Floats, Floats]:
-        """Adjoints of `_predictable` by the start and by the displacements of the contacts, (N, 3) each."""
-        by_start, by_displacements = np.zeros_like(by), by.copy()
-        cloths = np.unique(self.labels[anchors.elements[anchors.turners[:, 0] < 0]])
-        if len(cloths):
-            rows = np.isin(self.labels, cloths)
-            own = self.contacts.start[rows], self.contacts.displacements[rows], self.labels[rows]
-            by_start[rows], by_displacements[rows] = rigid_adjoint(*own, by[rows])
-        return by_start, by_displacements
 
     def defaults_used(self) -> tuple[str, ...]:
         """Elastic slip or eps_v, and the number of lagged solves a step."""

@@ -42,7 +42,14 @@ def friction(world: World, keys: Friction, *, contacts: Sequence[str] = ()) -> E
     if not contacts:
         return Off("the scene has no contact")
     size = max(float(np.linalg.norm(np.ptp(each.positions, axis=0))) for each in world.cloths or world.rigid)
-    speed, slip = _scales(size, keys, bool((static != kinetic).any()))
+    speed, slip = 0.0, ELASTIC_SLIP * size if isinstance(keys.elastic_slip, str) else keys.elastic_slip
+    if not isinstance(keys.eps_v, str):
+        if keys.elastic_slip != "auto" or (static != kinetic).any():
+            other = "elastic_slip" if keys.elastic_slip != "auto" else "different mu_static and mu_kinetic"
+            raise InputError(
+                f"effects.friction has both eps_v and {other}.", "Leave eps_v out: contacts then hold by anchors."
+            )
+        speed, slip = keys.eps_v, 0.0
     from clothsim.physics.contact.friction import (  # after the last Off: no kernel for a zero
         NO_CONTACTS,
         FrictionEnergy,
@@ -61,19 +68,6 @@ def triangles_at(world: World) -> Ints:
     return found
 
 
-def _scales(size: float, keys: Friction, two: bool) -> tuple[float, float]:
-    """eps_v [m/s] and the elastic slip [m], one of them 0, for cloth of `size` [m]; two: different coefficients."""
-    slip = keys.elastic_slip
-    if isinstance(keys.eps_v, str):
-        return 0.0, ELASTIC_SLIP * size if isinstance(slip, str) else slip
-    if slip != "auto" or two:
-        other = "elastic_slip" if slip != "auto" else "different mu_static and mu_kinetic"
-        raise InputError(
-            f"effects.friction has both eps_v and {other}.", "Leave eps_v out: contacts then hold by anchors."
-        )
-    return keys.eps_v, 0.0
-
-
 def coefficient_tables(world: World, keys: Friction) -> tuple[Floats, Floats]:
     """mu_static and mu_kinetic of each pair of objects, (L, L). InputError for an invalid value or name.
 
@@ -88,12 +82,19 @@ def coefficient_tables(world: World, keys: Friction) -> tuple[Floats, Floats]:
     tables = np.full((2, len(world.names), len(world.names)), np.array([static, kinetic])[:, None, None])
     entries: dict[frozenset[int], int] = {}
     for number, entry in enumerate(keys.pairs):
-        a, b, of_pair = _pair(world, number, entry)
+        key = f"effects.friction.pairs[{number}]"
+        if isinstance(entry, str) or not isinstance(entry, Sequence) or len(entry) not in (3, 4):
+            raise InputError(f"{key} must be two names and a coefficient, or mu_static and mu_kinetic, not {entry!r}.")
+        for name in entry[:2]:
+            if name not in world.names:
+                raise InputError(f"{key}: unknown object {name!r}.", f"Choose from: {', '.join(world.names)}.")
+        a, b = (world.names.index(str(name)) for name in entry[:2])
+        of_pair = [as_positive(key, entry[k], zero=True) for k in (2, -1)]  # type: ignore[arg-type]
+        _check_order(key, *of_pair)
         first = entries.setdefault(frozenset((a, b)), number)
         if first != number:
             raise InputError(
-                f"effects.friction.pairs[{number}] repeats the pair {world.names[a]} and {world.names[b]} of "
-                f"pairs[{first}].",
+                f"{key} repeats the pair {world.names[a]} and {world.names[b]} of pairs[{first}].",
                 "Remove one of the two.",
             )
         tables[:, a, b] = tables[:, b, a] = of_pair
@@ -106,20 +107,6 @@ def _check_order(where: str, static: float, kinetic: float) -> None:
             f"{where}: mu_kinetic is {kinetic:g}, more than mu_static, {static:g}.",
             "A contact that slides resists at most as much as one that holds.",
         )
-
-
-def _pair(world: World, number: int, entry: Sequence[object]) -> tuple[int, int, tuple[float, float]]:
-    """Objects and both coefficients of an entry of `pairs`."""
-    key = f"effects.friction.pairs[{number}]"
-    if isinstance(entry, str) or not isinstance(entry, Sequence) or len(entry) not in (3, 4):
-        raise InputError(f"{key} must be two names and a coefficient, or mu_static and mu_kinetic, not {entry!r}.")
-    for name in entry[:2]:
-        if name not in world.names:
-            raise InputError(f"{key}: unknown object {name!r}.", f"Choose from: {', '.join(world.names)}.")
-    a, b = (world.names.index(str(name)) for name in entry[:2])
-    static, kinetic = (as_positive(key, entry[k], zero=True) for k in (2, -1))  # type: ignore[arg-type]
-    _check_order(key, static, kinetic)
-    return a, b, (static, kinetic)
 
 
 EXAMPLE = Example(

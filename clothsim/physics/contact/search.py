@@ -344,21 +344,17 @@ class CandidateSearch:
         first, second = self.surface.first, self.surface.second
         orders = [lexicographic_order(a, b) for a, b, _ in found]
         ends = np.cumsum([len(order) for order in orders])
-        pairs = Pairs(*_room_for_pairs(int(ends[-1])), n_points=int(ends[1]))
-        distances = np.empty(len(pairs))
-        columns = pairs.elements, pairs.weights, pairs.thresholds, pairs.keys, distances
+        n = int(ends[-1])
+        columns = np.empty((n, 4), np.int64), np.empty(n), np.empty(n), np.empty(n, np.int64)
+        pairs, distances = Pairs(*columns, n_points=int(ends[1])), np.empty(n)
+        written = *columns, distances
         sides = (first.points, second.triangles), (second.points, first.triangles)
         for kind, (points, triangles) in enumerate(sides):
             at = int(ends[kind]) - len(orders[kind])
-            _list_point_pairs(*columns, at, kind, *found[kind], orders[kind], points, triangles, self._point_areas)
+            _list_point_pairs(*written, at, kind, *found[kind], orders[kind], points, triangles, self._point_areas)
         of_edges = first.edges, second.edges, *self._areas, self._flat, *self._lengths
-        _list_edge_pairs(*columns, int(ends[1]), *found[2], orders[2], *of_edges)
+        _list_edge_pairs(*written, int(ends[1]), *found[2], orders[2], *of_edges)
         return pairs, distances
-
-
-def _room_for_pairs(count: int) -> tuple[Ints, Floats, Floats, Ints]:
-    """Uninitialised `Pairs.elements`, weights, thresholds and keys."""
-    return np.empty((count, 4), np.int64), np.empty(count), np.empty(count), np.empty(count, np.int64)
 
 
 @kernel
@@ -443,18 +439,13 @@ class _Trees:
         if kind not in self._trees:
             self._trees[kind] = build_tree(self._elements[kind], *self._path)
         elif self._paths[kind] is not self._path:
-            moved = self._moved_since(self._paths[kind])
-            if moved.any():
-                refit(self._trees[kind], *self._path, moved)
+            path, known = self._paths[kind], self._moved  # two threads may ask for paths of their own
+            if known is None or known[0] is not path:  # most often all kinds had the same path
+                self._moved = known = path, _rows_differ(*path, *self._path)
+            if known[1].any():
+                refit(self._trees[kind], *self._path, known[1])
         self._paths[kind] = self._path
         return self._trees[kind]
-
-    def _moved_since(self, path: tuple[Floats, Floats]) -> np.ndarray:
-        """Rows of x (N,) whose path has changed; cached, as most often all kinds had the same path."""
-        known = self._moved  # two threads may ask for paths of their own
-        if known is None or known[0] is not path:
-            self._moved = known = path, _rows_differ(*path, *self._path)
-        return known[1]
 
 
 @kernel

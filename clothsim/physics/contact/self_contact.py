@@ -2,7 +2,7 @@
 
 from clothsim.keys.typed_effects import SelfContact
 from clothsim.mesh.world import World
-from clothsim.physics.contact.rods import with_offset_of_rods
+from clothsim.physics.contact.setup import with_offset_of_rods
 from clothsim.physics.contact.surface import cloth_surface, excluded_pairs
 from clothsim.physics.energies.base import Energy, Off
 from clothsim.physics.energies.example import Example, Idle

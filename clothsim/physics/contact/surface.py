@@ -58,18 +58,14 @@ def flat_features(positions: Floats, triangles: Ints) -> FlatFeatures:
     hinges, _ = interior_edges(triangles)
     start, end, opposite, other = (positions[column] for column in hinges.T)
     along = unit(end - start)
-    inward, other_inward = (unit(_across(corner - start, along)) for corner in (opposite, other))
+    arms = [corner - start for corner in (opposite, other)]  # and their parts across the edge
+    inward, other_inward = (unit(arm - (arm * along).sum(axis=1, keepdims=True) * along) for arm in arms)
     flat = np.linalg.norm(inward + other_inward, axis=1) <= FLAT
     flat &= (inward != 0.0).any(axis=1)  # a face without area has no direction
     edges = np.sort(hinges[flat, :2], axis=1)
     n_edges, n_flat = (np.bincount(rows.ravel(), minlength=len(positions)) for rows in (unique_edges(triangles), edges))
     points = np.flatnonzero((n_edges > 0) & (n_edges == n_flat))
     return FlatFeatures(points, edges)
-
-
-def _across(vectors: Floats, along: Floats) -> Floats:
-    """Components of vectors (n, 3) perpendicular to the unit vectors `along` (n, 3)."""
-    return np.asarray(vectors - (vectors * along).sum(axis=1, keepdims=True) * along, np.float64)
 
 
 @dataclass(frozen=True)
@@ -232,8 +228,15 @@ def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> Cont
         world.body_triangles,
     )
     movers, n_shared = _movers(world), sum(len(body.triangles) for body in world.rigid)
-    allowed = _excluding(allowed, excluded)
-    return ContactSurface(movers, bodies, rest, corners, world.labels, allowed, _flat(world), n_shared, _bare(world))
+    allowed, flat = _excluding(allowed, excluded), NO_FLAT_FEATURES
+    found = [  # on the bodies that stay rigid
+        flat_features(body.positions, body.triangles).shifted(rows.start)
+        for body, rows in zip(world.bodies, world.body_slices, strict=True)
+        if body.motion.still or not isinstance(body.motion, FrameMotion | PosedMotion)
+    ]
+    if found:
+        flat = FlatFeatures(*(np.concatenate([getattr(each, name) for each in found]) for name in ("points", "edges")))
+    return ContactSurface(movers, bodies, rest, corners, world.labels, allowed, flat, n_shared, _bare(world))
 
 
 def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
@@ -273,18 +276,6 @@ def _movers(world: World) -> Primitives:
         np.concatenate([cloths.edges, unique_edges(triangles)]),
         np.concatenate([cloths.triangles, triangles]),
     )
-
-
-def _flat(world: World) -> FlatFeatures:
-    """Flat features of the bodies that stay rigid."""
-    found = [
-        flat_features(body.positions, body.triangles).shifted(rows.start)
-        for body, rows in zip(world.bodies, world.body_slices, strict=True)
-        if body.motion.still or not isinstance(body.motion, FrameMotion | PosedMotion)
-    ]
-    if not found:
-        return NO_FLAT_FEATURES
-    return FlatFeatures(*(np.concatenate([getattr(each, name) for each in found]) for name in ("points", "edges")))
 
 
 def _rest_positions(world: World) -> Floats:

@@ -173,17 +173,13 @@ def wind_of(name: str, value: Any) -> Wind:
             raise InputError(f"{name}.velocity is zero: a gust needs a mean wind.", "Give a velocity [m/s].")
         return GustField(velocity, value.amplitude, value.period, float(np.radians(value.sway_degrees)))
     if isinstance(value, Vortex):
-        return _vortex(name, value)
+        centre, axis, velocity = (np.array(each, np.float64) for each in (value.centre, value.axis, value.velocity))
+        if not axis.any():
+            raise InputError(f"{name}.axis is zero.", "Give the direction of the vortex line.")
+        return VortexField(centre, axis / np.linalg.norm(axis), value.circulation, value.core, velocity)
     if isinstance(value, Mapping):
         raise lost_function(name, value)
     return Uniform(np.array(value, np.float64))
-
-
-def _vortex(name: str, keys: Vortex) -> VortexField:
-    centre, axis, velocity = (np.array(each, np.float64) for each in (keys.centre, keys.axis, keys.velocity))
-    if not axis.any():
-        raise InputError(f"{name}.axis is zero.", "Give the direction of the vortex line.")
-    return VortexField(centre, axis / np.linalg.norm(axis), keys.circulation, keys.core, velocity)
 
 
 @dataclass(frozen=True)

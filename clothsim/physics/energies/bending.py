@@ -24,7 +24,7 @@ MODELS = {
 """Bending models by name: the function that builds the energy of hinges of a world, imported when it is chosen."""
 
 
-HYSTERETIC = "clothsim.physics.energies.midedge_hysteresis:hysteretic_bending"
+HYSTERETIC = "clothsim.physics.energies.midedge_softening:hysteretic_bending"
 """The mid-edge model of fabrics with hysteresis in bending, and maybe a slope."""
 SOFTENING = "clothsim.physics.energies.midedge_softening:softening_bending"
 """The mid-edge model of fabrics whose bending has a slope."""

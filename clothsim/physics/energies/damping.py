@@ -1,6 +1,6 @@
 """Damping of velocity, of the strain rate and of the bending rate: the effect `damping`."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -14,7 +14,6 @@ from clothsim.base.linalg import eigen_2x2
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.keys.typed_effects import Damping
 from clothsim.mesh.cloth import dihedral_angles
-from clothsim.mesh.rod import Rod
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example
@@ -117,74 +116,53 @@ class Dampings(Energy, Restrictable):
         hessians = [part.hessian(x, project) for part in self.parts]
         by_element = [h for h in hessians if isinstance(h, ByElement)]  # all of them
         size = max(h.elements.shape[1] for h in by_element)
-        padded = [_padded(h, size) for h in by_element]
-        elements, blocks = zip(*padded, strict=True)
+        elements, blocks = [], []
+        for h in by_element:
+            missing = size - h.elements.shape[1]
+            elements.append(np.concatenate([h.elements, np.repeat(h.elements[:, -1:], missing, axis=1)], axis=1))
+            blocks.append(np.pad(h.blocks, ((0, 0), (0, 3 * missing), (0, 3 * missing))) if missing else h.blocks)
         return ElementHessian(np.concatenate(elements), np.concatenate(blocks))
 
 
 def damping(world: World, keys: Damping) -> Energy | Off:
     """Dampings of all cloths; those on strain and bending leave rigid motions undamped. Off where all three are 0."""
     rates = over_cloth("effects.damping.rate", keys.rate, world, least=0.0)
-    of_rods = [_rate_of_rod(rod, keys.rate) for rod, _ in world.rods]
+    of_rods = []  # the number of all, or that of its name
+    for rod, _ in world.rods:
+        rate = keys.rate.get(rod.name, keys.rate.get("other")) if isinstance(keys.rate, Mapping) else keys.rate
+        if not isinstance(rate, int | float):
+            raise InputError(
+                f"effects.damping.rate has no number for the rod {rod.name}.", f"Write {{ {rod.name} = 4.0 }}."
+            )
+        of_rods.append(float(rate))
     beta = keys.stiffness
     eta = over_cloth("effects.damping.strain_rate", keys.strain_rate, world, least=0.0)
     shear, trace = eta + 2 * beta * world.per_triangle("shear_modulus"), beta * world.per_triangle("lame_modulus")
     parts: list[Energy] = []
     if rates.any() or any(of_rods):
-        parts.append(_mass_damping(world, rates, of_rods))
+        rows, start = every_vertex(world.n_cloth), world.start()[: world.n_cloth]
+        every = np.append(rates, of_rods)
+        if (every == every[0]).all():
+            parts.append(MassDamping(rows, world.masses, float(every[0]), start, 1.0))
+        else:
+            thirds = np.repeat(rates * world.per_triangle("density") * world.rest_areas / 3, 3)
+            weights = np.bincount(world.triangles.ravel(), thirds, world.n_cloth).astype(np.float64)
+            for (_, place), rate in zip(world.rods, of_rods, strict=True):
+                weights[place] = rate * world.masses[place]
+            parts.append(MassDamping(rows, weights, 1.0, start, 1.0))
     if shear.any():
-        parts.append(_strain_damping(world, shear, trace))
+        some = np.flatnonzero(shear)
+        of_triangles = world.triangles[some], world.rest_shape_inverses[some], world.rest_areas[some]
+        parts.append(StrainDamping(*of_triangles, shear[some], trace[some], np.zeros((len(some), 2, 2)), 1.0))
     if beta and world.hinges.stiffness.any():
-        parts.append(_hinge_damping(world, beta))
+        spring = hinge_bending(world.hinges)
+        stiff = np.flatnonzero(spring.stiffnesses)
+        hinges = HingeBending(spring.vertices[stiff], spring.rest_angles[stiff], spring.stiffnesses[stiff])
+        parts.append(HingeDamping(beta * hinges.stiffnesses, hinges))
     if not parts:
         given = beta > 0  # but no part of the fabric has a stiffness
         return Off("the fabric has no stiffness to be proportional to" if given else "rate is 0")
     return parts[0] if len(parts) == 1 else Dampings(tuple(parts))
-
-
-def _rate_of_rod(rod: Rod, rate: object) -> float:
-    """The rate of a rod: the number of all, or that of its name. InputError for an array."""
-    value = rate.get(rod.name, rate.get("other")) if isinstance(rate, Mapping) else rate
-    if not isinstance(value, int | float):
-        raise InputError(
-            f"effects.damping.rate has no number for the rod {rod.name}.", f"Write {{ {rod.name} = 4.0 }}."
-        )
-    return float(value)
-
-
-def _mass_damping(world: World, rates: Floats, of_rods: Sequence[float]) -> MassDamping:
-    rows, start = every_vertex(world.n_cloth), world.start()[: world.n_cloth]
-    every = np.append(rates, of_rods)
-    if (every == every[0]).all():
-        return MassDamping(rows, world.masses, float(every[0]), start, 1.0)
-    thirds = np.repeat(rates * world.per_triangle("density") * world.rest_areas / 3, 3)
-    weights = np.bincount(world.triangles.ravel(), thirds, world.n_cloth).astype(np.float64)
-    for (_, place), rate in zip(world.rods, of_rods, strict=True):
-        weights[place] = rate * world.masses[place]
-    return MassDamping(rows, weights, 1.0, start, 1.0)
-
-
-def _strain_damping(world: World, shear: Floats, trace: Floats) -> Energy:
-    selected = np.flatnonzero(shear)
-    inverses, areas = world.rest_shape_inverses[selected], world.rest_areas[selected]
-    none = np.zeros((len(selected), 2, 2))
-    return StrainDamping(world.triangles[selected], inverses, areas, shear[selected], trace[selected], none, 1.0)
-
-
-def _hinge_damping(world: World, beta: float) -> Energy:
-    spring = hinge_bending(world.hinges)
-    stiff = np.flatnonzero(spring.stiffnesses)
-    hinges = HingeBending(spring.vertices[stiff], spring.rest_angles[stiff], spring.stiffnesses[stiff])
-    return HingeDamping(beta * hinges.stiffnesses, hinges)
-
-
-def _padded(hessian: ByElement, size: int) -> tuple[np.ndarray, Floats]:
-    missing = size - hessian.elements.shape[1]
-    if not missing:
-        return hessian.elements, hessian.blocks
-    last = np.repeat(hessian.elements[:, -1:], missing, axis=1)
-    blocks = np.pad(hessian.blocks, ((0, 0), (0, 3 * missing), (0, 3 * missing)))
-    return np.concatenate([hessian.elements, last], axis=1), blocks
 
 
 EXAMPLE = Example(

@@ -18,7 +18,9 @@ FLAT = 1e-6
 """Extent along z, over the largest, of a rest shape that is flat."""
 NEAR = 0.01
 """Distance of the means of two borders, over the extent of the cloth, below which neither is the farther one."""
-NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
+SIDES = {"left": (0, -1), "right": (0, 1), "top": (2, 1), "bottom": (2, -1)}
+"""Axis and sign of each in space; z is up."""
+NAMED = ("corners", *SIDES, "boundary")
 TABLES = (
     'It takes { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 } or { label = "lower_interface" }.'
 )
@@ -51,7 +53,11 @@ def selected_vertices(where: str, world: World, select: object) -> Ints:
         start, parts = world.start(), []
         for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
             if not len(cloth.triangles):  # a rod, whose border are its ends
-                parts.append(_ends(select, start[rows]) + rows.start)
+                ends = np.array([rows.start, rows.stop - 1])
+                if select in SIDES:  # the one that is farthest to it
+                    axis, sign = SIDES[select]
+                    ends = ends[:1] if sign * start[ends[0], axis] >= sign * start[ends[1], axis] else ends[1:]
+                parts.append(ends)
                 continue
             curves = border_curves(cloth.triangles)
             if len(curves) < 2 or is_flat(cloth.rest_positions) or select in ("boundary", "corners"):
@@ -107,20 +113,6 @@ def of_pattern(where: str, world: World, select: Mapping[str, Any]) -> Ints:
     return np.concatenate(found)
 
 
-def _select_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
-    if set(select) != {"box"}:
-        raise InputError(f"{where} has the keys {sorted(select)}.", TABLES)
-    box = as_points(f"{where}.box", select["box"])
-    if len(box) != 2:
-        raise InputError(f"{where}.box has {len(box)} corners.", "Give two: [lo, hi].")
-    low, high = box
-    start = world.start()[: world.n_cloth] + world.origin
-    selected = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
-    if not len(selected):
-        raise InputError(f"{where}.box contains no cloth vertex.", "Move or enlarge it.")
-    return selected
-
-
 def is_flat(rest: Floats) -> bool:
     """True for a rest shape (n, 3) in a plane z = constant, whose sides lie along x and y."""
     size = np.ptp(rest, axis=0)
@@ -140,7 +132,7 @@ def _opening(where: str, name: str, cloth: str, start: Floats, curves: list[Ints
 
     Top and bottom are along z, left and right along x.
     """
-    axis, sign = {"left": (0, -1), "right": (0, 1), "bottom": (2, -1), "top": (2, 1)}[name]
+    axis, sign = SIDES[name]
     along = sign * start[:, axis]
     means = np.array([along[rows].mean() for rows in curves])
     chosen = np.flatnonzero(means >= means.max() - NEAR * np.ptp(along))
@@ -152,12 +144,18 @@ def _opening(where: str, name: str, cloth: str, start: Floats, curves: list[Ints
     return np.unique(np.concatenate([curves[k] for k in chosen]))
 
 
-def _ends(name: str, start: Floats) -> Ints:
-    """Ends of a rod: both, or the one that is farthest to a side, left and right along x, bottom and top along z."""
-    if name in ("boundary", "corners"):
-        return np.array([0, len(start) - 1])
-    axis, sign = {"left": (0, -1), "right": (0, 1), "bottom": (2, -1), "top": (2, 1)}[name]
-    return np.array([0 if sign * start[0, axis] >= sign * start[-1, axis] else len(start) - 1])
+def _select_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
+    if set(select) != {"box"}:
+        raise InputError(f"{where} has the keys {sorted(select)}.", TABLES)
+    box = as_points(f"{where}.box", select["box"])
+    if len(box) != 2:
+        raise InputError(f"{where}.box has {len(box)} corners.", "Give two: [lo, hi].")
+    low, high = box
+    start = world.start()[: world.n_cloth] + world.origin
+    selected = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
+    if not len(selected):
+        raise InputError(f"{where}.box contains no cloth vertex.", "Move or enlarge it.")
+    return selected
 
 
 def _side(name: str, rest: Floats, triangles: Ints) -> Ints:
@@ -270,7 +268,14 @@ def over_cloth(name: str, value: Any, world: World, least: float = -math.inf) ->
     panels = {key: one for key, one in value.items() if any(key in cloth.groups for cloth in world.cloths)}
     whole = {key: one for key, one in value.items() if key not in panels}
     if panels and OTHER not in whole and not any(cloth.name in whole for cloth in world.cloths):
-        _refuse_uncovered(name, panels, world)
+        for cloth in world.cloths:
+            covered = [cloth.groups[panel] for panel in panels if panel in cloth.groups]
+            left = np.setdiff1d(np.arange(len(cloth.triangles)), np.concatenate([np.zeros(0, np.int64), *covered]))
+            if len(left):
+                raise InputError(
+                    f"{name} has no value for {len(left)} triangles of the cloth {cloth.name!r}, such as {left[0]}.",
+                    "Add a value for `other`.",
+                )
         whole[OTHER] = next(iter(panels.values()))
     named = _read_each_cloth(name, whole, world)
     parts = []
@@ -280,16 +285,6 @@ def over_cloth(name: str, value: Any, world: World, least: float = -math.inf) ->
             numbers[cloth.groups[panel]] = _bounded(f"{name}.{panel}", panels[panel], least)
         parts.append(numbers)
     return np.concatenate(parts)
-
-
-def _refuse_uncovered(name: str, panels: Mapping[str, Any], world: World) -> None:
-    """InputError where the panels do not cover all triangles of a cloth."""
-    for cloth in world.cloths:
-        covered = [cloth.groups[panel] for panel in panels if panel in cloth.groups]
-        left = np.setdiff1d(np.arange(len(cloth.triangles)), np.concatenate([np.zeros(0, np.int64), *covered]))
-        if len(left):
-            sentence = f"{name} has no value for {len(left)} triangles of the cloth {cloth.name!r}, such as {left[0]}."
-            raise InputError(sentence, "Add a value for `other`.")
 
 
 def lost_function(name: str, value: Mapping[str, Any]) -> InputError:

@@ -47,7 +47,12 @@ def membrane(world: World, keys: Membrane) -> Energy | Off:
     tables = {name: getattr(keys, name) for name in names}
     turned = not (isinstance(keys.angle_degrees, float | int) and keys.angle_degrees == 0)
     given = {"angle_degrees": turned, "elements": keys.elements != "triangles", "compression": keys.compression < 1}
-    _refuse_others(material, given | {key: np.size(table) > 0 for key, table in tables.items()})
+    for key, is_given in (given | {key: np.size(table) > 0 for key, table in tables.items()}).items():
+        if is_given and key not in MATERIALS[material]:
+            others = " or ".join(f'"{name}"' for name, of_it in MATERIALS.items() if key in of_it)
+            raise InputError(
+                f'effects.membrane.{key} has no effect with material = "{material}".', f"It is for {others}."
+            )
     angles = np.radians(over_cloth("effects.membrane.angle_degrees", keys.angle_degrees, world))
     own = STIFFNESSES.get(material)
     if own and not any(world.per_triangle(name).any() for name in own):
@@ -59,7 +64,14 @@ def membrane(world: World, keys: Membrane) -> Energy | Off:
 
         return paired_membrane(world)
     if material == "neo_hookean":
-        _refuse_negative(world)
+        fabrics = [each for cloth in world.cloths for each in ((cloth.name, cloth.fabric), *cloth.fabrics.items())]
+        for name, fabric in fabrics:
+            if fabric is not None and fabric.poisson_ratio < 0:  # E falls without bound as the cloth collapses
+                raise InputError(
+                    f'effects.membrane.material = "neo_hookean" does not take the poisson_ratio '
+                    f"{fabric.poisson_ratio:g} of {name!r}.",
+                    'Use material = "orthotropic", or leave it out.',
+                )
         from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 
         return _relaxed(NeoHookeanMembrane.of(world), keys.compression)
@@ -78,28 +90,6 @@ def _relaxed(membrane: Energy, compression: float) -> Energy:
         return membrane
     made: Energy = import_module("clothsim.physics.energies.tension_field").with_tension_field(membrane, compression)
     return made
-
-
-def _refuse_negative(world: World) -> None:
-    """InputError for a cloth of negative Poisson ratio, whose isotropic energy falls without bound as it collapses."""
-    for cloth in world.cloths:
-        for name, fabric in ((cloth.name, cloth.fabric), *cloth.fabrics.items()):
-            if fabric is not None and fabric.poisson_ratio < 0:
-                raise InputError(
-                    f'effects.membrane.material = "neo_hookean" does not take the poisson_ratio '
-                    f"{fabric.poisson_ratio:g} of {name!r}.",
-                    'Use material = "orthotropic", or leave it out.',
-                )
-
-
-def _refuse_others(material: str, given: Mapping[str, bool]) -> None:
-    """InputError for a given key that the material does not take."""
-    for key, is_given in given.items():
-        if is_given and key not in MATERIALS[material]:
-            others = " or ".join(f'"{name}"' for name, keys in MATERIALS.items() if key in keys)
-            raise InputError(
-                f'effects.membrane.{key} has no effect with material = "{material}".', f"It is for {others}."
-            )
 
 
 EXAMPLE = Example(zero={}, zero_scene={"cloth": {"youngs_modulus": 0}})

@@ -34,7 +34,7 @@ from clothsim.geometry.kinematics.curvature import bending_strains
 from clothsim.geometry.kinematics.curvature_gradient import point_strains
 from clothsim.mesh.cloth import Hinges
 from clothsim.mesh.world import World
-from clothsim.physics.energies import hinge_kernels, midedge_kernels
+from clothsim.physics.energies import hinge_kernels
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.hessians import ImplicitHessian, LanesHessian, LowRankHessian, SumHessian
 from clothsim.physics.energies.protocols import ElementGradients, Restrictable
@@ -108,7 +108,7 @@ class MidedgeBending(ElementGradients, Energy, Restrictable):
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
         change = self._change(x)
-        return midedge_kernels.value(self.stencils, self.weights, change) if np.isfinite(change).all() else np.inf
+        return hinge_kernels.value(self.stencils, self.weights, change) if np.isfinite(change).all() else np.inf
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
@@ -129,16 +129,16 @@ class MidedgeBending(ElementGradients, Energy, Restrictable):
 
     def _squares(self, x: Floats) -> ImplicitHessian:
         """J' G'G J: the Gauss-Newton Hessian."""
-        slopes = midedge_kernels.angle_gradients(self.vertices, x)
+        slopes = hinge_kernels.angle_gradients(self.vertices, x)
         elementwise = self.vertices, self.stencils, self._tangents(x)
 
         def by_element() -> LowRankHessian:
-            factors = midedge_kernels.factors(*elementwise, self.slots, self.elements.shape[1], slopes)
+            factors = hinge_kernels.factors(*elementwise, self.slots, self.elements.shape[1], slopes)
             rows = self.weights.shape[1]
             count = np.full(len(self.elements), rows)
             return LowRankHessian(self.elements, np.arange(0, len(factors), rows), count, factors)
 
-        return ImplicitHessian(self.elements, lambda v: midedge_kernels.product(*elementwise, slopes, v), by_element)
+        return ImplicitHessian(self.elements, lambda v: hinge_kernels.product(*elementwise, slopes, v), by_element)
 
     def _tangents(self, x: Floats) -> Floats:
         """The weights (m, r, j) of which the Gauss-Newton Hessian is made."""
@@ -180,7 +180,7 @@ class MidedgeBending(ElementGradients, Energy, Restrictable):
     def _moments(self, x: Floats) -> Floats:
         """dE/dtheta, (h,) [N m]."""
         change = self._change(x)
-        return midedge_kernels.moments(self.stencils, self.weights, np.where(np.isinf(change), 0.0, change))
+        return hinge_kernels.moments(self.stencils, self.weights, np.where(np.isinf(change), 0.0, change))
 
 
 def midedge_bending(

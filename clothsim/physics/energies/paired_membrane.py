@@ -7,7 +7,7 @@ keep lengths and angle bends freely (Jiang et al. 2020, "Quad-mesh based isometr
 The mean does not resist the hourglass mode of the quadrilateral. Out of the plane that is the bend that locks; in the
 plane it is the bending of the sheet as a beam, which needs its stiffness. So a small fraction `own` of the energy
 remains with the triangles, and a larger one, `in_plane`, resists the mode in the tangent plane alone
-(`hourglass_kernels`). A quarter is the ratio of the bending stiffness of a rectangle to that of its two triangles:
+(`paired_kernels`). A quarter is the ratio of the bending stiffness of a rectangle to that of its two triangles:
 bending of one, two, four pairs across is then right within 1 %.
 
 The patch test holds, since in an affine state all F are equal. A curved rest shape is free of stress: there the mean F
@@ -21,7 +21,6 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.world import World
-from clothsim.physics.energies import hourglass_kernels
 from clothsim.physics.energies import paired_kernels as kernels
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.hessians import ElementHessian
@@ -45,7 +44,7 @@ IN_PLANE = 0.25
 class PairedMembrane(Elementwise, Energy):
     """E = sum over pairs of A [(1 - own) psi(w1 F1 + w2 F2) + own (w1 psi(F1) + w2 psi(F2))] + E_h, psi Neo-Hookean.
 
-    E_h is the energy of the in-plane hourglass modes (`hourglass_kernels`).
+    E_h is the energy of the in-plane hourglass modes (`paired_kernels`).
 
     Parameters
     ----------
@@ -78,18 +77,18 @@ class PairedMembrane(Elementwise, Energy):
 
     def value(self, x: Floats) -> float:
         """Elastic energy [J]; +inf where a triangle has lost its area."""
-        return kernels.value(x, *self._arrays) + hourglass_kernels.value(x, *self._modes)
+        return kernels.value(x, *self._arrays) + kernels.hourglass_value(x, *self._modes)
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
         out = kernels.gradient(x, *self._arrays)
-        hourglass_kernels.add_gradient(out, x, *self._modes)
+        kernels.add_hourglass_gradient(out, x, *self._modes)
         return out
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (p, 12, 12) [N/m]; projected in the space of the metric, or exact."""
         blocks = kernels.hessian(x, *self._arrays, project)
-        hourglass_kernels.add_hessian(blocks, x, *self._modes, project)
+        kernels.add_hourglass_hessian(blocks, x, *self._modes, project)
         return ElementHessian(self.elements, blocks)
 
     @property

@@ -38,7 +38,7 @@ from clothsim.base.linalg import dot
 from clothsim.base.memo import Memo
 from clothsim.keys.typed_effects import PlasticBending
 from clothsim.mesh.world import World
-from clothsim.physics.energies import hinge_kernels, midedge_kernels
+from clothsim.physics.energies import hinge_kernels
 from clothsim.physics.energies.base import Energy, Off, Step
 from clothsim.physics.energies.example import Example, Idle
 from clothsim.physics.energies.hessians import ElementHessian, ImplicitHessian, LanesHessian, SumHessian
@@ -177,7 +177,7 @@ class PlasticBendingEnergy(HingeMoments, HistorySensitivity):
 
         With e' = B dtheta/dx . a the power of the force is -w [p . e' + T(q) . e'/(1 + H)], T(q) = (1 - y/|q|)+ q.
         """
-        slopes = midedge_kernels.angle_gradients(self.vertices, x)
+        slopes = hinge_kernels.angle_gradients(self.vertices, x)
         turns = np.where(
             np.isfinite(self._turns(x)), (slopes * adjoint[self.vertices].reshape(-1, 12)).sum(axis=1), 0.0
         )
@@ -204,16 +204,16 @@ class PlasticBendingEnergy(HingeMoments, HistorySensitivity):
         unit = driving[flowing] / np.linalg.norm(driving[flowing], axis=1, keepdims=True)
         root = ratio * np.eye(3) + (1 - ratio) * unit[:, :, None] * unit[:, None, :]
         entries = root @ model.weights[flowing] / np.sqrt(1 + self.hardening)
-        slopes, stencils = midedge_kernels.angle_gradients(model.vertices, x), model.stencils[flowing]
+        slopes, stencils = hinge_kernels.angle_gradients(model.vertices, x), model.stencils[flowing]
         elements, slots = model.elements[flowing], model.slots[flowing]
         elementwise = model.vertices, stencils, entries
 
         def by_element() -> ElementHessian:
-            factors = midedge_kernels.factors(*elementwise, slots, elements.shape[1], slopes)
+            factors = hinge_kernels.factors(*elementwise, slots, elements.shape[1], slopes)
             threes = factors.reshape(len(elements), 3, -1)
             return ElementHessian(elements, -np.einsum("mqi,mqj->mij", threes, threes))
 
-        return ImplicitHessian(elements, lambda v: -midedge_kernels.product(*elementwise, slopes, v), by_element)
+        return ImplicitHessian(elements, lambda v: -hinge_kernels.product(*elementwise, slopes, v), by_element)
 
     def _turns(self, x: Floats) -> Floats:
         """theta - theta0, (h,) [rad]; +inf where a triangle has no area."""

@@ -102,7 +102,10 @@ class PressureEnergy(Energy, Idling, Nonconservative):
         )
         if bound.idle:
             return bound
-        return replace(bound, missing=(bound._true_forces(x) + bound.gradient(x))[self.border])
+        area = 0.5 * area_vectors(x[self.triangles])
+        thirds = np.repeat((bound.pressures[:, None] * area / 3)[:, None], 3, axis=1)
+        forces = _gathered(thirds, self.triangles, len(x))  # p A n / 3 on each corner [N]
+        return replace(bound, missing=(forces + bound.gradient(x))[self.border])
 
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
@@ -132,13 +135,6 @@ class PressureEnergy(Energy, Idling, Nonconservative):
         a, b, c = (x[self.triangles[:, k]] - self.apexes for k in range(3))
         return a, b, c
 
-    def _true_forces(self, x: Floats) -> Floats:
-        """p A n / 3 on each corner, (N, 3) [N]."""
-        corners = x[self.triangles]
-        area = 0.5 * area_vectors(corners)
-        thirds = np.repeat((self.pressures[:, None] * area / 3)[:, None], 3, axis=1)
-        return _gathered(thirds, self.triangles, len(x))
-
 
 def pressure(world: World, keys: Pressure) -> Energy | Off:
     """Pressure on all cloths, outward of a closed cloth and along the normals of an open one (+z for generated sheets).
@@ -148,21 +144,19 @@ def pressure(world: World, keys: Pressure) -> Energy | Off:
     levels = by_cloth("effects.pressure.value", keys.value, world)
     every = zip(world.cloths, world.cloth_slices, levels, strict=True)
     cloths = [each for each in every if len(each[0].triangles) and not each[2].is_zero]
-    patches = tuple(_patch(cloth.triangles, rows, cloth.positions, level) for cloth, rows, level in cloths)
+    patches = []
+    for cloth, rows, level in cloths:
+        border = border_vertices(cloth.triangles)
+        a, b, c = (cloth.positions[cloth.triangles[:, k]] - cloth.positions[cloth.triangles[0, 0]] for k in range(3))
+        outward = -1.0 if not len(border) and np.einsum("ti,ti->", a, np.cross(b, c)) < 0 else 1.0
+        patches.append(PressurizedCloth(cloth.triangles + rows.start, border + rows.start, level, outward))
     if not patches:
         sheets = any(len(cloth.triangles) for cloth in world.cloths)
         return Off("the pressure is 0" if sheets else "there is no cloth that has triangles")
     triangles = np.concatenate([patch.triangles for patch in patches])
     border = np.concatenate([patch.border for patch in patches])
     none, still = np.zeros(len(triangles)), np.zeros((len(border), 3))
-    return PressureEnergy(patches, triangles, none, np.zeros((len(triangles), 3)), border, still, still)
-
-
-def _patch(triangles: Ints, rows: slice, positions: Floats, level: Schedule) -> PressurizedCloth:
-    border = border_vertices(triangles)
-    a, b, c = (positions[triangles[:, k]] - positions[triangles[0, 0]] for k in range(3))
-    inward = not len(border) and np.einsum("ti,ti->", a, np.cross(b, c)) < 0
-    return PressurizedCloth(triangles + rows.start, border + rows.start, level, -1.0 if inward else 1.0)
+    return PressureEnergy(tuple(patches), triangles, none, np.zeros((len(triangles), 3)), border, still, still)
 
 
 def _gathered(forces: Floats, triangles: Ints, n_vertices: int) -> Floats:

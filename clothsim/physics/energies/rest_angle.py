@@ -171,18 +171,14 @@ def rest_angles(
     bending: BendingModel, chosen: Ints, schedules: tuple[Schedule, ...], counts: tuple[int, ...]
 ) -> RestAngleEnergy:
     """Creases along the hinges `chosen` (k,) of a bending energy, `counts` of them for each schedule."""
-    columns = _columns(bending, chosen)
+    # of K = B' w B [N m], those of the chosen hinges, as rows
+    strains, weights = bending.strains_of_angles()
+    own = sparse.diags_array(np.repeat(weights, strains.shape[0] // len(weights))) @ strains
+    columns = (strains.T.tocsr()[chosen] @ own).tocsr()
     around = np.concatenate([chosen, np.setdiff1d(columns.indices, chosen)])
     rest, none = bending.rest_angles[around], np.zeros(len(around))
     moments = bending.vertices[around], rest, none, 0.0
     return RestAngleEnergy(*moments, chosen, none[: len(chosen)], columns.T.tocsr()[around], schedules, counts)
-
-
-def _columns(bending: BendingModel, chosen: Ints) -> sparse.csr_array:
-    """The columns of K = B' w B of the chosen hinges, as rows: (k, h) [N m]."""
-    strains, weights = bending.strains_of_angles()
-    own = sparse.diags_array(np.repeat(weights, strains.shape[0] // len(weights))) @ strains
-    return (strains.T.tocsr()[chosen] @ own).tocsr()
 
 
 def radians(angle: Schedule, time: float) -> float:

@@ -103,11 +103,18 @@ def _seam(
     second = first if is_nearest else seam_line(f"{name}.to", world, keys.to, fewest)
     if keys.flip:
         second = second.reversed()
-    if keys.match == "vertices":
-        first, second = _one_by_one(name, first, second)
+    if keys.match == "vertices":  # they meet one by one, whatever the lengths between them
+        n, other = len(first.vertices), len(second.vertices)
+        if n != other:
+            raise InputError(f"{name} joins {n} vertices to {other} one by one.", 'Leave match = "length".')
+        first, second = (Line(line.vertices, np.linspace(0.0, 1.0, n)) for line in (first, second))
     if keys.end <= keys.start:
         raise InputError(f"{name} closes from {keys.start:g} s to {keys.end:g} s.", "Its end must be after its start.")
-    rows, weights = _nearest(world, first) if is_nearest else stitches(first, second)
+    if is_nearest:
+        rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
+        rows, weights = nearest_stitches(first.vertices, rest, world.triangles)
+    else:
+        rows, weights = stitches(first, second)
     if not len(rows):
         what = "finds no other piece" if is_nearest else "joins a line to itself"
         raise InputError(f"{name} {what}.", "Give two lines.")
@@ -127,20 +134,6 @@ def stitch_stiffness(name: str, world: World) -> float:
     if not fabric > 0:
         raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
     return STIFFNESS_RATIO * float(fabric)
-
-
-def _nearest(world: World, line: Line) -> tuple[Ints, Floats]:
-    """Stitches of a line to the nearest edges of other pieces, at rest."""
-    rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
-    return nearest_stitches(line.vertices, rest, world.triangles)
-
-
-def _one_by_one(name: str, *lines: Line) -> tuple[Line, ...]:
-    """The lines with vertices that meet one by one, whatever the lengths between them."""
-    counts = [len(line.vertices) for line in lines]
-    if counts[0] != counts[1]:
-        raise InputError(f"{name} joins {counts[0]} vertices to {counts[1]} one by one.", 'Leave match = "length".')
-    return tuple(Line(line.vertices, np.linspace(0.0, 1.0, counts[0])) for line in lines)
 
 
 def seam_line(name: str, world: World, keys: SeamLine, fewest: int) -> Line:

@@ -14,7 +14,6 @@ is bit for bit the same as without the effect.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -277,19 +276,32 @@ def strain_limit(world: World, keys: StrainLimit, *, at_start: bool = True) -> E
     """
     of_fabric = isinstance(keys.limit, str) and keys.limit == FABRIC
     asked = {"limit": 0.0 if of_fabric else keys.limit, "limit_warp": keys.limit_warp, "limit_weft": keys.limit_weft}
-    every, warp, weft = (_limits(f"effects.strain_limit.{key}", value, world) for key, value in asked.items())
+    limits = []
+    for key, value in asked.items():
+        name, given = f"effects.strain_limit.{key}", over_cloth(f"effects.strain_limit.{key}", value, world, 0.0)
+        wrong = np.flatnonzero((given > 0) & (given <= 1))
+        if len(wrong):
+            raise InputError(f"{name} is {given[wrong[0]]:g}, and a cloth at rest has stretch 1.", "1.1 allows 10 %.")
+        limits.append(np.where(given > 0, given, np.inf))
+    every, warp, weft = limits
     fraction = keys.begins
     stiff = over_cloth("effects.strain_limit.stiffness", keys.stiffness, world, 0.0)
     own = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft"))
     stiff = np.where(stiff > 0, stiff, own)
     if of_fabric:
-        own_warp, own_weft = (_limits_of_fabric(world, along, stiff, fraction) for along in ("warp", "weft"))
+        of_threads = []  # the limits at which the fabrics have their extensions, inf for a fabric without one
+        for along in ("warp", "weft"):
+            columns = [world.per_triangle(f"{what}_along_{along}") for what in ("extension", "stiffness")]
+            distinct, inverse = np.unique(np.column_stack([*columns, stiff]), axis=0, return_inverse=True)
+            found = [limit_of_extension(e, own, k, fraction) for e, own, k in distinct.tolist()]
+            of_threads.append(np.asarray(found, np.float64)[inverse.ravel()])
+        own_warp, own_weft = of_threads
         known = [world.per_triangle(f"extension_along_{along}") > 0 for along in ("warp", "weft")]
         unknown = ~np.any([*known, np.isfinite(warp), np.isfinite(weft)], axis=0)
         every = np.where(unknown, WITHOUT_EXTENSION, np.inf)
         warp, weft = (np.where(np.isfinite(given), given, own) for given, own in ((warp, own_warp), (weft, own_weft)))
-    limits = np.column_stack([every, every, warp, weft])
-    chosen = np.flatnonzero(np.isfinite(limits).any(axis=1))
+    table = np.column_stack([every, every, warp, weft])
+    chosen = np.flatnonzero(np.isfinite(table).any(axis=1))
     if not len(chosen):
         return Off("the threads bear it alone" if of_fabric else "every limit is 0, which means none")
     stiff = stiff[chosen]
@@ -297,20 +309,12 @@ def strain_limit(world: World, keys: StrainLimit, *, at_start: bool = True) -> E
         raise InputError("effects.strain_limit has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
     angles = np.radians(over_cloth("effects.strain_limit.angle_degrees", keys.angle_degrees, world))
     inverses = (world.rest_shape_inverses @ thread_axes(world, angles))[chosen]
-    limits = limits[chosen]
-    begin = np.where(np.isfinite(limits), 1 + fraction * (np.where(np.isfinite(limits), limits, 1.0) - 1), np.inf)
-    energy = StrainLimitEnergy(world.triangles[chosen], inverses, world.rest_areas[chosen], begin, limits, stiff)
+    table = table[chosen]
+    begin = np.where(np.isfinite(table), 1 + fraction * (np.where(np.isfinite(table), table, 1.0) - 1), np.inf)
+    energy = StrainLimitEnergy(world.triangles[chosen], inverses, world.rest_areas[chosen], begin, table, stiff)
     if at_start:
         _refuse_beyond(world, energy, chosen)
     return energy
-
-
-def _limits_of_fabric(world: World, along: str, stiffness: Floats, begins: float) -> Floats:
-    """Limits (m,) of the threads at which the fabrics have their extensions, inf for a fabric without one."""
-    extensions, own = world.per_triangle(f"extension_along_{along}"), world.per_triangle(f"stiffness_along_{along}")
-    rows, inverse = np.unique(np.column_stack([extensions, own, stiffness]), axis=0, return_inverse=True)
-    limits = [limit_of_extension(float(row[0]), float(row[1]), float(row[2]), begins) for row in rows]
-    return np.asarray(limits, np.float64)[inverse.ravel()]
 
 
 def limit_of_extension(extension: float, own: float, stiffness: float, begins: float) -> float:
@@ -350,15 +354,6 @@ def limit_of_extension(extension: float, own: float, stiffness: float, begins: f
     least, nearest = 0.0 if begins else 1e-12, 1 - 1e-12  # a barrier from rest has no width at y = 0
     y = brentq(surplus, least, nearest) if surplus(nearest) > 0 else nearest
     return 1 + extension / (begins + (1 - begins) * y)
-
-
-def _limits(name: str, value: Any, world: World) -> Floats:
-    """Limits (m,), inf where there is none. InputError for a limit that a cloth at rest exceeds."""
-    limits = over_cloth(name, value, world, 0.0)
-    wrong = np.flatnonzero((limits > 0) & (limits <= 1))
-    if len(wrong):
-        raise InputError(f"{name} is {limits[wrong[0]]:g}, and a cloth at rest has stretch 1.", "1.1 allows 10 %.")
-    return np.where(limits > 0, limits, np.inf)
 
 
 def _refuse_beyond(world: World, energy: StrainLimitEnergy, chosen: Ints) -> None:

@@ -24,7 +24,11 @@ def pairs(world: World) -> tuple[Ints, Ints]:
     one, other = np.cross(b - a, c - a), np.cross(d - a, b - a)
     size = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
     alike &= flat[corners[:, 0]] | ((one * other).sum(axis=1) > np.cos(SHARP) * size)
-    skew = sum(np.abs(_cosines(world, corners, both[:, k], 2 + k)) for k in range(2))
+    skew = np.zeros(len(corners))  # the cosines of the angles opposite to the shared edge
+    for k in range(2):
+        a, b, c = np.moveaxis(_positions(world, corners[:, [0, 1, 2 + k]], both[:, k]), 1, 0)
+        u, v = a - c, b - c
+        skew += np.abs((u * v).sum(axis=1) / np.linalg.norm(u, axis=1) / np.linalg.norm(v, axis=1))
     taken, chosen = np.zeros(len(world.triangles), bool), []
     for pair in np.argsort(np.round(skew, 9), kind="stable"):
         if alike[pair] and not taken[both[pair]].any():
@@ -45,13 +49,6 @@ def _positions(world: World, corners: Ints, triangles: Ints) -> Floats:
     where = (world.triangles[triangles][:, None, :] == corners[:, :, None]).argmax(axis=2)
     material = np.concatenate([cloth.material_coordinates for cloth in world.cloths])
     return np.asarray(np.take_along_axis(material[triangles], where[:, :, None], axis=1), np.float64)
-
-
-def _cosines(world: World, corners: Ints, triangles: Ints, opposite: int) -> Floats:
-    """Cosines of the angles at the corner number `opposite`, opposite to the shared edge, (p,)."""
-    a, b, c = np.moveaxis(_positions(world, corners[:, [0, 1, opposite]], triangles), 1, 0)
-    u, v = a - c, b - c
-    return np.asarray((u * v).sum(axis=1) / np.linalg.norm(u, axis=1) / np.linalg.norm(v, axis=1), np.float64)
 
 
 def shape_gradients(world: World, corners: Ints, triangles: Ints) -> Floats:

@@ -99,10 +99,7 @@ class CheckedSurfaces:
     def check(self, cloth: Floats, bodies: Sequence[Floats]) -> Prediction:
         """The verdict on positions of all cloths (n, 3) and of each body (b, 3) [m]."""
         found = crossings(np.concatenate([cloth, *bodies]), [*self.cloths, *self.bodies])
-        return Prediction(cloth, tuple(bodies), found, self._place(found), self._count_inside(cloth, bodies))
-
-    def _count_inside(self, cloth: Floats, bodies: Sequence[Floats]) -> int:
-        """Vertices of pieces inside a body: one vertex of a piece tells for it, where the two do not intersect."""
+        # one vertex of a piece tells whether it is inside a body, where the two do not intersect
         pieces = components(np.concatenate([part.triangles for part in self.cloths]), len(cloth))
         held = {
             piece
@@ -110,7 +107,7 @@ class CheckedSurfaces:
             for part, points in zip(self.bodies, bodies, strict=True)
             if is_inside(cloth[first], points, part.triangles - int(part.triangles.min()))
         }
-        return int(np.isin(pieces, list(held)).sum())
+        return Prediction(cloth, tuple(bodies), found, self._place(found), int(np.isin(pieces, list(held)).sum()))
 
     def _place(self, found: tuple[Crossing, ...]) -> str:
         """Where most pairs are: the part of the first body that has most, else the first point."""

@@ -38,15 +38,37 @@ def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: 
 
     world: cloths and bodies at the start; scene: its keys; energies: the effects that are on; dt: longest step [s].
     """
+    ignored, skipped = [], []
+    moving = [cloth.name for cloth in world.cloths if cloth.velocity.any()]
+    if moving and "inertia" not in energies:
+        ignored.append(f"{moving[0]}: velocity does nothing without effects.inertia.")
+    if len(world.ghosts) and "bending" not in energies:
+        ignored.append("pins: clamp does nothing without effects.bending.")
+    for body in world.bodies:
+        motion = body.motion
+        if isinstance(motion, FrameMotion) and not motion.still and dt * motion.frames_per_second > 1 + 1e-9:
+            frame = 1 / motion.frames_per_second
+            skipped.append(f"{body.name}: a step of {dt:g} s skips frames of {frame:g} s: it moves in straight lines.")
+    thrown = []  # by a gap at the start well inside d_hat, where the energy is that of a fall through d_hat
+    for name, energy in energies.items():
+        if not isinstance(energy, ContactGap):
+            continue
+        gap, d_hat = energy.minimum_gap(world.start()), energy.d_hat
+        speed = _pushed_to(world, energies, energy, dt) if gap < INSIDE * d_hat else 0.0
+        if speed > np.sqrt(2 * GRAVITY * d_hat):
+            thrown.append(
+                f"{name}: the gap at the start is {gap:.2g} m, inside d_hat of {d_hat:g} m: contact pushes at once, "
+                f"what it touches to {speed:.2g} m/s if nothing resists."
+            )
     return (
-        *_ignored_keys(world, energies),
+        *ignored,
         *_frictionless(scene, energies),
-        *_skipped_frames(world, dt),
+        *skipped,
         *_fast_spins(world, dt),
         *held_sentences(held_inside(world, world.start()), "starts", "body_contact" in energies),
         *_nested_bodies(world, energies),
         *_wide_activation(world, energies),
-        *_close_starts(world, energies, dt),
+        *thrown,
     )
 
 
@@ -59,7 +81,12 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     tables = [*scene.cloths, *scene.rods, *scene.bodies, *scene.rigid_bodies]
     meshes = [(cloth.name, cloth.positions) for cloth in world.cloths]
     meshes += [(body.name, body.positions) for body in world.bodies]
-    sentences = _implausible(world, scene)
+    # a question on each number that looks like one in another unit
+    sentences = [sentence for where, keys in _sections(world, scene) for sentence in doubts(where, keys)]
+    size = float(np.ptp(world.start(), axis=0).max())
+    if (scene.solver_settings.error or 0.0) > 0.1 * size:
+        error = f"{scene.solver_settings.error:g} m"
+        sentences.append(f"solver.error is {error}, in a scene of {size:.3g} m: a millimetre is 1e-3 (--error 1mm).")
     for (name, positions), keys in zip(meshes, tables, strict=True):
         if not isinstance(keys, Slab):
             sentences += size_doubts(name, positions)
@@ -76,16 +103,6 @@ def _sections(world: World, scene: Scene) -> list[tuple[str, KeyTable]]:
     sections: list[tuple[str, KeyTable]] = list(zip(world.names, tables, strict=True))
     sections += [(f"effects.{name}", keys) for name, keys in scene.effects.items()]
     return [*sections, ("solver", scene.solver), ("run", scene.run), ("seed", scene.seed)]
-
-
-def _implausible(world: World, scene: Scene) -> list[str]:
-    """A question on each number that looks like one in another unit."""
-    sentences = [sentence for where, keys in _sections(world, scene) for sentence in doubts(where, keys)]
-    size = float(np.ptp(world.start(), axis=0).max())
-    if (scene.solver_settings.error or 0.0) > 0.1 * size:
-        error = f"{scene.solver_settings.error:g} m"
-        sentences.append(f"solver.error is {error}, in a scene of {size:.3g} m: a millimetre is 1e-3 (--error 1mm).")
-    return sentences
 
 
 def size_doubts(name: str, positions: Floats) -> list[str]:
@@ -111,17 +128,6 @@ def _lying(name: str, extent: Floats, gravity: Floats, up: str) -> list[str]:
     ]
 
 
-def _ignored_keys(world: World, energies: dict[str, Energy]) -> list[str]:
-    """Keys without effect in this scene."""
-    ignored = []
-    moving = [cloth.name for cloth in world.cloths if cloth.velocity.any()]
-    if moving and "inertia" not in energies:
-        ignored.append(f"{moving[0]}: velocity does nothing without effects.inertia.")
-    if len(world.ghosts) and "bending" not in energies:
-        ignored.append("pins: clamp does nothing without effects.bending.")
-    return ignored
-
-
 def _fast_spins(world: World, dt: float) -> list[str]:
     """Rigid bodies that turn by more than FAST_SPIN degrees in a step of `dt` [s]."""
     sentences = []
@@ -141,19 +147,6 @@ def _frictionless(scene: Scene, energies: Mapping[str, Energy]) -> list[str]:
     if "friction" not in scene.effects or any(isinstance(energy, ContactGap) for energy in energies.values()):
         return []
     return ["friction does nothing without contact: add [effects.body_contact] or [effects.self_contact]."]
-
-
-def _skipped_frames(world: World, dt: float) -> list[str]:
-    """Animated bodies whose frames are shorter than a step of `dt` [s]."""
-    sentences = []
-    for body in world.bodies:
-        motion = body.motion
-        if isinstance(motion, FrameMotion) and not motion.still and dt * motion.frames_per_second > 1 + 1e-9:
-            frame = 1 / motion.frames_per_second
-            sentences.append(
-                f"{body.name}: a step of {dt:g} s skips frames of {frame:g} s: it moves in straight lines."
-            )
-    return sentences
 
 
 def refuse_start_inside(world: World, energies: Mapping[str, Energy]) -> None:
@@ -222,22 +215,6 @@ def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:
         for name, d_hat in wide.items()
         if d_hat > edge
     ]
-
-
-def _close_starts(world: World, energies: dict[str, Energy], dt: float) -> list[str]:
-    """Contact at the start that throws: a gap well inside d_hat, where its energy is that of a fall through d_hat."""
-    sentences = []
-    for name, energy in energies.items():
-        if not isinstance(energy, ContactGap):
-            continue
-        gap, d_hat = energy.minimum_gap(world.start()), energy.d_hat
-        speed = _pushed_to(world, energies, energy, dt) if gap < INSIDE * d_hat else 0.0
-        if speed > np.sqrt(2 * GRAVITY * d_hat):
-            sentences.append(
-                f"{name}: the gap at the start is {gap:.2g} m, inside d_hat of {d_hat:g} m: contact pushes at once, "
-                f"what it touches to {speed:.2g} m/s if nothing resists."
-            )
-    return sentences
 
 
 def _pushed_to(world: World, energies: Mapping[str, Energy], contact: Energy, dt: float) -> float:

@@ -145,7 +145,14 @@ def read_model(path: Path) -> DrapeModel | MotionModel:
             if "kind" in arrays:
                 return motion_model({name: arrays[name] for name in arrays.files})
             content = {name: arrays[name] for name in DrapeModel.__dataclass_fields__}
-        _refuse_other_shapes(content)
+        k, components, coordinates = len(content["inputs"]), content["weights"].shape[1], content["mean"].size
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("low", "high", "centre", "scale"), (k,))
+        shapes |= {"weights": (1 + k, components), "mean": (coordinates,), "basis": (coordinates, components)}
+        for name, shape in shapes.items():
+            if content[name].shape != shape or not np.isfinite(content[name]).all():
+                raise ValueError(f"{name} has the shape {content[name].shape}, or is not finite")
+        if coordinates % 3 or not content["scale"].all() or len(content["same"]) != len(content["same_as"]):
+            raise ValueError("its arrays do not fit together")
     except InputError:
         raise
     except TransferError as error:
@@ -153,18 +160,6 @@ def read_model(path: Path) -> DrapeModel | MotionModel:
     except Exception as error:  # zipfile, zlib and NumPy's header raise a dozen types of errors
         raise InputError(f"{path} is not a model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
     return DrapeModel(**{**content, "family": str(content["family"])})
-
-
-def _refuse_other_shapes(content: Mapping[str, NDArray[Any]]) -> None:
-    """ValueError for arrays that do not fit together, or hold numbers that are not finite."""
-    k, components, coordinates = len(content["inputs"]), content["weights"].shape[1], content["mean"].size
-    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("low", "high", "centre", "scale"), (k,))
-    shapes |= {"weights": (1 + k, components), "mean": (coordinates,), "basis": (coordinates, components)}
-    for name, shape in shapes.items():
-        if content[name].shape != shape or not np.isfinite(content[name]).all():
-            raise ValueError(f"{name} has the shape {content[name].shape}, or is not finite")
-    if coordinates % 3 or not content["scale"].all() or len(content["same"]) != len(content["same_as"]):
-        raise ValueError("its arrays do not fit together")
 
 
 def _number(key: str, value: Any) -> float:

@@ -77,13 +77,38 @@ def holds(
     within `duration` [s]; with self_contact so does a piece that is held itself.
     """
     start, count = world.start(), world.n_cloth
-    labels = _pieces(world, energies)
+    pairs = [world.edges]
+    for energy in energies.values():
+        if isinstance(energy, Joining):
+            joined = energy.joined_rows
+            pairs += [joined[:, [0, k]] for k in range(1, joined.shape[1])]
+    edges = np.concatenate(pairs)
+    edges = edges[(edges < count).all(axis=1)]
+    labels = connected(edges[:, 0], edges[:, 1], count)  # the piece of each cloth vertex; stitches connect
     if not count:
         return ()
     pieces = np.split(np.argsort(labels, kind="stable"), np.cumsum(np.bincount(labels))[:-1])
     pieces = sorted(pieces, key=lambda rows: int(rows[0]))
-    held = _tied(energies, constraints, count)
-    forces = _forces(world, energies)
+    held: dict[str, Ints] = {}  # rows that each group of pins, and each effect, ties to places, by its name
+    for constraint in constraints:
+        rows = constraint.at(0.0).vertices
+        rows = rows[rows < count]
+        names = np.array([constraint.holder(int(row)) or "pins" for row in rows])
+        held |= {str(name): rows[names == name] for name in np.unique(names)}
+    for name, energy in energies.items():
+        if isinstance(energy, Anchored):
+            held[name] = np.unique(energy.anchored_rows[energy.anchored_rows < count])
+    # minus the gradient of the energies at the start under full load, (n_cloth, 3) [N]; without those of contact
+    none = np.zeros_like(start)
+    step = Step(0.0, 1.0, start, none, 1.0, none)
+    forces = none.copy()
+    for energy in energies.values():
+        if energy.depends_on_other_energies:
+            continue
+        bound = energy.at(0.0) if isinstance(energy, ChangingMaterial) else energy.begin(step)
+        if not is_idle(bound):
+            forces -= bound.gradient(start)
+    forces = forces[:count]
     bodies = _bodies(world, duration, len(pieces) > MANY) if "body_contact" in energies else []
     driven = any(isinstance(energy, Driven) for energy in energies.values())
     loads = [_load(forces[rows]) for rows in pieces]
@@ -240,20 +265,6 @@ def _place(world: World, rows: Ints) -> tuple[str, int]:
     return world.names[label], int(rows[0] - world.cloth_slices[label].start)
 
 
-def _tied(energies: Mapping[str, Energy], constraints: Iterable[Constraint], count: int) -> dict[str, Ints]:
-    """Rows of cloth that each group of pins, and each effect, ties to places, by its name."""
-    found: dict[str, Ints] = {}
-    for constraint in constraints:
-        rows = constraint.at(0.0).vertices
-        rows = rows[rows < count]
-        names = np.array([constraint.holder(int(row)) or "pins" for row in rows])
-        found |= {str(name): rows[names == name] for name in np.unique(names)}
-    for name, energy in energies.items():
-        if isinstance(energy, Anchored):
-            found[name] = np.unique(energy.anchored_rows[energy.anchored_rows < count])
-    return found
-
-
 def _bodies(world: World, duration: float, as_boxes: bool) -> list[tuple[str, Floats]]:
     """Each body with its vertices, or the corners of their box, of a moving one at several times, (k, 3) [m]."""
     found = []
@@ -269,33 +280,6 @@ def _load(forces: Floats) -> Floats:
     load = np.asarray(forces.sum(axis=0), np.float64)
     large = np.linalg.norm(load) > ROUND_OFF * np.linalg.norm(forces, axis=1).sum()  # False where one is not finite
     return load if large and np.isfinite(load).all() else np.zeros(3)
-
-
-def _pieces(world: World, energies: Mapping[str, Energy]) -> Ints:
-    """The number of the connected piece of each cloth vertex, (n_cloth,); stitches connect."""
-    pairs = [world.edges]
-    for energy in energies.values():
-        if isinstance(energy, Joining):
-            rows = energy.joined_rows
-            pairs += [rows[:, [0, k]] for k in range(1, rows.shape[1])]
-    edges = np.concatenate(pairs)
-    edges = edges[(edges < world.n_cloth).all(axis=1)]
-    return connected(edges[:, 0], edges[:, 1], world.n_cloth)
-
-
-def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
-    """Minus the gradient of the energies at the start under full load, (n_cloth, 3) [N]; without those of contact."""
-    start = world.start()
-    none = np.zeros_like(start)
-    step = Step(0.0, 1.0, start, none, 1.0, none)
-    forces = none.copy()
-    for energy in energies.values():
-        if energy.depends_on_other_energies:
-            continue
-        bound = energy.at(0.0) if isinstance(energy, ChangingMaterial) else energy.begin(step)
-        if not is_idle(bound):
-            forces -= bound.gradient(start)
-    return forces[: world.n_cloth]
 
 
 def _resists(world: World, energy: Energy) -> bool:

@@ -117,8 +117,25 @@ def untangled(world: World) -> tuple[World, str]:
     x = np.concatenate([done.positions, before[n:]])
     beyond = _beyond(world, x)
     if not done.free or len(beyond):
-        _refuse(x, world.triangles, done.pairs, done.rounds, done.where, beyond)
-    return _started(world, x), _summary(np.linalg.norm(x - before, axis=1), done.pairs_before, strained)
+        what, where = f"{done.pairs} pairs of triangles still intersect", done.where
+        if where is None:
+            what = f"{len(beyond)} triangles still are stretched beyond {STRETCHES}"
+            where = x[world.triangles[beyond[0], 0]]
+        at = ", ".join(f"{value:.4g}" for value in where)
+        raise InputError(
+            f"seed.untangle: {what} after {done.rounds} rounds, one at ({at}) m.",
+            "Start from a drape with fewer intersections.",
+        )
+    cloths = tuple(
+        replace(cloth, positions=x[rows]) for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
+    )
+    if not done.pairs_before and not strained:
+        return replace(world, cloths=cloths), "seed.untangle: nothing intersected."
+    moved = np.linalg.norm(x - before, axis=1)
+    return replace(world, cloths=cloths), (
+        f"seed.untangle: {done.pairs_before} pairs of triangles intersected and {strained} triangles were stretched "
+        f"beyond {STRETCHES}; {np.count_nonzero(moved)} vertices were moved, at most {1e3 * moved.max():.2g} mm."
+    )
 
 
 def _beyond(world: World, x: Floats) -> Ints:
@@ -126,32 +143,3 @@ def _beyond(world: World, x: Floats) -> Ints:
     F = np.asarray(deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses), np.float64)
     stretches = np.linalg.svd(F, compute_uv=False)
     return np.flatnonzero((stretches[:, 1] < STRETCHES[0]) | (stretches[:, 0] > STRETCHES[1]))
-
-
-def _refuse(x: Floats, cloth: Ints, pairs: int, rounds: int, where: Floats | None, beyond: Ints) -> None:
-    """InputError for a start that still intersects, or is strained, with a point."""
-    what = f"{pairs} pairs of triangles still intersect"
-    if where is None:
-        what, where = f"{len(beyond)} triangles still are stretched beyond {STRETCHES}", x[cloth[beyond[0], 0]]
-    at = ", ".join(f"{value:.4g}" for value in where)
-    raise InputError(
-        f"seed.untangle: {what} after {rounds} rounds, one at ({at}) m.",
-        "Start from a drape with fewer intersections.",
-    )
-
-
-def _started(world: World, x: Floats) -> World:
-    cloths = tuple(
-        replace(cloth, positions=x[rows]) for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
-    )
-    return replace(world, cloths=cloths)
-
-
-def _summary(moved: Floats, pairs: int, strained: int) -> str:
-    if not pairs and not strained:
-        return "seed.untangle: nothing intersected."
-    count, most = np.count_nonzero(moved), 1e3 * moved.max()
-    return (
-        f"seed.untangle: {pairs} pairs of triangles intersected and {strained} triangles were stretched beyond "
-        f"{STRETCHES}; {count} vertices were moved, at most {most:.2g} mm."
-    )

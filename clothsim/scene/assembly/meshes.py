@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from clothsim.keys.mesh_keys import (
     FramesTable,
     ModelTable,
     PatternFile,
-    PlacedKeys,
     RigidTable,
     RodTable,
     check_body,
@@ -223,30 +222,24 @@ def body_of(keys: BodyTable | FramesTable | ModelTable, where: str, directory: P
 def mesh_shape(keys: ClothTable | BodyTable | RigidTable, where: str, directory: Path) -> Shape:
     """The mesh that the key `mesh` names or holds."""
     if isinstance(keys.mesh, MeshArrays):
-        return _from_arrays(keys.mesh, keys.scale)
+        # copies, for kernels are compiled for writable arrays
+        vertices, triangles = keys.scale * keys.mesh.vertices, keys.mesh.triangles.copy()
+        none = np.zeros((0, 3, 2))
+        if keys.mesh.rest is None:
+            return Shape(vertices, triangles, none, (), keys.mesh.groups)
+        if keys.mesh.is_flat:
+            return Shape(vertices, triangles, keys.scale * keys.mesh.rest, (), keys.mesh.groups, flat=True)
+        return Shape(keys.scale * keys.mesh.rest, triangles, none, (), keys.mesh.groups, start=vertices)
     if keys.mesh in GENERATORS:
-        return _generated(keys.mesh, keys, where)
+        try:
+            positions, triangles = GENERATORS[keys.mesh](
+                **{key: getattr(keys, key) for key in keys_of(GENERATOR_KEYS[keys.mesh])}
+            )
+        except InputError as error:
+            raise InputError(f"{where} ({keys.mesh}): {error.sentence}", error.remedy) from error
+        return Shape(keys.scale * positions, triangles, np.zeros((0, 3, 2)), ())
     mesh = read_mesh(existing_file(f"{where}.mesh", directory, keys.mesh), **{key: getattr(keys, key) for key in PART})
     return Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages, mesh.groups)
-
-
-def _generated(name: str, keys: PlacedKeys, where: str) -> Shape:
-    try:
-        positions, triangles = GENERATORS[name](**{key: getattr(keys, key) for key in keys_of(GENERATOR_KEYS[name])})
-    except InputError as error:
-        raise InputError(f"{where} ({name}): {error.sentence}", error.remedy) from error
-    return Shape(keys.scale * positions, triangles, np.zeros((0, 3, 2)), ())
-
-
-def _from_arrays(mesh: MeshArrays, scale: float) -> Shape:
-    """A mesh in memory; its arrays are copied, for kernels are compiled for writable ones."""
-    vertices, triangles = scale * mesh.vertices, mesh.triangles.copy()
-    none = np.zeros((0, 3, 2))
-    if mesh.rest is None:
-        return Shape(vertices, triangles, none, (), mesh.groups)
-    if mesh.is_flat:
-        return Shape(vertices, triangles, scale * mesh.rest, (), mesh.groups, flat=True)
-    return Shape(scale * mesh.rest, triangles, none, (), mesh.groups, start=vertices)
 
 
 def fabric_of(keys: ClothTable, where: str) -> tuple[Fabric, str]:
@@ -276,6 +269,12 @@ def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody
     shape = mesh_shape(keys, where, scene.directory)
     label = name_of(keys, where)
     notes = checked_notes(label, shape, "body")
+    joint, given = None, cast("Any", keys.joint)
+    if given is not None:
+        axis = given.axis
+        if axis is not None and not np.any(axis):
+            raise InputError(f"{where}.joint.axis is zero.", "Give a direction, or leave it out for a ball joint.")
+        joint = Joint(np.array(given.point, np.float64), np.array((0, 0, 0) if axis is None else axis, np.float64))
     body = rigid_body(
         label,
         placed(keys, shape.positions),
@@ -284,7 +283,7 @@ def rigid_body_of(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody
         np.array(keys.velocity, np.float64),
         np.radians(np.array(keys.spin_degrees_per_second, np.float64)),
         keys.stiffness,
-        _joint(keys.joint, where),
+        joint,
     )
     return body, (*notes, f"{label}: rigid, {body.mass:.4g} kg.")
 
@@ -294,33 +293,20 @@ def rod_of(keys: RodTable, where: str) -> tuple[Rod, tuple[str, ...]]:
     label = name_of(keys, where)
     points = placed(keys, keys.scale * as_points(f"{where}.points", keys.points))
     if keys.edge is not None and len(points) > 1:
-        points = _cut(where, points, keys.edge, keys.loop)
+        # points along the polyline at equal arc lengths of about `edge` [m]
+        line = np.concatenate([points, points[:1]]) if keys.loop else points
+        with np.errstate(over="ignore"):  # refused below
+            run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        if not run[-1] / keys.edge <= MOST_EDGES:
+            raise InputError(
+                f"{where}.edge = {keys.edge:g} cuts it into {run[-1] / keys.edge:,.4g} edges.",
+                f"Give at most {MOST_EDGES:,}.",
+            )
+        count = max(round(run[-1] / keys.edge), 1)
+        even = np.linspace(0.0, run[-1], count + 1)
+        cut = np.column_stack([np.interp(even, run, column) for column in line.T])
+        points = cut[:-1] if keys.loop else cut
     section = keys.radius, keys.density, keys.youngs_modulus
     rod = make_rod(label, points, *section, is_loop=keys.loop, velocity=np.array(keys.velocity, np.float64))
     stiffness = f"EA = {rod.stretch_stiffness:.3g} N, EI = {rod.bending_stiffness:.3g} N m2"
     return rod, (f"{label}: a rod of {rod.lengths.sum():.4g} m, {len(rod.lengths)} edges, {stiffness}.",)
-
-
-def _cut(where: str, points: Floats, edge: float, is_loop: bool) -> Floats:
-    """Points along a polyline at equal arc lengths of about `edge` [m]."""
-    line = np.concatenate([points, points[:1]]) if is_loop else points
-    with np.errstate(over="ignore"):  # refused below
-        run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    if not run[-1] / edge <= MOST_EDGES:
-        raise InputError(
-            f"{where}.edge = {edge:g} cuts it into {run[-1] / edge:,.4g} edges.", f"Give at most {MOST_EDGES:,}."
-        )
-    count = max(round(run[-1] / edge), 1)
-    even = np.linspace(0.0, run[-1], count + 1)
-    cut = np.column_stack([np.interp(even, run, column) for column in line.T])
-    return cut[:-1] if is_loop else cut
-
-
-def _joint(keys: Any, where: str) -> Joint | None:
-    """The joint of `JointKeys`."""
-    if keys is None:
-        return None
-    direction = np.zeros(3) if keys.axis is None else np.array(keys.axis, np.float64)
-    if keys.axis is not None and not direction.any():
-        raise InputError(f"{where}.joint.axis is zero.", "Give a direction, or leave it out for a ball joint.")
-    return Joint(np.array(keys.point, np.float64), direction)

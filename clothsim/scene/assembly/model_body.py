@@ -76,20 +76,14 @@ def _motion(
         return own_clip, f"motion {own_clip.name}"
     if ending in (".bvh", ".npz"):
         path = existing_file(f"{where}.motion", directory, clip.clip)
-        return _read_motion(path, model, character, clip.scale), label
+        if ending == model.suffix.lower():  # AMASS moves a model of the SMPL family joint by joint
+            return read_amass(path, character.skeleton), label
+        read = read_bvh(path) if ending == ".bvh" else read_amass(path)
+        return retargeted(read, character.skeleton, clip.scale), label
     drawn = ", ".join(f"{kind}:SEED" for kind in KINDS)
     raise InputError(
         f"{where}.motion is {clip.clip!r}.", f"Known: {', '.join(CLIPS)}, {drawn}; or a .bvh or .npz file."
     )
-
-
-def _read_motion(path: Path, model: Path, character: Character, scale: float | None) -> SkeletonMotion:
-    """The motion of a .bvh or an AMASS .npz file; that of AMASS moves a model of the SMPL family joint by joint."""
-    if path.suffix.lower() == ".bvh":
-        return retargeted(read_bvh(path), character.skeleton, scale)
-    if model.suffix.lower() == ".npz":
-        return read_amass(path, character.skeleton)
-    return retargeted(read_amass(path), character.skeleton, scale)
 
 
 MANNEQUIN = "mannequin"

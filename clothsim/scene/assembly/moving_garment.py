@@ -106,7 +106,13 @@ class MovingGarment:
         cloth.
         """
         skeleton, joints = self.made.character.skeleton, dict[float, Floats]()
-        constant, found = np.concatenate([self._shape(), self._fabrics()]), []
+        rest, character = skeleton.rest_positions(), self.made.character
+        apart = np.linalg.norm(character.positions[:, None, :] - rest[character.joints][None], axis=2)
+        weight = character.weights / np.maximum(character.weights.sum(axis=0), 1e-12)
+        girths = (weight * apart).sum(axis=0)  # mean distance from each joint of the vertices that follow it
+        of_cloths = [np.mean(cloth.per_triangle(name)) for cloth in self.world.cloths for name in PROPERTIES]
+        fabrics = np.log(np.maximum(of_cloths, 1e-12))
+        constant, found = np.concatenate([(rest - rest[0]).ravel(), girths, fabrics]), []
         for time in times:
             ago = [round(float(time) - steps * STEP, 9) for steps in (0, 1, 2, *PAST)]
             joints |= {at: skeleton.transforms(self.made.pose(at)) for at in ago if at not in joints}
@@ -122,19 +128,6 @@ class MovingGarment:
         down = axes.T @ self.made.linear.T @ np.array([0.0, 0.0, -1.0])
         parts = (now, *past, velocity, acceleration, down / np.linalg.norm(down))
         return np.concatenate([np.ravel(part) for part in parts])
-
-    def _shape(self) -> Floats:
-        """Joints at rest, and the mean distance of the vertices that follow each from it [m]."""
-        character = self.made.character
-        joints = character.skeleton.rest_positions()
-        centres = joints[character.joints]
-        apart = np.linalg.norm(character.positions[:, None, :] - centres[None], axis=2)
-        weight = character.weights / np.maximum(character.weights.sum(axis=0), 1e-12)
-        return np.concatenate([(joints - joints[0]).ravel(), (weight * apart).sum(axis=0)])
-
-    def _fabrics(self) -> Floats:
-        found = [np.mean(cloth.per_triangle(name)) for cloth in self.world.cloths for name in PROPERTIES]
-        return np.log(np.maximum(found, 1e-12))
 
     def unposed(self, points: Floats, time: float, reference: Floats) -> Floats:
         """Canonical positions (k, 3) [m], beside a reference body, of posed ones at a time [s]."""

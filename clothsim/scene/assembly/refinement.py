@@ -53,7 +53,15 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
     """
     if scene.seed_settings.from_ == "file":
         raise InputError("seed.file has a position for each vertex of one mesh.", "Leave the cells as they are.")
-    _refuse_numbered_lines(scene.effects)
+    # a line of vertex numbers is of one mesh: another has more or fewer vertices along it
+    seams = scene.effects["seams"].seam if "seams" in scene.effects else ()
+    creases = scene.effects["rest_angle"].crease if "rest_angle" in scene.effects else ()
+    lines = [(f"effects.seams.seam[{k}].from", seam.from_) for k, seam in enumerate(seams)]
+    lines += [(f"effects.seams.seam[{k}].to", seam.to) for k, seam in enumerate(seams)]
+    lines += [(f"effects.rest_angle.crease[{k}]", crease) for k, crease in enumerate(creases)]
+    for name, line in lines:
+        if "vertices" in line.given:
+            raise InputError(f"{name}.vertices are those of one mesh.", "Give the line by `through`.")
     _refuse_arrays("effects", scene.effects)
     cloths = [_scaled(keys, factor, nearest) for keys in scene.cloths]
     finer = replace(scene, cloth=cloths[0] if isinstance(scene.cloth, Mapping) else cloths)
@@ -81,18 +89,6 @@ def _scaled(keys: ClothTable, factor: Fraction, nearest: bool) -> dict[str, Any]
         raise InputError(f"cells {cells} times {factor} are not whole numbers.", "Choose cells that are powers of two.")
     whole = [max(1, round(count)) for count in counts]
     return {**keys, "cells": whole if isinstance(cells, list | tuple) else whole[0]}
-
-
-def _refuse_numbered_lines(effects: Mapping[str, Any]) -> None:
-    """InputError for a line of vertex numbers: another mesh has more or fewer vertices along it."""
-    seams = effects["seams"].seam if "seams" in effects else ()
-    creases = effects["rest_angle"].crease if "rest_angle" in effects else ()
-    lines = [(f"effects.seams.seam[{k}].from", seam.from_) for k, seam in enumerate(seams)]
-    lines += [(f"effects.seams.seam[{k}].to", seam.to) for k, seam in enumerate(seams)]
-    lines += [(f"effects.rest_angle.crease[{k}]", crease) for k, crease in enumerate(creases)]
-    for name, line in lines:
-        if "vertices" in line.given:
-            raise InputError(f"{name}.vertices are those of one mesh.", "Give the line by `through`.")
 
 
 def _refuse_arrays(where: str, keys: Mapping[str, Any]) -> None:

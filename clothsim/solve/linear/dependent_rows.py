@@ -83,8 +83,13 @@ class DependentRows:
             if not isinstance(hessian, ByElement):
                 raise TypeError("a sparse Hessian has no elements to which the chain rule applies")
             expansion = self._expansion(hessian.elements) if hessian.elements.shape[1] <= CORNERS else None
-            if expansion is not None:
-                added.append(expansion.applied(_blocks(hessian, expansion.chosen)))
+            if expansion is None:
+                continue
+            if isinstance(hessian, LowRankHessian):
+                picked = {name: getattr(hessian, name)[expansion.chosen] for name in ("elements", "first", "count")}
+                added.append(expansion.applied(replace(hessian, **picked).blocks))
+            else:
+                added.append(expansion.applied(np.asarray(hessian.blocks[expansion.chosen], np.float64)))
         return [*given, *added]
 
     @cached_property
@@ -153,11 +158,3 @@ class _Expansion:
         vertices = expanded[:, COORDINATES:, :, COORDINATES:]
         vertices[~self.two] = 0.0
         return ElementHessian(self.nodes, np.ascontiguousarray(expanded).reshape(p, 3 * n, 3 * n))
-
-
-def _blocks(hessian: ByElement, chosen: Ints) -> Floats:
-    """The dense blocks of some elements, (p, 3k, 3k)."""
-    if isinstance(hessian, LowRankHessian):
-        picked = {name: getattr(hessian, name)[chosen] for name in ("elements", "first", "count")}
-        return replace(hessian, **picked).blocks
-    return np.asarray(hessian.blocks[chosen], np.float64)

@@ -85,13 +85,26 @@ class SparsityPattern:
         data = np.zeros(9 * len(self.columns))
         outside = 0
         for hessian in hessians:
-            if isinstance(hessian, ByElement):
-                if len(hessian.elements):
-                    outside += _added(data, hessian, (block_offsets or self.block_offsets)(hessian.elements))
-            elif hessian.nnz:
+            if not isinstance(hessian, ByElement):
                 matrix = hessian.tocsr()
                 arrays = matrix.indptr, matrix.indices, matrix.data
-                outside += assembly.add_csr(data, self.starts, self.columns, *arrays)
+                outside += assembly.add_csr(data, self.starts, self.columns, *arrays) if hessian.nnz else 0
+                continue
+            if not len(hessian.elements):
+                continue
+            at = (block_offsets or self.block_offsets)(hessian.elements)
+            if isinstance(hessian, LowRankHessian):
+                outside += assembly.add_low_rank(data, at, hessian.first, hessian.count, hessian.factors)
+            elif isinstance(hessian, ElementHessian):
+                size = hessian.blocks.shape[1]
+                numbers = np.ascontiguousarray(hessian.blocks).reshape(len(at), size * size)
+                outside += assembly.add_blocks(data, at, 0, numbers, 1, _offsets_in_dense(size), size, 1)
+            elif hessian.add is not None:
+                outside += hessian.add(data, at)
+            else:
+                offsets = _offsets_in_lanes(at.shape[1])
+                for first, lanes in hessian.chunks():
+                    outside += assembly.add_blocks(data, at, first, lanes, LANES, offsets, 3 * LANES, LANES)
         return data, outside
 
     def subpattern(self, rows: Ints) -> "SparsityPattern":
@@ -147,22 +160,6 @@ class SparsityPattern:
         return (9 * self.starts[:-1, None] + np.array([0, 4, 8])).ravel()
 
 
-def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
-    """Add the blocks of a Hessian to `data`; return the number of blocks outside the pattern."""
-    if isinstance(hessian, LowRankHessian):
-        return assembly.add_low_rank(data, at, hessian.first, hessian.count, hessian.factors)
-    if isinstance(hessian, ElementHessian):
-        size = hessian.blocks.shape[1]
-        numbers = np.ascontiguousarray(hessian.blocks).reshape(len(at), size * size)
-        return assembly.add_blocks(data, at, 0, numbers, 1, _offsets_in_dense(size), size, 1)
-    if hessian.add is not None:
-        return hessian.add(data, at)
-    outside, offsets = 0, _offsets_in_lanes(at.shape[1])
-    for first, lanes in hessian.chunks():
-        outside += assembly.add_blocks(data, at, first, lanes, LANES, offsets, 3 * LANES, LANES)
-    return outside
-
-
 @cache
 def _offsets_in_lanes(count: int) -> Ints:
     """Positions of the first entries of `count` blocks in the lanes of a group."""
@@ -183,7 +180,14 @@ def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Explicit]) -> 
     """
     diagonal = np.arange(n_vertices)[:, None]
     elements = [hessian.elements for hessian in hessians if isinstance(hessian, ByElement)]
-    return _pattern(n_vertices, np.unique(_keys(n_vertices, [diagonal, triangles, *elements])))
+    keys = []  # row n + column of each block of the upper triangle
+    for rows in (diagonal, triangles, *elements):
+        for a in range(rows.shape[1]):
+            for b in range(rows.shape[1]):
+                i, j = rows[:, a], rows[:, b]
+                upper = (i <= j) & (j < n_vertices)
+                keys.append(i[upper] * n_vertices + j[upper])
+    return _pattern(n_vertices, np.unique(np.concatenate(keys)))
 
 
 def extended(pattern: SparsityPattern, elements: list[Ints]) -> SparsityPattern:
@@ -204,18 +208,6 @@ def couplings(hessian: Explicit) -> Ints:
         return hessian.elements
     entries = hessian.tocoo()
     return np.column_stack([entries.row, entries.col]).astype(np.int64) // 3
-
-
-def _keys(n: int, elements: list[Ints]) -> Ints:
-    """row n + column of each block of the upper triangle that `elements` couple, with repetitions."""
-    keys = [np.zeros(0, np.int64)]
-    for rows in elements:
-        for a in range(rows.shape[1]):
-            for b in range(rows.shape[1]):
-                i, j = rows[:, a], rows[:, b]
-                upper = (i <= j) & (j < n)
-                keys.append(i[upper] * n + j[upper])
-    return np.concatenate(keys)
 
 
 def _pattern(n: int, keys: Ints) -> SparsityPattern:

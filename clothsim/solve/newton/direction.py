@@ -1,4 +1,7 @@
-"""Newton direction: the quadratic model of E at x, and the step to its minimum."""
+"""Newton direction: the quadratic model of E at x, and the step to its minimum.
+
+Trust region of the exact Hessian: its radius, and when the projected Hessian is used instead.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +20,59 @@ from clothsim.solve.linear.sparsity import hessian_product
 from clothsim.solve.newton.lanczos import saddle_free_solve
 from clothsim.solve.newton.outcome import Ending, Outcome, outcome
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.newton.trust_region import PROJECTED, Trust
+
+MIN_RADIUS, MAX_RADIUS = 3.0, 1000.0
+"""The radius, in lengths of the projected Hessian's step. A nearly flat valley gives little information about its far
+end, so it starts small; along a long curved one it must grow, or each iteration takes three steps of a thousand (a
+sheet squeezed to a millionth: 4,771 iterations with the radius fixed at 3, 329 with one that grows, and never more
+elsewhere).
+"""
+
+
+@dataclass(frozen=True)
+class Trust:
+    """State of the trust region.
+
+    Parameters
+    ----------
+    radius : float
+        Bound on a step of negative curvature, in lengths of the projected Hessian's step.
+    projected : int
+        Number of coming iterations that use the projected Hessian alone.
+    pause : int
+        Length of the next such pause.
+    """
+
+    radius: float = MIN_RADIUS
+    projected: int = 1  # the first step from a start that may be far off
+    pause: int = 1
+
+    @property
+    def exact(self) -> bool:
+        """True where the next step uses the exact Hessian."""
+        return self.projected == 0
+
+    def after(self, fraction: float, negative_curvature: bool, noise: bool) -> "Trust":
+        """Return the state after a step of which the line search took `fraction`.
+
+        negative_curvature: the step ended on the radius; noise: it was at the round-off of E, where the exact Hessian
+        shows spurious negative curvature and its long steps cycle, while the projected one alone may crawl. So the
+        exact one pauses for a number of iterations that doubles.
+        """
+        if noise:
+            return Trust(MIN_RADIUS, 2 * self.pause, 2 * self.pause)
+        if not self.exact:
+            return replace(self, projected=self.projected - 1)
+        grows = negative_curvature and fraction >= 1.0
+        return replace(self, radius=min(2.0 * self.radius, MAX_RADIUS) if grows else max(0.5 * self.radius, MIN_RADIUS))
+
+
+PROJECTED = Trust()
+"""State at the start of a solve: projected Hessian first."""
+
+TRUSTED = Trust(projected=0)
+"""State that uses the exact Hessian from the first step, where a solve starts near its minimiser."""
+
 
 Product = Callable[[Floats], Floats]
 """v -> A v for v (n,)."""
@@ -127,9 +182,9 @@ class QuadraticModel:
         if solved is None and finite and np.isfinite(data).all():
             return Direction(displacement, gradient, end=outcome(Ending.SINGULAR))
         if solved is None:
-            return Direction(
-                displacement, gradient, end=outcome(Ending.NOT_FINITE, x, self._not_a_number(x, right, data))
-            )
+            vector = self.system.pattern.times(data)(np.zeros_like(right)) if finite else right
+            row = int(np.arange(len(x))[self.system.rows][_first_not_finite(vector.reshape(-1, 3))])
+            return Direction(displacement, gradient, end=outcome(Ending.NOT_FINITE, x, row))
         solution, solver = solved
         if not trust.exact:
             return Direction(self._fill_free(displacement, solution), gradient)
@@ -176,11 +231,6 @@ class QuadraticModel:
     def residual(self, gradient: Floats) -> float:
         """Return the largest component of the gradient (N, 3) at a free vertex [N]."""
         return float(np.abs(self._free(gradient)).max(initial=0.0))
-
-    def _not_a_number(self, x: Floats, right: Floats, data: Floats) -> int:
-        """First row of x at which the right-hand side, or else the matrix, is not finite."""
-        vector = self.system.pattern.times(data)(np.zeros_like(right)) if np.isfinite(right).all() else right
-        return int(np.arange(len(x))[self.system.rows][_first_not_finite(vector.reshape(-1, 3))])
 
     def _free(self, vectors: Floats) -> Floats:
         """Entries (3 n,) of gradients (N, 3) by the system's unknowns, 0 where they are fixed."""
@@ -240,7 +290,8 @@ class QuadraticModel:
             if attempt == 1:
                 if not np.isfinite(data).all():
                     return None
-                shift = self._smallest_shift(data)
+                largest = float(self.system.pattern.diagonal(data).max(initial=0.0))
+                shift = 1e-10 * max(largest, np.finfo(float).tiny)
             elif attempt:
                 shift *= 10.0
             with timers.phase("linear solve"):
@@ -260,10 +311,6 @@ class QuadraticModel:
             if np.isfinite(solution).all() and max(0.0, rounding) <= descent < np.inf:
                 return solution, solver
         return None
-
-    def _smallest_shift(self, data: Floats) -> float:
-        largest = float(self.system.pattern.diagonal(data).max(initial=0.0))
-        return 1e-10 * max(largest, np.finfo(float).tiny)
 
 
 def _first_not_finite(vectors: Floats) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.base.linalg import dot
 from clothsim.physics.energies.base import Prescribed
-from clothsim.solve.linear.linear_system import System
+from clothsim.solve.linear.linear_system import Patch, System, unconverged
 from clothsim.solve.newton.convergence import (
     BALANCED,
     MOST_UNBALANCED,
@@ -22,14 +22,10 @@ from clothsim.solve.newton.convergence import (
     MotionStop,
     force_balance,
 )
-from clothsim.solve.newton.curved_step import longer_step
-from clothsim.solve.newton.direction import NO_FACTOR, Direction, QuadraticModel
-from clothsim.solve.newton.line_search import RESOLVED, armijo, round_off
-from clothsim.solve.newton.nonlinear_elimination import Patch, unconverged
-from clothsim.solve.newton.observer import Iterate, Observer, unobserved
-from clothsim.solve.newton.outcome import Ending, Outcome, outcome
+from clothsim.solve.newton.direction import NO_FACTOR, PROJECTED, TRUSTED, Direction, QuadraticModel, Trust
+from clothsim.solve.newton.line_search import RESOLVED, armijo, longer_step, round_off
+from clothsim.solve.newton.outcome import Ending, Iterate, Observer, Outcome, outcome, unobserved
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.newton.trust_region import PROJECTED, TRUSTED, Trust
 
 SMALLEST_FRACTION = 1e-12
 BLOCKED_FRACTION = 1e-8
@@ -200,7 +196,14 @@ class Newton:
         for iteration in range(self.settings.max_prescribed_iterations):
             displacement = np.zeros_like(x)
             displacement[target.vertices] = target.positions - x[target.vertices]
-            if not displacement.any() or self._last_piece_is_free(x, displacement, distance):
+            remaining = float(np.abs(displacement).max())
+            done = remaining == 0.0 or (  # the rest is shorter than every gap, and free of collision
+                remaining <= LAST_PIECE * distance
+                and remaining <= FRACTION_OF_GAP * self.potential.minimum_gap(x)
+                and self._limit(x, displacement) == 1.0
+                and bool(np.isfinite(self.potential.value(x + displacement)))
+            )
+            if done:
                 x[target.vertices] = target.positions
                 return x, outcome(Ending.CONVERGED), iteration
             direction = model.direction(x, displacement)
@@ -235,13 +238,6 @@ class Newton:
             return shorter, admissible
         return dx, fraction
 
-    def _last_piece_is_free(self, x: Floats, displacement: Floats, distance: float) -> bool:
-        """True where the rest of a prescribed displacement is shorter than every gap, and free of collision."""
-        remaining = float(np.abs(displacement).max())
-        if remaining > LAST_PIECE * distance or remaining > FRACTION_OF_GAP * self.potential.minimum_gap(x):
-            return False
-        return self._limit(x, displacement) == 1.0 and bool(np.isfinite(self.potential.value(x + displacement)))
-
     def _eliminated(self, x: Floats, dx: Floats, model: QuadraticModel) -> NewtonResult | None:
         """Nonlinear elimination of the vertices that the step dx moved; None where they are not few.
 
@@ -256,18 +252,14 @@ class Newton:
         rows = unconverged(moved, least, self.system.base, model.fixed)
         if not len(rows) or self.system.dependent.any_of(rows):
             return None
-        with self.potential.timers.patch():
-            return self._solve_patch(x, Patch(rows, len(x)))
-
-    def _solve_patch(self, x: Floats, patch: Patch) -> NewtonResult:
-        """Minimise over a patch, all other vertices fixed, in at most MAX_PATCH_ITERATIONS iterations."""
-        timers = self.potential.timers
-        with timers.phase("assembly"):
-            potential = self.potential.restricted_to(patch.moving, x)
-            system = self.system.subsystem(patch)
-        settings = replace(self.settings, max_iterations=MAX_PATCH_ITERATIONS)
-        part = Newton(potential, system, settings, self.dt, balance=self.balance)
-        return part._descend(x, QuadraticModel(potential, system, np.zeros(len(patch.rows), bool)), TRUSTED, 0)
+        patch, timers = Patch(rows, len(x)), self.potential.timers
+        with timers.patch():
+            with timers.phase("assembly"):
+                potential = self.potential.restricted_to(patch.moving, x)
+                system = self.system.subsystem(patch)
+            settings = replace(self.settings, max_iterations=MAX_PATCH_ITERATIONS)
+            part = Newton(potential, system, settings, self.dt, balance=self.balance)
+            return part._descend(x, QuadraticModel(potential, system, np.zeros(len(patch.rows), bool)), TRUSTED, 0)
 
     def _descend(self, x: Floats, model: QuadraticModel, trust: Trust, iterations: int) -> NewtonResult:
         """Newton with the prescribed vertices fixed, until forces balance after an unclipped step that may be last."""
@@ -358,7 +350,15 @@ class Newton:
         if speed < self.settings.tolerance:
             if self.potential.gap_change(x, dx) > CHANGE_OF_GAP:
                 return False
-            return fraction == 1.0 or self._below_noise(x, dx, direction.gradient, speed)
+            if fraction == 1.0 or speed < 1e-6 * self.settings.tolerance:  # a millionth of the tolerance is round-off
+                return True
+            # The full step may be rejected for the round-off of E alone. Near the minimum E cannot distinguish x from
+            # x + dx, but its derivative can: along a good Newton step it falls to near zero (Hager & Zhang 2005,
+            # approximate Wolfe conditions). A step that promises less than the last digits of x is round-off too.
+            slope = dot(direction.gradient, dx)
+            if -slope <= LAST_DIGITS * dot(np.abs(direction.gradient), np.abs(x)):
+                return True
+            return abs(dot(self.potential.gradient(x + dx), dx)) <= -0.5 * slope
         if fraction < 1.0 or not self.balance.reached(x, dx, last, self.dt):
             return False
         return self.potential.gap_change(x, dx, NEAR_LIMIT) <= CHANGE_OF_GAP
@@ -367,18 +367,6 @@ class Newton:
         """Force balance at the free vertices of the system."""
         rows = np.arange(len(x))[self.system.rows]
         return force_balance(self.potential, x, rows[~model.fixed], self.least_force, self.system.dependent)
-
-    def _below_noise(self, x: Floats, dx: Floats, gradient: Floats, speed: float) -> bool:
-        """True where the full step was rejected for the round-off of E alone.
-
-        Near the minimum E cannot distinguish x from x + dx, but its derivative can: along a good Newton step it falls
-        to near zero (Hager & Zhang 2005, approximate Wolfe conditions). A step of a millionth of the tolerance is
-        round-off, and so is one that promises less than the last digits of the coordinates change E.
-        """
-        slope = dot(gradient, dx)
-        if speed < 1e-6 * self.settings.tolerance or -slope <= LAST_DIGITS * dot(np.abs(gradient), np.abs(x)):
-            return True
-        return abs(dot(self.potential.gradient(x + dx), dx)) <= -0.5 * slope
 
     def _speed(self, dx: Floats) -> float:
         return float(np.abs(dx).max(initial=0.0)) / self.dt

@@ -1,6 +1,9 @@
-"""Outcomes of a Newton solve: an enumeration of ends, each with its message."""
+"""Outcomes of a Newton solve: an enumeration of ends, each with its message.
 
-from collections.abc import Mapping
+A solve is observed by a callback with each iterate.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -87,3 +90,33 @@ def position_text(position: Floats) -> str:
     """
     least = 1e-9 * float(np.abs(position).max())
     return "(" + ", ".join(f"{c if abs(c) > least else 0.0:.4g}" for c in position) + ") m"
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """One Newton iterate: x (N, 3) [m] and the step that led to it.
+
+    Parameters
+    ----------
+    x : (N, 3) float64
+        Positions [m].
+    fraction : float
+        Fraction of the step that was taken: 0 at the start, nan after a nonlinear elimination.
+    speed : float
+        |dx|_inf / dt of the full step [m/s]; nan where there was none.
+    residual : float
+        Largest force where the step began [N]; nan where it is unknown.
+    """
+
+    x: Floats
+    fraction: float = 0.0
+    speed: float = np.nan
+    residual: float = np.nan
+
+
+Observer = Callable[[Iterate], None]
+"""Callback with the start of a solve, then with each iterate."""
+
+
+def unobserved(iterate: Iterate) -> None:
+    """Observe nothing."""

@@ -217,7 +217,9 @@ class Potential:
         Contact predicts pairs only where one is active at x: the order of elimination depends on the pattern, so that a
         predicted pair that never becomes active would change every bit of a run without contact.
         """
-        return [energy.couplings(x, dx) for energy in self._acting_as(Coupling) if _is_active(energy, x)]
+        acting = self._acting_as(Coupling)
+        active = [each for each in acting if not isinstance(each, ContactGap) or each.minimum_gap(x) < np.inf]
+        return [energy.couplings(x, dx) for energy in active]
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """Return the smallest step limit of the energies, in [0, 1]; each starts from the limit of those before it."""
@@ -275,7 +277,3 @@ class Potential:
                     counters["parts"][key] = counters["parts"].get(key, 0.0) + count
             effect_counters[name] = counters
         return effect_counters
-
-
-def _is_active(energy: Coupling, x: Floats) -> bool:
-    return not isinstance(energy, ContactGap) or energy.minimum_gap(x) < np.inf

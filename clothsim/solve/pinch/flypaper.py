@@ -189,7 +189,11 @@ def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, 
     if len(known):
         distance, nearest = cKDTree(x[known.vertices]).query(at)
         along = normals(x, known.triangles)[nearest]
-    takes_near, left = _moves_less(world, end - x, found), np.ones(len(at), bool)
+    moves = end - x
+    common, left = moves[: world.n_cloth].mean(axis=0), np.ones(len(at), bool)
+    sides = (found.near, found.near_weights), (found.far, found.far_weights)
+    slow, fast = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in sides)
+    takes_near = slow <= MUCH_MORE * fast  # the nearer part moves less against the cloth, or about as much
     for _ in range(len(at)):
         rank = np.where(left, distance, np.inf)
         k = int(rank.argmin())
@@ -210,14 +214,6 @@ def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, 
     return known.joined(attached(x, found.vertices, support, other))
 
 
-def _moves_less(world: World, moves: Floats, found: PinchedVertices) -> np.ndarray:
-    """Mask (k,) of the vertices whose nearer part moves less against the cloth than the other, or about as much."""
-    common = moves[: world.n_cloth].mean(axis=0)
-    parts = (found.near, found.near_weights), (found.far, found.far_weights)
-    near, far = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in parts)
-    return np.asarray(near <= MUCH_MORE * far)
-
-
 def own_rows(world: World, x: Floats, flypapered: Flypapered) -> Ints:
     """Sorted keys v N + q of the body rows q of the patch about the supporting triangle of each flypapered row v.
 
@@ -227,8 +223,17 @@ def own_rows(world: World, x: Floats, flypapered: Flypapered) -> Ints:
     unit, centres = normals(x, triangles), x[triangles].mean(axis=1)
     radii = np.linalg.norm(x[triangles] - centres[:, None], axis=2).max(axis=1)
     radius = OWN_PATCH * median_and_longest_edge(world, x)[1]
-    starts = _faces(triangles, flypapered.triangles, len(x))
-    points, across = flypapered.points(x), _adjacent(triangles, len(x))
+    size, wanted = len(x), flypapered.triangles
+    keys, sought = ((each[:, 0] * size + each[:, 1]) * size + each[:, 2] for each in (triangles, wanted))
+    order = np.argsort(keys)
+    starts = order[np.searchsorted(keys[order], sought)]
+    edges = np.sort(half_edges(triangles), axis=1)
+    keys = edges[:, 0] * size + edges[:, 1]
+    order = np.argsort(keys, kind="stable")
+    _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    pairs, other = first[counts == 2], np.full(len(keys), -1)  # -1 at a border, and where more than two meet
+    other[order[pairs]], other[order[pairs + 1]] = order[pairs + 1] // 3, order[pairs] // 3
+    points, across = flypapered.points(x), other.reshape(-1, 3)
     seen = front = np.arange(len(flypapered)) * len(triangles) + starts
     while len(front):
         of, face = np.repeat(front // len(triangles), 3), across[front % len(triangles)].ravel()
@@ -240,25 +245,6 @@ def own_rows(world: World, x: Floats, flypapered: Flypapered) -> Ints:
         seen = np.union1d(seen, front)
     rows = triangles[seen % len(triangles)]
     return np.unique(flypapered.vertices[seen // len(triangles)][:, None] * len(x) + rows)
-
-
-def _faces(triangles: Ints, wanted: Ints, size: int) -> Ints:
-    """Indices of the `wanted` (k, 3) among the triangles (m, 3), whose rows are below `size`."""
-    keys, sought = ((each[:, 0] * size + each[:, 1]) * size + each[:, 2] for each in (triangles, wanted))
-    order = np.argsort(keys)
-    return np.asarray(order[np.searchsorted(keys[order], sought)])
-
-
-def _adjacent(triangles: Ints, size: int) -> Ints:
-    """Triangle across each edge, (m, 3); -1 at a border, and where more than two meet."""
-    edges = np.sort(half_edges(triangles), axis=1)
-    keys = edges[:, 0] * size + edges[:, 1]
-    order = np.argsort(keys, kind="stable")
-    _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
-    pairs = first[counts == 2]
-    across = np.full(len(keys), -1)
-    across[order[pairs]], across[order[pairs + 1]] = order[pairs + 1] // 3, order[pairs] // 3
-    return across.reshape(-1, 3)
 
 
 # Record of flypapered vertices over a run, and the intersections that the policy of a pinch exempts.

@@ -87,11 +87,15 @@ def advance_flypapering(integrator: Integrator, state: State, until: float) -> t
         bound = _bind_flypapered(integrator, state, flypapered, attempt.own)
         report = advance(bound, state, until, retries=number > 0)
         rows = _pinched_rows(integrator, report, flypapered)
-        if number == 0 and not report.converged and not (_is_blocked(report) and len(rows)):
+        blocked = report.result.outcome.ending is Ending.BLOCKED
+        if number == 0 and not report.converged and not (blocked and len(rows)):
             report = advance(bound, state, until)  # no pinch: shorter steps
             rows = _pinched_rows(integrator, report, flypapered)
         report = replace(report, failures=(*failures, *report.failures))
-        _count(integrator, bound)
+        for name, barrier in _barriers(integrator).items():  # the run counts the work of the step's candidates
+            own = _barriers(bound)[name].candidates
+            if isinstance(own, MaskedCandidates):
+                own.count_for(barrier.candidates)
         if not len(rows) and (report.converged or not len(flypapered)):
             break
         before, failures = flypapered, report.failures
@@ -107,16 +111,23 @@ def advance_flypapering(integrator: Integrator, state: State, until: float) -> t
 
 
 def _pinched_rows(integrator: Integrator, report: StepReport, flypapered: Flypapered) -> Ints:
-    """Rows that keep a try from being taken: those that cross at its end, or are squeezed where it failed."""
-    held = flypapered.mask(len(report.result.x))
-    if report.converged:
-        return _crossing(integrator, report.state.positions, held)
-    return squeezed(integrator.world, report.potential.energies, report.result.x, held)
+    """Rows that keep a try from being taken: squeezed where it failed, or free and of triangles that cross at its end.
 
-
-def _is_blocked(report: StepReport) -> bool:
-    """True where the prescribed motion was blocked."""
-    return report.result.outcome.ending is Ending.BLOCKED
+    Flypapered layers may force free cloth through others.
+    """
+    world, barriers, held = integrator.world, _barriers(integrator), flypapered.mask(len(report.result.x))
+    if not report.converged:
+        return squeezed(world, report.potential.energies, report.result.x, held)
+    if not held.any():
+        return NONE
+    # exempt are triangles with a flypapered vertex against bodies, and two such triangles
+    x, some = report.state.positions, np.asarray(held[world.triangles].any(axis=1))
+    pairs = intersecting_pairs(x, world.triangles[~some], world.body_triangles)
+    rows = [world.triangles[~some][pairs[:, 0]].ravel()]
+    if "self_contact" in barriers:
+        pairs = intersecting_pairs(x, world.triangles)
+        rows.append(world.triangles[pairs[~some[pairs].all(axis=1)]].ravel())
+    return np.setdiff1d(np.concatenate(rows), np.flatnonzero(held))
 
 
 def _barriers(integrator: Integrator) -> dict[str, Barrier]:
@@ -172,31 +183,6 @@ def _bind_flypapered(integrator: Integrator, state: State, flypapered: Flypapere
     }
     constraints = {**integrator.constraints, "contact.pinch": FlypaperedPositions(world, flypapered)}
     return replace(integrator, potential=replace(integrator.potential, energies=energies), constraints=constraints)
-
-
-def _crossing(integrator: Integrator, x: Floats, held: np.ndarray) -> Ints:
-    """Free cloth rows of triangles that intersect at x without being exempt: flypapered layers may force them through.
-
-    Exempt are triangles with a flypapered vertex against bodies, and two such triangles.
-    """
-    if not held.any():
-        return NONE
-    world, barriers = integrator.world, _barriers(integrator)
-    some = np.asarray(held[world.triangles].any(axis=1))
-    pairs = intersecting_pairs(x, world.triangles[~some], world.body_triangles)
-    rows = [world.triangles[~some][pairs[:, 0]].ravel()]
-    if "self_contact" in barriers:
-        pairs = intersecting_pairs(x, world.triangles)
-        rows.append(world.triangles[pairs[~some[pairs].all(axis=1)]].ravel())
-    return np.setdiff1d(np.concatenate(rows), np.flatnonzero(held))
-
-
-def _count(integrator: Integrator, bound: Integrator) -> None:
-    """Add the work of the step's candidates to the counters of the run."""
-    for name, barrier in _barriers(integrator).items():
-        own = _barriers(bound)[name].candidates
-        if isinstance(own, MaskedCandidates):
-            own.count_for(barrier.candidates)
 
 
 def flypapered_mask(world: World, memory: Mapping[str, Floats | float]) -> np.ndarray:
@@ -274,7 +260,11 @@ def _tangled(remaining: Flypapered, released: Ints, opening: Opening) -> Ints:
     whole = world.triangles[~held[world.triangles].any(axis=1)]
     touched = whole[np.isin(whole, released).any(axis=1)]
     rows = [touched[intersecting_pairs(x, touched, world.body_triangles)[:, 0]].ravel()]
-    rows.append(_crossing_edges(held, released, opening))
+    edges = world.edges[np.isin(world.edges, released).any(axis=1) & ~held[world.edges].any(axis=1)]
+    ends = np.concatenate([edges, edges[:, ::-1]])
+    lines = x[ends[:, 0]], x[ends[:, 1]] - x[ends[:, 0]]
+    hits = line_hits(opening.faces, x, np.ascontiguousarray(ends[:, 0]), lines, (0.0, 1.0), entering=False)
+    rows.append(ends[np.isfinite(hits)].ravel())
     exclusion = ExclusionMask(held, np.zeros(0, np.int64))
     for name, barrier in opening.barriers.items():
         if name == "self_contact":
@@ -285,16 +275,6 @@ def _tangled(remaining: Flypapered, released: Ints, opening: Opening) -> Ints:
         taken_up = ~exclusion.mask(pairs.elements, pairs.n_points, name == "self_contact")
         rows.append(pairs.elements[taken_up & (distances <= barrier.offset + LEAST_GAP * barrier.d_hat)].ravel())
     return np.unique(np.concatenate(rows))
-
-
-def _crossing_edges(held: np.ndarray, released: Ints, opening: Opening) -> Ints:
-    """Ends of edges of released and free vertices that meet a body triangle."""
-    x, edges = opening.x, opening.world.edges
-    edges = edges[np.isin(edges, released).any(axis=1) & ~held[edges].any(axis=1)]
-    ends = np.concatenate([edges, edges[:, ::-1]])
-    lines = x[ends[:, 0]], x[ends[:, 1]] - x[ends[:, 0]]
-    hits = line_hits(opening.faces, x, np.ascontiguousarray(ends[:, 0]), lines, (0.0, 1.0), entering=False)
-    return np.unique(ends[np.isfinite(hits)])
 
 
 # Squeezed vertices of a failed step: cloth with active contacts that push it from opposite sides.

@@ -65,7 +65,14 @@ class ContactPair:
 
 def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) -> ContactPair | None:
     """Return the closest pair of all contact energies at x (N, 3) [m]; None where no pair is active."""
-    found = [_contact_pairs(energy, x) for energy in energies if isinstance(energy, HasContactPairs)]
+    found = []
+    for energy in energies:
+        if isinstance(energy, HasContactPairs):
+            rows, weights, lines, _ = energy.normal_forces(x, energy.stiffness)
+            splits = np.where(np.arange(len(rows)) < energy.distinct(x).n_points, 1, 2)
+            on_first = np.where(np.arange(4) < splits[:, None], weights, 0.0)
+            midpoints = np.einsum("pk,pkc->pc", np.abs(on_first), x[rows]) - 0.5 * lines
+            found.append((rows, splits, midpoints, np.linalg.norm(lines, axis=1)))
     rows, splits, midpoints, distances = (
         (np.concatenate(parts) for parts in zip(*found, strict=True)) if found else _NONE
     )
@@ -82,15 +89,6 @@ def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) ->
     third = closing[distances[closing].argmin()] if len(closing) else None
     pinch = None if third is None else int(objects[third][elsewhere[third]][0])
     return ContactPair(pair[:split], pair[split:], midpoints[best], float(distances[best]), pinch)
-
-
-def _contact_pairs(energy: HasContactPairs, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
-    """Active pairs: rows (p, 4), size of the first simplex (p,), midpoint (p, 3) and distance (p,) [m]."""
-    rows, weights, lines, _ = energy.normal_forces(x, energy.stiffness)
-    splits = np.where(np.arange(len(rows)) < energy.distinct(x).n_points, 1, 2)
-    on_first = np.where(np.arange(4) < splits[:, None], weights, 0.0)
-    midpoints = np.einsum("pk,pkc->pc", np.abs(on_first), x[rows]) - 0.5 * lines
-    return rows, splits, midpoints, np.linalg.norm(lines, axis=1)
 
 
 _NONE = (np.zeros((0, 4), np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0))
@@ -242,7 +240,12 @@ def failure_of(
     position = end.position if pair is None else pair.position
     position = None if position is None else position + world.origin
     if end.ending is Ending.BLOCKED:
-        remedy = _unblock(world, _movers(world, constraints, result.x, target), pair)
+        left = np.linalg.norm(target.positions - result.x[target.vertices], axis=1)
+        rows = target.vertices[left > 0.5 * left.max()]
+        bodies = rows[(rows >= world.n_cloth) & (world.labels[rows] >= 0)]
+        drivers = dict.fromkeys(_driver(world, constraints, int(row)) for row in np.setdiff1d(rows, bodies))
+        movers = [*drivers, *(world.names[label] for label in np.unique(world.labels[bodies]))]
+        remedy = _unblock(world, movers, pair)
     elif tight and end.ending is Ending.NOT_FINITE:
         remedy = "Let the rest shape or the limit change more slowly, or set a larger limit."
     else:
@@ -359,15 +362,6 @@ def _unblock(world: World, movers: Sequence[str], pair: ContactPair | None) -> s
     if one == other or len(movers) > 1:
         return f"Shorten the motion of {who}: {one} has no admissible displacement left."
     return f"Shorten the motion of {who}, or move {obstacle} out of its path."
-
-
-def _movers(world: World, constraints: Collection[Constraint], x: Floats, target: Prescribed) -> list[str]:
-    """Groups of pins and bodies whose prescribed displacement is blocked."""
-    left = np.linalg.norm(target.positions - x[target.vertices], axis=1)
-    rows = target.vertices[left > 0.5 * left.max()]
-    bodies = rows[(rows >= world.n_cloth) & (world.labels[rows] >= 0)]
-    names = [world.names[label] for label in np.unique(world.labels[bodies])]
-    return [*dict.fromkeys(_driver(world, constraints, int(row)) for row in np.setdiff1d(rows, bodies)), *names]
 
 
 def _driver(world: World, constraints: Collection[Constraint], row: int) -> str:

@@ -127,7 +127,13 @@ def predicted_start(world: World, dependent: DependentRows, bound: Potential, st
         spin = angular_velocity(body, now, rates)
         if np.linalg.norm(spin) * h > LEAST_TURN:
             turns = True
-            displacement[rows] = _advance_rigid(body, now, rates, rotation_matrix(h * spin), h) - now
+            turn = rotation_matrix(h * spin).T
+            if len(now) < len(CORNERS):
+                ahead = now @ turn
+            else:  # a free body, whose centre flies
+                centre, velocity = now.mean(axis=0), rates.mean(axis=0)
+                ahead = (now - centre) @ turn + centre + h * velocity
+            displacement[rows] = ahead - now
     if not turns:
         return state.positions
     displacement = dependent.follow(displacement)
@@ -141,11 +147,3 @@ def angular_velocity(body: RigidBody, coordinates: Floats, rates: Floats) -> Flo
     """Return the angular velocity (3,) [rad/s] of a body with the coordinates (k, 3) [m] and their rates [m/s]."""
     rate = rates.T @ body.gradients @ np.linalg.inv(body.deformation(coordinates))
     return 0.5 * np.array([rate[2, 1] - rate[1, 2], rate[0, 2] - rate[2, 0], rate[1, 0] - rate[0, 1]])
-
-
-def _advance_rigid(body: RigidBody, coordinates: Floats, rates: Floats, rotation: Floats, h: float) -> Floats:
-    """The coordinates after a rotation, and of a free body after the flight of its centre."""
-    if len(coordinates) < len(CORNERS):
-        return coordinates @ rotation.T
-    centre, velocity = coordinates.mean(axis=0), rates.mean(axis=0)
-    return (coordinates - centre) @ rotation.T + centre + h * velocity

@@ -11,12 +11,11 @@ import numpy as np
 from clothsim.base.parallel import threads
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import CONTACT_TIME_SCALE, Constraint, Prescribed, Step
+from clothsim.solve.linear.direct_solver import one_blas_thread
 from clothsim.solve.linear.linear_system import System
-from clothsim.solve.linear.threads import one_blas_thread
 from clothsim.solve.newton.convergence import LEAST_SPEED, ErrorBalance, MotionStop, StaticStop
 from clothsim.solve.newton.newton import TOLERANCE_ALONE, Newton, NewtonResult, NewtonSettings
-from clothsim.solve.newton.observer import Observer, unobserved
-from clothsim.solve.newton.outcome import Ending
+from clothsim.solve.newton.outcome import Ending, Observer, unobserved
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.failure import Failure, failure_of, try_sentence
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2, Formula, formula_of, predicted_start, prescribed
@@ -213,7 +212,11 @@ def _advance(integrator: Integrator, state: State, until: float, retries: bool) 
     tried, dt = state, state.dt
     smallest = integrator.shortest(dt) if retries else dt
     rejected, restarted = 0, False
-    patient = _patient(integrator)
+    patient = integrator
+    if "inertia" not in integrator.potential.energies:
+        settings = integrator.settings
+        more = replace(settings, max_iterations=STATIC_ITERATIONS * settings.max_iterations)
+        patient = replace(integrator, settings=more)
     held = integrator.constraints.values()
     unbalanced: list[tuple[Potential, NewtonResult]] = []
     for attempt in range(1, MOST_TRIES + 1):
@@ -254,14 +257,6 @@ def _advance(integrator: Integrator, state: State, until: float, retries: bool) 
     if result.outcome.ending is Ending.BLOCKED and moving and not integrator.flypapers:
         failure = replace(failure, remedy=f"{failure.remedy} {PINCH_REMEDY}")
     return replace(_report(integrator, state, h, result, bound, failures), failure=failure, rejected=rejected)
-
-
-def _patient(integrator: Integrator) -> Integrator:
-    """The integrator with STATIC_ITERATIONS times the iterations where it is quasi-static, else itself."""
-    if "inertia" in integrator.potential.energies:
-        return integrator
-    settings = integrator.settings
-    return replace(integrator, settings=replace(settings, max_iterations=STATIC_ITERATIONS * settings.max_iterations))
 
 
 def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -> State:

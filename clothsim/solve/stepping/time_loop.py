@@ -9,13 +9,10 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
 from clothsim.geometry.kinematics.stretch import principal_stretches
-from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.protocols import ChangingMaterial
 from clothsim.solve.newton.convergence import CONVERGED_PART
-from clothsim.solve.newton.potential import Potential
-from clothsim.solve.newton.stability import Mode, descent_from_saddle, lowest_mode
-from clothsim.solve.newton.statics import StaticModel
+from clothsim.solve.newton.stability import Mode, StaticModel, descent_from_saddle, lowest_mode
 from clothsim.solve.stepping.failure import budget_failure
 from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.state import Previous, Rest, State, Switch
@@ -170,16 +167,14 @@ def _changes(integrator: Integrator, report: StepReport, until: float) -> bool:
         now = prescribed(integrator.world, held, state.time).positions
         if any(_differ(prescribed(integrator.world, held, state.time + t).positions, now) for t in later):
             return True
-    if any(_varies(integrator, state, energy, later) for energy in _timed(report.potential)):
+    # those bound to a step may depend on time, but for those bound last (contact)
+    energies = report.potential.energies.values()
+    timed = [e for e in energies if type(e).begin is not Energy.begin and not e.depends_on_other_energies]
+    if any(_varies(integrator, state, energy, later) for energy in timed):
         return True
     in_run = [t for t in later if t <= until - state.time]  # a material over time may be none after the run
     materials = [one for one in integrator.potential.energies.values() if isinstance(one, ChangingMaterial)]
     return any(_varies(integrator, state, energy, in_run) for energy in materials)
-
-
-def _timed(bound: Potential) -> list[Energy]:
-    """The energies that may depend on time: those that are bound to a step, but for those bound last (contact)."""
-    return [e for e in bound.energies.values() if type(e).begin is not Energy.begin and not e.depends_on_other_energies]
 
 
 def _varies(integrator: Integrator, state: State, energy: Energy, later: list[float]) -> bool:
@@ -311,11 +306,19 @@ def out_of_plane(integrator: Integrator, report: StepReport) -> StepReport:
     """
     if report.state.at_rest or report.state.step % STEPS_BETWEEN_LOOKS != 1:
         return report
-    normals = _normals(integrator.world, report.state.positions)
+    world, x = integrator.world, report.state.positions
+    normals = np.zeros((world.n_unknowns, 3))  # at the vertices of each cloth that lies in a plane and is compressed
+    for rows in world.cloth_slices:
+        normal = _normal(x[rows])
+        if normal is not None:
+            own = np.flatnonzero((world.triangles[:, 0] >= rows.start) & (world.triangles[:, 0] < rows.stop))
+            F = deformation_gradients(x[: world.n_cloth], world.triangles[own], world.rest_shape_inverses[own])
+            if principal_stretches(F)[:, 1].min(initial=np.inf) < COMPRESSED:
+                normals[rows] = normal
     flat = np.asarray(normals.any(axis=1))
     if not flat.any():
         return report
-    model = static_model(integrator, report, flat[: integrator.world.n_cloth])
+    model = static_model(integrator, report, flat[: world.n_cloth])
     side = unstable_side(integrator, model, integrator.rest_speed * report.dt, along=normals)
     return report if side is None else displaced(report, side)
 
@@ -362,16 +365,6 @@ def displaced(report: StepReport, side: ModeDisplacement) -> StepReport:
     return replace(report, state=moved, switches=(*report.switches, side.record()))
 
 
-def _normals(world: World, x: Floats) -> Floats:
-    """The unit normal at the vertices of each cloth that lies in a plane and is compressed, else 0, (n, 3)."""
-    normals = np.zeros((world.n_unknowns, 3))
-    for rows in world.cloth_slices:
-        normal = _normal(x[rows])
-        if normal is not None and _compressed(world, x, rows):
-            normals[rows] = normal
-    return normals
-
-
 def _normal(points: Floats) -> Floats | None:
     """Unit normal of the plane that the points (n, 3) lie in; None where they do not, or lie on a line."""
     arms = points - points[0]
@@ -383,12 +376,6 @@ def _normal(points: Floats) -> Floats | None:
         return None
     normal = across[heights.argmax()] / heights.max()
     return normal if np.abs(arms @ normal).max() <= FLAT * lengths.max() else None
-
-
-def _compressed(world: World, x: Floats, rows: slice) -> bool:
-    own = np.flatnonzero((world.triangles[:, 0] >= rows.start) & (world.triangles[:, 0] < rows.stop))
-    F = deformation_gradients(x[: world.n_cloth], world.triangles[own], world.rest_shape_inverses[own])
-    return bool(principal_stretches(F)[:, 1].min(initial=np.inf) < COMPRESSED)
 
 
 def _extent(points: Floats) -> float:

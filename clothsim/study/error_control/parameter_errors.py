@@ -92,18 +92,13 @@ class ParameterErrors:
             scales = dict.fromkeys(refined, factor)
         else:
             least = max(LEAST_CALIBRATION, factor)
-            scales = _lowered({name: self.errors[name] - new[name] for name in refined}, difference, least)
+            fallen = {name: self.errors[name] - new[name] for name in refined}
+            scales = {}
+            for name, size in fallen.items():
+                smaller = sum(other**2 for other in fallen.values() if other < size)
+                left = max(difference**2 - smaller, 0.0) ** 0.5
+                scales[name] = min(1.0, max(least, left / size)) if size > 0 else 1.0
         return ParameterErrors(dict(sizes), {name: new[name] * scales.get(name, 1.0) for name in new}, factor)
-
-
-def _lowered(expected: Mapping[str, float], difference: float, least: float) -> dict[str, float]:
-    """Factors, `least` or more, by which the largest of the expected differences are lowered [m]."""
-    scales = {}
-    for name, size in expected.items():
-        smaller = sum(other**2 for other in expected.values() if other < size)
-        left = max(difference**2 - smaller, 0.0) ** 0.5
-        scales[name] = min(1.0, max(least, left / size)) if size > 0 else 1.0
-    return scales
 
 
 def from_path(

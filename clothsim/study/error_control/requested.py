@@ -160,11 +160,24 @@ def confirmed(search: ResolutionSearch, found: Found) -> Found:
 
 
 def _estimate_from_three(search: ResolutionSearch, found: Found) -> ThreeRuns:
-    """Estimate the error of the run by two coarser ones."""
+    """Estimate the error of the run by two runs that are coarser in everything that can be."""
+    resolution, parameters = found.trial.resolution, search.refinable.parameters
     trials = [found.trial]
     for factor in COARSER:
         try:
-            trials.append(search.pilot(_coarser(search, found.trial.resolution, factor)))
+            cells = resolution.cells / (factor if CELLS in parameters else 1)
+            if TIME in parameters and resolution.steps < factor:
+                raise InputError(
+                    f"A frame has {resolution.steps} steps, and {factor} are needed.", "Give a shorter dt."
+                )
+            if CELLS in parameters and not search.refinable.whole(cells):
+                raise InputError(f"The cells cannot be divided by {factor}.", "Give a number of them that can.")
+            coarser = Resolution(
+                -(-resolution.steps // factor) if TIME in parameters else resolution.steps,
+                cells,
+                resolution.d_hat * (Fraction(factor) if D_HAT in parameters else 1),
+            )
+            trials.append(search.pilot(coarser))
         except InputError as error:
             return ThreeRuns(found.resolution_error, error.sentence)
         if trials[-1].reason:
@@ -174,21 +187,6 @@ def _estimate_from_three(search: ResolutionSearch, found: Found) -> ThreeRuns:
     if another_shape(found.trial, differences.fine):
         return replace(three, reason="coarser runs end in another shape")
     return three
-
-
-def _coarser(search: ResolutionSearch, resolution: Resolution, factor: int) -> Resolution:
-    """The resolution coarser by a factor in everything that can be; InputError where the cells cannot be."""
-    parameters = search.refinable.parameters
-    cells = resolution.cells / (factor if CELLS in parameters else 1)
-    if TIME in parameters and resolution.steps < factor:
-        raise InputError(f"A frame has {resolution.steps} steps, and {factor} are needed.", "Give a shorter dt.")
-    if CELLS in parameters and not search.refinable.whole(cells):
-        raise InputError(f"The cells cannot be divided by {factor}.", "Give a number of them that can.")
-    return Resolution(
-        -(-resolution.steps // factor) if TIME in parameters else resolution.steps,
-        cells,
-        resolution.d_hat * (Fraction(factor) if D_HAT in parameters else 1),
-    )
 
 
 def _compared_with_twins(search: ResolutionSearch, found: Found) -> Found:

@@ -14,8 +14,8 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.record import SUMMARY_NAME, write_summary
 from clothsim.engine import Session, build, last_positions, with_cells
+from clothsim.study.evaluation import Material, at_points_of, point_areas, world_material
 from clothsim.study.parameters import CELLS, D_HAT, TIME, d_hats, with_explicit_lengths
-from clothsim.study.resample import Material, at_points_of, point_areas, world_material
 
 COARSEST_STEP = 0.01
 """Longest step of the first pilot run [s]. With 20 ms a strip under compression buckled to the other side."""

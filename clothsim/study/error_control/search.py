@@ -170,7 +170,16 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Reso
         search.halve_step()
     if not found.known or found.met(search.asked):
         return search, found
-    errors = _estimate_by_parameter(search, coarsest, first, distance).not_below(found.parts["all"])
+    # a path of pilot runs that refines one parameter after the other
+    names = [name for name in PATH if name in search.refinable.parameters]
+    path = [coarsest]
+    for name in names[:-1]:
+        trial = search.pilot(search.refinable.refined(path[-1].resolution, [name]))
+        path.append(path[-1] if trial.reason else trial)
+    path.append(first)
+    moves = {name: distance(path[k], path[k + 1]) for k, name in enumerate(names)}
+    errors = from_path(search.refinable.sizes(first.resolution), moves, dict.fromkeys(names, 2.0))
+    errors = errors.not_below(found.parts["all"])
     found = Found(run, first, error_parts(run, errors.errors), True)
     return search, _refined(search, found, errors, distance)
 
@@ -185,20 +194,6 @@ def _coarsest(search: ResolutionSearch) -> Trial:
     raise InputError(f"No pilot run for solver.error came to its end: {trial.reason}", "Give solver.dt, and run it.")
 
 
-def _estimate_by_parameter(
-    search: ResolutionSearch, coarsest: Trial, first: Trial, distance: Distance
-) -> ParameterErrors:
-    """Errors of the first run by parameter, from a path of pilot runs that refines one parameter after the other."""
-    names = [name for name in PATH if name in search.refinable.parameters]
-    path = [coarsest]
-    for name in names[:-1]:
-        trial = search.pilot(search.refinable.refined(path[-1].resolution, [name]))
-        path.append(path[-1] if trial.reason else trial)
-    path.append(first)
-    moved = {name: distance(path[k], path[k + 1]) for k, name in enumerate(names)}
-    return from_path(search.refinable.sizes(first.resolution), moved, dict.fromkeys(names, 2.0))
-
-
 def _refined(search: ResolutionSearch, found: Found, errors: ParameterErrors, distance: Distance) -> Found:
     """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds.
 
@@ -208,12 +203,20 @@ def _refined(search: ResolutionSearch, found: Found, errors: ParameterErrors, di
     for left in reversed(range(MOST_ROUNDS)):
         if found.met(search.asked) or stalled == MOST_STALLED:
             break
-        following = _following(search, found, errors, last)
+        if found.parts["newton"] > NEWTON_PART * search.asked:
+            search.newton_error_fraction *= FINER
+        vertices = search.coarsest_vertices
+        done = [trial.resolution for trial in search.trials]
+        unit = last.seconds / work_of(search.refinable, last.resolution, vertices)
+        most = (search.budget - search.spent) / max(unit, 1e-9)
+        following = chosen(search.refinable, errors, done, search.asked, vertices, most)
         if following is None:
             break
         sizes = refinable.sizes(following)
         expected, run = errors.at(sizes).total, None
-        if expected > PILOT_FROM * search.asked and left and _leaves_room(search, following, last):
+        more = work_of(search.refinable, following, vertices) / work_of(search.refinable, last.resolution, vertices)
+        room = search.spent + 2 * more * last.seconds <= search.budget  # for a run of it into the output directory
+        if expected > PILOT_FROM * search.asked and left and room:
             trial = search.pilot(following)
         else:
             run, trial = search.run(following, expected)
@@ -231,29 +234,11 @@ def _refined(search: ResolutionSearch, found: Found, errors: ParameterErrors, di
     return found if found.met(search.asked) or stalled < MOST_STALLED else replace(found, known=False)
 
 
-def _leaves_room(search: ResolutionSearch, following: Resolution, last: Trial) -> bool:
-    """True where a pilot run leaves enough of the budget to run that resolution into the output directory."""
-    vertices = search.coarsest_vertices
-    more = work_of(search.refinable, following, vertices) / work_of(search.refinable, last.resolution, vertices)
-    return search.spent + 2 * more * last.seconds <= search.budget
-
-
 def repeated(search: ResolutionSearch, found: Found) -> Found:
     """The last run that came to its end, once more: a failed one has taken its place in the output directory."""
     run, trial = search.run(found.trial.resolution)
     others = {key: part for key, part in found.parts.items() if key != "newton"}
     return Found(run, trial, error_parts(run, others), False)
-
-
-def _following(search: ResolutionSearch, found: Found, errors: ParameterErrors, last: Trial) -> Resolution | None:
-    """The next resolution within the bounds of the search; None where there is none."""
-    if found.parts["newton"] > NEWTON_PART * search.asked:
-        search.newton_error_fraction *= FINER
-    vertices = search.coarsest_vertices
-    done = [trial.resolution for trial in search.trials]
-    unit = last.seconds / work_of(search.refinable, last.resolution, vertices)
-    most = (search.budget - search.spent) / max(unit, 1e-9)
-    return chosen(search.refinable, errors, done, search.asked, vertices, most)
 
 
 def error_parts(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
@@ -299,7 +284,22 @@ def chosen(
     errors: of the last run; done: all runs so far; vertices: of the coarsest mesh; most: largest admissible work. Where
     none within reach is accurate enough: one of those that come nearest. None where none is new.
     """
-    candidates = [each for each in _list_candidates(refinable, done) if each not in done]
+    coarsest, parameters = refinable.coarsest, refinable.parameters
+    finest_steps, finest_cells = max(each.steps for each in done), max(each.cells for each in done)
+    least = min(each.d_hat for each in done)
+    steps = [coarsest.steps * factor for factor in FACTORS if (coarsest.steps * factor) % 1 == 0]
+    cells = [coarsest.cells]
+    if CELLS in parameters:
+        halves = [Fraction(coarsest.cells * factor) for factor in FACTORS if (coarsest.cells * factor * 2) % 1 == 0]
+        cells = [each for each in halves if each <= FARTHEST[CELLS] * finest_cells and refinable.whole(each)]
+    d_hat = [coarsest.d_hat / factor for factor in FACTORS]
+    tried = product(
+        [each for each in steps if each <= FARTHEST[TIME] * finest_steps],
+        cells,
+        [each for each in d_hat if each >= least / FARTHEST[D_HAT]] if D_HAT in parameters else [coarsest.d_hat],
+    )
+    candidates = [Resolution(int(n), c, Fraction(d)) for n, c, d in tried]
+    candidates = [each for each in candidates if each not in done]
     candidates = [each for each in candidates if work_of(refinable, each, vertices) <= most]
     if not candidates:
         return None
@@ -307,22 +307,3 @@ def chosen(
     bar = max(AIM * asked, 1.2 * min(expected.values()))
     enough = [each for each in candidates if expected[each] <= bar]
     return min(enough, key=lambda each: work_of(refinable, each, vertices))
-
-
-def _list_candidates(refinable: RefinableScene, done: Sequence[Resolution]) -> list[Resolution]:
-    coarsest, parameters = refinable.coarsest, refinable.parameters
-    steps = [coarsest.steps * factor for factor in FACTORS if (coarsest.steps * factor) % 1 == 0]
-    cells = [Fraction(coarsest.cells * factor) for factor in FACTORS if (coarsest.cells * factor * 2) % 1 == 0]
-    d_hat = [coarsest.d_hat / factor for factor in FACTORS]
-    finest_steps, finest_cells = max(each.steps for each in done), max(each.cells for each in done)
-    least = min(each.d_hat for each in done)
-    return [
-        Resolution(int(n), c, Fraction(d))
-        for n, c, d in product(
-            [each for each in steps if each <= FARTHEST[TIME] * finest_steps],
-            [each for each in cells if each <= FARTHEST[CELLS] * finest_cells and refinable.whole(each)]
-            if CELLS in parameters
-            else [coarsest.cells],
-            [each for each in d_hat if each >= least / FARTHEST[D_HAT]] if D_HAT in parameters else [coarsest.d_hat],
-        )
-    ]

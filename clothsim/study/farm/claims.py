@@ -50,12 +50,23 @@ def worker_of(stale_after: float) -> Worker:
 def claimed(folder: Path, name: str, worker: Worker) -> Iterator[bool]:
     """Claim the drape with the id `name` in the folder of the claims for the block; False where another has it."""
     path = folder / name
-    taken = _create(path, worker) or (_removed_stale(path, worker) and _create(path, worker))
+    taken = _create(path, worker)
+    if not taken:
+        stale = _content(path).get("token")
+        taken = is_stale(path, worker) and _removed(path, stale, worker) and _create(path, worker)
     if not taken:
         yield False
         return
     ended = threading.Event()
-    heart = threading.Thread(target=_beats, args=(path, worker, ended), daemon=True)
+
+    def beat() -> None:
+        for _ in range(max(1, int(worker.longest / worker.beat))):
+            if ended.wait(worker.beat) or _content(path).get("token") != worker.token:
+                return
+            with suppress(OSError):
+                os.utime(path)
+
+    heart = threading.Thread(target=beat, daemon=True)
     heart.start()
     try:
         yield True
@@ -84,7 +95,14 @@ def is_stale(path: Path, worker: Worker) -> bool:
         seen = path.stat().st_mtime
     except FileNotFoundError:
         return False
-    if _file_system_time(path.parent, worker) - seen > worker.stale_after:
+    clock = path.parent / f".clock.{worker.token}"
+    try:  # by the clock that stamps the claims: that of a file server may differ from this machine's
+        clock.touch()
+        now = clock.stat().st_mtime
+        clock.unlink(missing_ok=True)
+    except OSError:
+        now = time()
+    if now - seen > worker.stale_after:
         return True
     owner = _content(path)
     return owner.get("host") == platform.node() and not _alive(owner.get("pid"), owner.get("born"))
@@ -104,12 +122,6 @@ def _create(path: Path, worker: Worker) -> bool:
     return True
 
 
-def _removed_stale(path: Path, worker: Worker) -> bool:
-    """Rename a stale claim away; False where it is alive, or another process was first."""
-    stale = _content(path).get("token")
-    return is_stale(path, worker) and _removed(path, stale, worker)
-
-
 def _removed(path: Path, token: Any, worker: Worker) -> bool:
     """Rename the claim with a token away; False where there is another one, which goes back to its place."""
     aside = path.with_name(f".{path.name}.{worker.token}")
@@ -123,29 +135,6 @@ def _removed(path: Path, token: Any, worker: Worker) -> bool:
             os.link(aside, path)
     aside.unlink(missing_ok=True)
     return meant
-
-
-def _beats(path: Path, worker: Worker, ended: threading.Event) -> None:
-    """Renew the time of the claim until the drape has ended, or for `longest`."""
-    for _ in range(max(1, int(worker.longest / worker.beat))):
-        if ended.wait(worker.beat):
-            return
-        if _content(path).get("token") != worker.token:
-            return
-        with suppress(OSError):
-            os.utime(path)
-
-
-def _file_system_time(folder: Path, worker: Worker) -> float:
-    """The time by the clock that stamps the claims: that of a file server may differ from this machine's [s]."""
-    clock = folder / f".clock.{worker.token}"
-    try:
-        clock.touch()
-        now = clock.stat().st_mtime
-        clock.unlink(missing_ok=True)
-    except OSError:
-        return time()
-    return now
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -1,20 +1,29 @@
-"""Data sets of a farm: one HDF5 file, or WebDataset shards (plain tar); with a manifest and a data card."""
+"""Data sets of a farm: one HDF5 file, or WebDataset shards (plain tar); with a manifest and a data card.
+
+Contact sheets: pictures of some drapes side by side, the failed ones with the reason.
+"""
 
 import io
 import json
 import tarfile
+import tempfile
+import textwrap
+from base64 import b64encode
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+from PIL import Image, ImageDraw
 
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import refuse_replacing, replacing, write_atomically
 from clothsim.base.text import text_table
+from clothsim.render import Surface, draw
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.reading import (
     CLOTH,
@@ -26,8 +35,8 @@ from clothsim.study.farm.reading import (
     read_stored_mesh,
     whole_files,
 )
-from clothsim.study.farm.rules import RULES
-from clothsim.study.farm.status import manifest
+from clothsim.study.farm.recipe import RULES
+from clothsim.study.farm.status import manifest, verdict_text
 from clothsim.study.farm.verification import demand_verified
 
 # Data card: what a data set holds, its licence, the statistics of its certificates, and what failed.
@@ -42,6 +51,22 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
     cut = any(key.startswith("cloth.") and other.startswith("body.") for key, other in same.items())
     reasons = {row["cause"]: str(row["reason"]) for row in reversed(rows) if not row["usable"]}
     cause = Counter(row["cause"] for row in rows if not row["usable"])
+    ranges = {}
+    for key in settings["varied"]:
+        box = settings["boxes"].get(key)
+        counts = Counter(json.dumps(job.values[key]) for job in farm.jobs)
+        ranges[key] = (
+            f"as `{same[key]}`"
+            if key in same
+            else f"{box[0]:g} to {box[1]:g}"
+            if box is not None
+            else ", ".join(f"{value} ({count})" for value, count in sorted(counts.items()))
+        )
+    statistics = []
+    for name in STATISTICS:
+        values = [row[name] for row in used if isinstance(row[name], int | float) and np.isfinite(row[name])]
+        three = (min(values), float(np.median(values)), max(values)) if values else ()
+        statistics.append([name, *(f"{value:.4g}" for value in three)] if values else [name, "", "", ""])
     lines = [
         f"# Drapes of {farm.directory.name}",
         "",
@@ -58,12 +83,12 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         "",
         "## Varied",
         "",
-        *(f"* `{key}`: {_range(key, farm)}" for key in settings["varied"]),
+        *(f"* `{key}`: {text}" for key, text in ranges.items()),
         "",
         "## Certificates of the usable drapes",
         "",
         "```text",
-        text_table(["", "least", "median", "largest"], [_statistics(name, used) for name in STATISTICS]),
+        text_table(["", "least", "median", "largest"], statistics),
         "```",
         "",
         "## Left out",
@@ -72,23 +97,6 @@ def card(farm: Farm, rows: Sequence[Mapping[str, Any]]) -> str:
         "",
     ]
     return "\n".join(lines)
-
-
-def _range(key: str, farm: Farm) -> str:
-    if key in farm.settings["same"]:
-        return f"as `{farm.settings['same'][key]}`"
-    box = farm.settings["boxes"].get(key)
-    if box is not None:
-        return f"{box[0]:g} to {box[1]:g}"
-    counts = Counter(json.dumps(job.values[key]) for job in farm.jobs)
-    return ", ".join(f"{value} ({count})" for value, count in sorted(counts.items()))
-
-
-def _statistics(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    values = [row[name] for row in rows if isinstance(row[name], int | float) and np.isfinite(row[name])]
-    if not values:
-        return [name, "", "", ""]
-    return [name, *(f"{value:.4g}" for value in (min(values), float(np.median(values)), max(values)))]
 
 
 SHARD = 1000
@@ -157,7 +165,17 @@ def pack(farm: Farm, target: str | Path, shard: int = SHARD, overwrite: bool = F
         beside = path.parent / path.stem
     else:
         path.mkdir(parents=True, exist_ok=True)
-        files = list(_shards(farm, path, used, shard))
+        files = []
+        for first in range(0, len(used), shard):
+            members = (
+                (f"{row['id']}.{file}", content)
+                for row in used[first : first + shard]
+                for file, content in whole_files(farm.directory, row["id"], (CLOTH, SUMMARY, PARAMETERS)).items()
+            )
+            files.append(_tar(path / f"shard-{first // shard:06d}.tar", members))
+        names = sorted({name for row in used for kind in ("cloth", "body") for name in _mesh_names(row, kind)})
+        meshes = ((f"{name}.npz", mesh_file(farm.directory, name).read_bytes()) for name in names)
+        files.append(_tar(path / "meshes.tar", meshes))
         for stale in set(earlier) - set(files):  # of a data set of more shards, which readers would take for this one's
             stale.unlink()
         beside = path / "data"
@@ -200,18 +218,6 @@ def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Seque
     return path
 
 
-def _shards(farm: Farm, folder: Path, used: Sequence[Mapping[str, Any]], size: int) -> Iterator[Path]:
-    for first in range(0, len(used), size):
-        files = (
-            (f"{row['id']}.{file}", content)
-            for row in used[first : first + size]
-            for file, content in whole_files(farm.directory, row["id"], (CLOTH, SUMMARY, PARAMETERS)).items()
-        )
-        yield _tar(folder / f"shard-{first // size:06d}.tar", files)
-    names = sorted({name for row in used for kind in ("cloth", "body") for name in _mesh_names(row, kind)})
-    yield _tar(folder / "meshes.tar", ((f"{n}.npz", mesh_file(farm.directory, n).read_bytes()) for n in names))
-
-
 def _tar(path: Path, files: "Iterator[tuple[str, bytes]]") -> Path:
     """Write a tar whose bytes depend on its content alone: no times and no owners."""
     with replacing(path) as beside, tarfile.open(beside, "w", format=tarfile.USTAR_FORMAT) as archive:
@@ -240,3 +246,84 @@ def _parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> list[Path]:
     ]
     parquet.write_table(Table.from_pylist(flat), path)
     return [path]
+
+
+TILE, CAPTION, COLUMNS = (300, 340), 44, 4
+"""Size of a picture and height of its caption [pixels]; pictures side by side."""
+STYLE = (
+    "<style>body{display:flex;flex-wrap:wrap;gap:1em;font:14px sans-serif}figure{width:300px;margin:0}"
+    ".failed figcaption{color:#a00}td{padding-right:1em}</style>"
+)
+"""Style of the page."""
+
+
+def contact_sheet(farm: Farm, target: str | Path, samples: int = 12, failures: int = 4) -> Path:
+    """Write a PNG of evenly spaced usable drapes, at most `samples`, then of failed ones, at most `failures`."""
+    shown = _shown(farm, samples, failures)
+    lines, height = -(-len(shown) // COLUMNS), TILE[1] + CAPTION
+    sheet = Image.new("RGB", (COLUMNS * TILE[0], max(1, lines) * height), "white")
+    pen = ImageDraw.Draw(sheet)
+    with tempfile.TemporaryDirectory(prefix="clothsim-sheet-") as scratch:
+        for number, row in enumerate(shown):
+            left, top = TILE[0] * (number % COLUMNS), height * (number // COLUMNS)
+            caption = "\n".join(textwrap.wrap(f"{row['id']} {verdict_text(row)}", 46)[:3])
+            pen.text((left + 6, top + 2), caption, fill="black" if row["usable"] else (160, 0, 0))
+            if row["hash"] is not None:
+                picture = Path(scratch) / "drape.png"
+                draw(picture, surfaces(farm, row), size=TILE, colour="plain")
+                with Image.open(picture) as image:
+                    sheet.paste(image, (left, top + CAPTION))
+    path = Path(target)
+    sheet.save(path, format="PNG", optimize=True)
+    return path
+
+
+def contact_page(farm: Farm, target: str | Path, samples: int = 12, failures: int = 12) -> Path:
+    """Write the same drapes as one HTML file with their pictures, whole sentences, certificates and parameters."""
+    figures = []
+    with tempfile.TemporaryDirectory(prefix="clothsim-sheet-") as scratch:
+        for row in _shown(farm, samples, failures):
+            picture, file = "", Path(scratch) / "drape.png"
+            if row["hash"] is not None:
+                draw(file, surfaces(farm, row), size=TILE, colour="plain")
+                picture = f'<img alt="" src="data:image/png;base64,{b64encode(file.read_bytes()).decode()}">'
+            measured = {name: row[name] for name in ("minimum_gap", "stretch_max", "newton_iterations", "cpu_seconds")}
+            numbers = {**row["parameters"], **{name: value for name, value in measured.items() if value is not None}}
+            texts = {
+                name: f"{value:.4g}" if isinstance(value, float) else str(value) for name, value in numbers.items()
+            }
+            lines = "".join(f"<tr><td>{escape(name)}<td>{escape(text)}" for name, text in texts.items())
+            head = f"{picture}<figcaption><code>{row['id']}</code> {escape(verdict_text(row))}</figcaption>"
+            kind = "usable" if row["usable"] else "failed"
+            figures.append(f'<figure class="{kind}">{head}<table>{lines}</table></figure>')
+    name, tiles = escape(farm.directory.resolve().name), "\n".join(figures)
+    page = f'<!doctype html>\n<html lang="en"><meta charset="utf-8"><title>{name}</title>{STYLE}\n{tiles}\n</html>\n'
+    path = Path(target)
+    write_atomically(path, page.encode())
+    return path
+
+
+def _shown(farm: Farm, samples: int, failures: int) -> list[Mapping[str, Any]]:
+    """Evenly spaced usable drapes, then failed ones."""
+    rows = manifest(farm)
+    usable, failed = ([row for row in rows if bool(row["usable"]) is wanted] for wanted in (True, False))
+    return [
+        kind[round(k)]
+        for kind, most in ((usable, samples), (failed, failures))
+        for k in np.linspace(0, len(kind) - 1, min(most, len(kind)))
+    ]
+
+
+def surfaces(farm: Farm, row: Mapping[str, Any]) -> list[Surface]:
+    """Cloths of a drape in its last frame, and bodies at the start."""
+    positions = np.asarray(positions_of(farm.directory, row["id"]), np.float64)
+    last = positions if positions.ndim == 2 else positions[-1]
+    made, begin = [], 0
+    for role in ("cloth", "body"):
+        for name, digest in row["meshes"].get(role, {}).items():
+            mesh = read_stored_mesh(farm.directory, digest)
+            start, triangles = mesh["start"].astype(np.float64), mesh["triangles"].astype(np.int64)
+            points = last[begin : begin + len(start)] if role == "cloth" else start
+            begin += len(start) if role == "cloth" else 0
+            made.append(Surface(name, points, triangles, role, np.zeros((0, 2))))
+    return made

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -80,21 +80,25 @@ class Farm:
         file, jobs, faults = self.directory / JOBS_NAME, list[DrapeJob](), list[str]()
         whole = file_hash(content) == self.settings.get("jobs")
         for number, line in enumerate(content.splitlines()):
-            job = _job(line, file)
-            if job is None or not (whole or self._is_planned(job)):
+            try:
+                entry = json.loads(line)
+                index, name, values = entry["index"], entry["id"], entry["values"]
+            except (ValueError, KeyError, TypeError, RecursionError):
+                index = None
+            good = type(index) is int and index >= 0 and isinstance(values, dict)
+            job = DrapeJob(index, checked_id(name, file), values) if good else None
+            if job is not None and not whole:
+                try:
+                    self.scene_of(job)
+                except InputError:
+                    job = None
+            if job is None:
                 faults.append(f"{file}, line {number + 1}, is not a drape of the plan.")
             else:
                 jobs.append(job)
         if not whole and not faults:
             faults = [f"{file} has {len(jobs)} of {self.settings['count']} lines that were planned."]
         return tuple(sorted(jobs, key=lambda job: job.index)), "".join(faults[:1])
-
-    def _is_planned(self, job: DrapeJob) -> bool:
-        try:
-            self.scene_of(job)
-        except InputError:
-            return False
-        return True
 
     def scene_of(self, job: DrapeJob) -> Scene:
         """The scene of a drape. InputError where it is no longer the one that was planned."""
@@ -176,7 +180,19 @@ def _planned(recipe: Recipe) -> tuple[dict[str, Any], bytes]:
         "same": dict(recipe.same),
         "scene": json.loads(recipe.scene.to_text()),
     }
-    lines = "".join(f"{json.dumps(entry)}\n" for entry in _entries(recipe)).encode()
+    first: dict[str, int] = {}
+    entries = []
+    for index in range(recipe.count):
+        values = recipe.values(index)
+        own = content_id(changed(recipe.scene, values), recipe.version)
+        if own in first:
+            raise InputError(
+                f"Drapes {first[own]} and {index} of the recipe are the same.",
+                "Vary a number, or give a count no larger than the number of combinations.",
+            )
+        first[own] = index
+        entries.append(f"{json.dumps({'index': index, 'id': own, 'values': values})}\n")
+    lines = "".join(entries).encode()
     return {**settings, "jobs": file_hash(lines)}, lines
 
 
@@ -231,30 +247,3 @@ def open_farm(directory: str | Path) -> Farm:
 def _settings_hash(settings: Mapping[str, Any]) -> str:
     """sha256 of farm.json without its own line."""
     return file_hash(json.dumps({key: settings[key] for key in settings if key != "sha256"}, sort_keys=True).encode())
-
-
-def _job(line: bytes, file: Path) -> DrapeJob | None:
-    """The drape of a line of the plan; None where the line is none. InputError where it names what is not an id."""
-    try:
-        entry = json.loads(line)
-        index, name, values = entry["index"], entry["id"], entry["values"]
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return None
-    if type(index) is not int or index < 0 or not isinstance(values, dict):
-        return None
-    return DrapeJob(index, checked_id(name, file), values)
-
-
-def _entries(recipe: Recipe) -> Iterator[dict[str, Any]]:
-    """The lines of the plan. InputError where two drapes have one id."""
-    first: dict[str, int] = {}
-    for index in range(recipe.count):
-        values = recipe.values(index)
-        own = content_id(changed(recipe.scene, values), recipe.version)
-        if own in first:
-            raise InputError(
-                f"Drapes {first[own]} and {index} of the recipe are the same.",
-                "Vary a number, or give a count no larger than the number of combinations.",
-            )
-        first[own] = index
-        yield {"index": index, "id": own, "values": values}

@@ -85,7 +85,11 @@ def whole_files(farm: Path, name: str, wanted: Sequence[str] = ()) -> dict[str, 
     try:
         hashes = json.loads(read_file(folder, HASHES))
         missing = {SUMMARY, PARAMETERS, *wanted}.difference(hashes)
-        files = {} if missing else {file: read_file(folder, _checked_file(file)) for file in wanted or hashes}
+        names = () if missing else tuple(wanted or hashes)
+        for file in names:  # such as a path that leads out of the folder
+            if file not in (CLOTH, SUMMARY, PARAMETERS):
+                raise InputError(f"{HASHES} names {file!r}, which is not a file of a drape.", REPAIR)
+        files = {file: read_file(folder, file) for file in names}
     except (InputError, ValueError, TypeError, RecursionError) as error:
         what = error.sentence if isinstance(error, InputError) else f"{HASHES} is not what was published."
         raise InputError(f"Drape {name} is torn: {what}", REPAIR) from error
@@ -93,13 +97,6 @@ def whole_files(farm: Path, name: str, wanted: Sequence[str] = ()) -> dict[str, 
     if bad:
         raise InputError(f"Drape {name} is torn: {bad[0]} is not what was published.", REPAIR)
     return files
-
-
-def _checked_file(file: str) -> str:
-    """The name of a file of a drape. InputError for another one, such as a path that leads out of its folder."""
-    if file in (CLOTH, SUMMARY, PARAMETERS):
-        return file
-    raise InputError(f"{HASHES} names {file!r}, which is not a file of a drape.", REPAIR)
 
 
 def positions_of(farm: Path, name: str) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Recipes: a base scene, and what varies from drape to drape."""
+"""Recipes: a base scene, and what varies from drape to drape, and the bounds of a usable one in [usable]."""
 
 import math
 import tomllib
@@ -15,7 +15,78 @@ from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_regular_file
 from clothsim.base.inputs import as_table, is_number, refuse_unknown, shown
-from clothsim.study.farm.rules import checked_rules
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A bound on a measured number.
+
+    Attributes
+    ----------
+    of : str
+        Name of what is measured.
+    least : bool
+        True where the bound is the least allowed value, False where it is the largest.
+    unit : str
+    meaning : str
+        What is measured, for a sentence.
+    """
+
+    of: str
+    least: bool
+    unit: str
+    meaning: str
+
+
+RULES = {
+    "stretch_min": Rule("stretch_min", True, "", "the least principal stretch of any step"),
+    "stretch_max": Rule("stretch_max", False, "", "the largest principal stretch of any step"),
+    "drop_max": Rule("drop", False, "m", "what the centre of a garment fell from its start"),
+    "floor_max": Rule("floor", False, "m", "the distance (RMS) to the same drape from a second start"),
+}
+"""By the key of [usable]. A garment that fell off was worn no more: `drop`; the floor is the error of a label."""
+
+
+def checked_rules(given: Mapping[str, Any], until: str) -> dict[str, Any]:
+    """The rules of a recipe: `at_rest`, true where the drapes run until rest, and bounds. InputError for another key.
+
+    Examples
+    --------
+    >>> checked_rules({"stretch_max": 1.2}, "rest")
+    {'at_rest': True, 'stretch_max': 1.2}
+    """
+    refuse_unknown("usable", given, ("at_rest", *RULES))
+    at_rest = given.get("at_rest", until == "rest")
+    if not isinstance(at_rest, bool):
+        raise InputError(f"usable.at_rest is {shown(at_rest)}.", "Give true or false.")
+    bounds = {key: value for key, value in given.items() if key != "at_rest"}
+    for key, value in bounds.items():
+        if not is_number(value) or not 0 < value < math.inf:
+            raise InputError(f"usable.{key} is {shown(value)}.", "Give a positive number.")
+    return {"at_rest": at_rest, **{key: float(value) for key, value in bounds.items()}}
+
+
+def broken_rule(rules: Mapping[str, Any], at_rest: bool, measured: Mapping[str, float | None]) -> tuple[str, str]:
+    """The first rule that a drape breaks and a sentence on it; both empty where it meets all.
+
+    measured: by the name of what is measured; None where it is not known, which breaks the rule.
+
+    Examples
+    --------
+    >>> broken_rule({"at_rest": False, "stretch_max": 1.2}, False, {"stretch_max": 1.31})
+    ('stretch_max', 'The largest principal stretch of any step is 1.31; stretch_max = 1.2.')
+    """
+    if rules.get("at_rest") and not at_rest:
+        return "not at rest", ""
+    for key, rule in RULES.items():
+        if key not in rules:
+            continue
+        value, bound = measured.get(rule.of), rules[key]
+        if value is None or (value < bound if rule.least else value > bound):
+            known = "not known" if value is None else f"{value:.4g} {rule.unit}".strip()
+            return key, f"{rule.meaning[0].upper()}{rule.meaning[1:]} is {known}; {key} = {bound:g}."
+    return "", ""
+
 
 # Random draws of scene keys: one stream for each seed, index and key.
 
@@ -48,7 +119,12 @@ class Interval:
         if self.kind == "log_uniform":
             drawn = math.exp(stream.uniform(math.log(self.low), math.log(self.high)))
         elif self.kind == "normal":
-            drawn = _truncated(stream, self)
+            drawn = self.mean
+            for _ in range(64):  # 1 in 80 draws is outside of 2.5 deviations, so that 64 in a row do not occur
+                number = float(stream.normal(self.mean, self.deviation))
+                if self.low <= number <= self.high:
+                    drawn = number
+                    break
         else:
             drawn = stream.uniform(self.low, self.high)
         return float(f"{drawn:.12g}")
@@ -134,7 +210,10 @@ def draw_of(key: str, given: Any) -> Draw:
         return DrawnClip(_values(where, numbers))
     if kind in ("choice", "grid"):
         return Choice(_values(where, numbers), kind == "grid")
-    a, b = _pair(f"{where}.{kind}", numbers)
+    pair = list(numbers) if isinstance(numbers, list | tuple) else []
+    if len(pair) != 2 or not all(isinstance(n, int | float) and math.isfinite(n) for n in pair):
+        raise InputError(f"{where}.{kind} is {shown(numbers)}.", "Give two numbers.")
+    a, b = float(pair[0]), float(pair[1])
     if kind == "normal":
         if b <= 0:
             raise InputError(f"{where}: the deviation is {b:g}.", "Give a positive one.")
@@ -144,22 +223,6 @@ def draw_of(key: str, given: Any) -> Draw:
             f"{where}: {kind} = [{a:g}, {b:g}] is not an interval.", "Give the lower end, then the upper one."
         )
     return Interval(kind, a, b)
-
-
-def _truncated(stream: np.random.Generator, of: Interval) -> float:
-    """A normal number within 2.5 deviations; 1 in 80 draws is outside, so that 64 in a row do not occur."""
-    for _ in range(64):
-        drawn = stream.normal(of.mean, of.deviation)
-        if of.low <= drawn <= of.high:
-            return float(drawn)
-    return of.mean
-
-
-def _pair(where: str, given: Any) -> tuple[float, float]:
-    numbers = list(given) if isinstance(given, list | tuple) else []
-    if len(numbers) != 2 or not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
-        raise InputError(f"{where} is {shown(given)}.", "Give two numbers.")
-    return float(numbers[0]), float(numbers[1])
 
 
 def _values(where: str, given: Any) -> tuple[Any, ...]:
@@ -300,9 +363,10 @@ def make_recipe(
         if other not in draws and not (tables and all(isinstance(t, Mapping) and entry in t for t in tables)):
             raise InputError(f"vary.{key!r} takes the value of {other!r}, which does not vary.", "Name a varied key.")
     grids = math.prod(len(draw.values) for draw in draws.values() if isinstance(draw, Choice) and draw.in_order)
-    whole = {
-        name: _whole(name, farm.get(name, usual)) for name, usual in (("count", grids), ("seed", 0), ("version", 1))
-    }
+    whole = {name: farm.get(name, usual) for name, usual in (("count", grids), ("seed", 0), ("version", 1))}
+    for name, value in whole.items():
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            raise InputError(f"farm.{name} is {shown(value)}.", "Give a whole number from 0.")
     if not 1 <= whole["count"] <= MOST:
         raise InputError(f"farm.count is {whole['count']}.", f"Give a number from 1 to {MOST}.")
     base = changed(scene, {**{k: _resolved(v, folder) for k, v in _flat(fixed).items()}, "run.until": until})
@@ -340,9 +404,3 @@ def _resolved(given: Any, folder: Path) -> Any:
     if isinstance(given, str) and "." in given and (folder / given).is_file():
         return str((folder / given).resolve())
     return given
-
-
-def _whole(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise InputError(f"farm.{name} is {shown(value)}.", "Give a whole number from 0.")
-    return value

@@ -9,7 +9,7 @@ from typing import Any
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.study.farm.claims import Worker, is_stale
-from clothsim.study.farm.plan import MANIFEST, DrapeJob, Farm
+from clothsim.study.farm.plan import MANIFEST, Farm
 from clothsim.study.farm.reading import is_id, read_drape
 
 CERTIFIED = ("intersection_free", "at_rest", "minimum_gap", "stretch_min", "stretch_max")
@@ -48,23 +48,26 @@ def manifest(farm: Farm) -> list[dict[str, Any]]:
     One whose summary is not what was published is not usable, with the cause "torn".
     """
     done = farm.published()
-    return [_row(farm, job) for job in farm.jobs if job.id in done]
-
-
-def _row(farm: Farm, job: DrapeJob) -> dict[str, Any]:
-    try:
-        summary, _ = read_drape(farm.directory, job.id)
-    except InputError as error:
-        summary = {"status": "failed", "reason": error.sentence, "cause": "torn", "usable": False, "meshes": {}}
-    certificate = summary.get("certificate", {})
-    return {
-        "index": job.index,
-        "id": job.id,
-        "parameters": dict(job.values),
-        **{key: summary.get(key) for key in ("status", "reason", "cause", "usable", "hash", "processor")},
-        **{key: summary.get(key) for key in ("cpu_seconds", "newton_iterations", "vertices", "meshes")},
-        **{key: certificate.get(key) for key in CERTIFIED},
-    }
+    rows = []
+    for job in farm.jobs:
+        if job.id not in done:
+            continue
+        try:
+            summary, _ = read_drape(farm.directory, job.id)
+        except InputError as error:
+            summary = {"status": "failed", "reason": error.sentence, "cause": "torn", "usable": False, "meshes": {}}
+        certificate = summary.get("certificate", {})
+        rows.append(
+            {
+                "index": job.index,
+                "id": job.id,
+                "parameters": dict(job.values),
+                **{key: summary.get(key) for key in ("status", "reason", "cause", "usable", "hash", "processor")},
+                **{key: summary.get(key) for key in ("cpu_seconds", "newton_iterations", "vertices", "meshes")},
+                **{key: certificate.get(key) for key in CERTIFIED},
+            }
+        )
+    return rows
 
 
 def verdict_text(row: Mapping[str, Any]) -> str:

@@ -3,7 +3,6 @@
 import json
 import math
 import tempfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import write_atomically
 from clothsim.study.farm.drape import drape
-from clothsim.study.farm.plan import FARM_NAME, JOBS_NAME, SIGNED, DrapeJob, Farm
+from clothsim.study.farm.plan import FARM_NAME, JOBS_NAME, SIGNED, Farm
 from clothsim.study.farm.publication import processor
 from clothsim.study.farm.reading import (
     CLOTH,
@@ -83,7 +82,18 @@ def verify(farm: Farm, fraction: float = 0.01, seed: int = 0) -> Verified:
     with_positions = [job for job in whole if read_drape(farm.directory, job.id)[0].get("hash")]
     count = math.ceil(fraction * len(with_positions))
     chosen = np.random.default_rng(seed).choice(len(with_positions), count, replace=False).tolist() if count else []
-    repeats = [_repeat_drape(farm, with_positions[k]) for k in sorted(chosen)]
+    repeats = []
+    for job in (with_positions[k] for k in sorted(chosen)):
+        summary, _ = read_drape(farm.directory, job.id)
+        before = positions_of(farm.directory, job.id)
+        with tempfile.TemporaryDirectory(prefix="clothsim-verify-") as scratch:
+            made = drape(farm.scene_of(job), Path(scratch), None, farm.settings["frames"], farm.settings["usable"])
+        after, distance = made.positions, math.inf
+        if after is not None and after.shape == before.shape:
+            distance = float(np.linalg.norm(after - before, axis=-1).max())
+        same = all(made.summary[key] == summary[key] for key in ("hash", "usable", "cause"))
+        here = summary["processor"] == processor()
+        repeats.append({"id": job.id, "here": here, "same": same, "distance": distance})
     here = [each for each in repeats if each["here"]]
     done = Verified(
         whole=len(whole),
@@ -172,48 +182,21 @@ def faults(farm: Farm) -> Faults:
         hashes[job.id] = ""
         try:
             hashes[job.id] = file_hash(read_file(farm.folder(job.id), HASHES))
-            for digest in _own_meshes(farm, job):
+            files = whole_files(farm.directory, job.id)
+            summary, parameters = json.loads(files[SUMMARY]), json.loads(files[PARAMETERS])
+            if summary["id"] != job.id or parameters != {"index": job.index, **job.values}:
+                raise InputError(f"Drape {job.id} is torn: its files are those of another drape.", REPAIR)
+            if summary["usable"] and CLOTH not in files:
+                raise InputError(f"Drape {job.id} is torn: it has no {CLOTH}.", REPAIR)
+            for digest in (digest for kind in summary["meshes"].values() for digest in kind.values()):
                 if digest not in meshes:
-                    meshes[digest], names[digest] = _mesh_fault(farm.directory, digest), job.id
+                    meshes[digest], names[digest] = "", job.id
+                    try:
+                        read_stored_mesh(farm.directory, digest)
+                    except InputError as error:
+                        meshes[digest] = error.sentence
                 if meshes[digest]:
                     raise InputError(f"Drape {job.id} is torn: {meshes[digest]}", REPAIR)
         except InputError as error:
             torn[job.id] = error.sentence
     return Faults(torn, {digest: names[digest] for digest in names if meshes[digest]}, hashes)
-
-
-def _own_meshes(farm: Farm, job: DrapeJob) -> list[str]:
-    """The meshes that a drape names. InputError where its files are not what was published."""
-    files = whole_files(farm.directory, job.id)
-    summary, parameters = json.loads(files[SUMMARY]), json.loads(files[PARAMETERS])
-    if summary["id"] != job.id or parameters != {"index": job.index, **job.values}:
-        raise InputError(f"Drape {job.id} is torn: its files are those of another drape.", REPAIR)
-    if summary["usable"] and CLOTH not in files:
-        raise InputError(f"Drape {job.id} is torn: it has no {CLOTH}.", REPAIR)
-    return [digest for kind in summary["meshes"].values() for digest in kind.values()]
-
-
-def _mesh_fault(farm: Path, digest: str) -> str:
-    try:
-        read_stored_mesh(farm, digest)
-    except InputError as error:
-        return error.sentence
-    return ""
-
-
-def _repeat_drape(farm: Farm, job: DrapeJob) -> Mapping[str, Any]:
-    """A drape made again, compared with what was published."""
-    summary, _ = read_drape(farm.directory, job.id)
-    before = positions_of(farm.directory, job.id)
-    with tempfile.TemporaryDirectory(prefix="clothsim-verify-") as scratch:
-        made = drape(farm.scene_of(job), Path(scratch), None, farm.settings["frames"], farm.settings["usable"])
-    after = made.positions
-    distance = math.inf
-    if after is not None and after.shape == before.shape:
-        distance = float(np.linalg.norm(after - before, axis=-1).max())
-    return {
-        "id": job.id,
-        "here": summary["processor"] == processor(),
-        "same": all(made.summary[key] == summary[key] for key in ("hash", "usable", "cause")),
-        "distance": distance,
-    }

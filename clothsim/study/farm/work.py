@@ -123,7 +123,14 @@ def make(farm: Farm, job: DrapeJob, worker: Worker, most_attempts: int = ATTEMPT
         if not owns_claim(claims, job.id, worker):
             note_attempt(folder, job.id, "withdrawn")
             return None
-        return made if _published(farm, job, worker, made) else None
+        summary = {"id": job.id, "package": farm.settings["package"], **made.summary}
+        files = {
+            SUMMARY: json.dumps(summary, indent=1).encode(),
+            PARAMETERS: json.dumps({"index": job.index, **job.values}, indent=1).encode(),
+        }
+        if made.positions is not None:
+            files[CLOTH] = as_npy(made.positions)
+        return made if publish(farm.directory, job.id, worker, files) else None
 
 
 def _attempted(farm: Farm, job: DrapeJob, worker: Worker) -> Drape:
@@ -139,17 +146,6 @@ def _attempted(farm: Farm, job: DrapeJob, worker: Worker) -> Drape:
     except BaseException:
         note_attempt(folder, job.id, "withdrawn")
         raise
-
-
-def _published(farm: Farm, job: DrapeJob, worker: Worker, made: Drape) -> bool:
-    summary = {"id": job.id, "package": farm.settings["package"], **made.summary}
-    files = {
-        SUMMARY: json.dumps(summary, indent=1).encode(),
-        PARAMETERS: json.dumps({"index": job.index, **job.values}, indent=1).encode(),
-    }
-    if made.positions is not None:
-        files[CLOTH] = as_npy(made.positions)
-    return publish(farm.directory, job.id, worker, files)
 
 
 # Repair of a farm: what is torn, or failed by no fault of its own, goes back into the plan.

@@ -10,8 +10,7 @@ from clothsim.engine import build
 from clothsim.garments.dress import closing as closing_rounds
 from clothsim.garments.dress.closing import FURTHER, NEAR, WIDE, SewingPhase, close, contact_gap, insets
 from clothsim.garments.dress.limbs import Wearer
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed, worst_gap
-from clothsim.garments.dress.welding import mean_edge
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed, mean_edge, worst_gap
 from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.shapes import slab
 from clothsim.patterns.pattern_mesh import mesh_pattern

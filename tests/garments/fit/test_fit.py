@@ -38,7 +38,7 @@ def files(tmp_path, monkeypatch):
         "tight": in_file(tmp_path, "tight.obj", SMALL.positions * [0.76, 0.76, 1.0], SMALL.triangles),
         "body": in_file(tmp_path, "body.obj", BODY.positions, BODY.triangles),
         "wide": in_file(tmp_path, "wide.obj", wider(BODY, 1.3).positions, BODY.triangles),
-        "sheet": in_file(tmp_path, "sheet.obj", *rectangle(size=(0.5, 0.5), cells=(6, 6))),
+        "sheet": in_file(tmp_path, "sheet.obj", *rectangle(size=(0.5, 0.5), cells=(4, 4))),
     }
 
 

@@ -132,7 +132,7 @@ def test_a_garment_that_cannot_be_untangled_fails_at_once_with_a_place(tmp_path,
 
 
 def test_what_nothing_frees_fails_with_a_sentence_and_a_place(tmp_path):
-    sheet = Garment("sheet", *rectangle(size=(0.5, 0.5), cells=(6, 6)))
+    sheet = Garment("sheet", *rectangle(size=(0.5, 0.5), cells=(4, 4)))
     found = seed_fit(task(sheet, COARSE, COARSE, tmp_path))
     assert found.failure.startswith("No deflation of capsule frees the garment: ")
     assert "worst near (" in found.failure

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from clothsim.garments.wrinkle.compression import Compression
+from clothsim.garments.wrinkle.compression import Compression, Waves, amplitude
 from clothsim.garments.wrinkle.curves import FADE, LEAST, CompressionField, FineSheet, followed_curves, heights
-from clothsim.garments.wrinkle.waves import Waves, amplitude
 from clothsim.mesh.generators.shapes import rectangle
 
 POINTS, TRIANGLES = rectangle(size=(1.0, 1.0), cells=(40, 40))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from clothsim.garments.wrinkle.waves import EDGES, Waves, amplitude
+from clothsim.garments.wrinkle.compression import EDGES, Waves, amplitude
 
 SHEET = Waves(bending=1.0, stretching=1.0)
 

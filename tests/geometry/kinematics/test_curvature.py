@@ -8,11 +8,11 @@ from meshes import UNIT, cloth, grid, random_rotation
 from scipy.spatial import Delaunay
 
 from clothsim.geometry.kinematics.curvature import bending_strains
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import dihedral_angles, make_cloth
 from clothsim.mesh.generators.shapes import rectangle
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.pins import clamped
 
 SIZE = 1e-5
 """Curvatures so small that the angles are linear in them."""

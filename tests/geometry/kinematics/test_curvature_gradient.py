@@ -9,11 +9,11 @@ from scipy import sparse
 
 from clothsim.geometry.kinematics.curvature import bending_strains, plate_law
 from clothsim.geometry.kinematics.curvature_gradient import point_strains
-from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import dihedral_angles, make_cloth
 from clothsim.mesh.generators.shapes import rectangle
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.pins import clamped
 from tests.known_answers.strips import random_strip
 
 CELLS = 12

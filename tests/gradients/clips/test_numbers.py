@@ -5,7 +5,7 @@ import pytest
 from small_scenes import EFFECTS, small_scene
 
 from clothsim import Cloth, InputError, Scene
-from clothsim.garments.authoring.arrays import scene_of_arrays
+from clothsim.garments.floor import scene_of_arrays
 from clothsim.gradients.clips.numbers import RestShape, clip_numbers
 from clothsim.gradients.losses import Distance
 from clothsim.gradients.run import traced

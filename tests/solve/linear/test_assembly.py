@@ -4,9 +4,8 @@ import numpy as np
 
 from clothsim.physics.energies.hessians import ElementHessian, every_vertex
 from clothsim.physics.energies.inertia import InertiaEnergy
-from clothsim.solve.linear.linear_system import System
+from clothsim.solve.linear.linear_system import Patch, System
 from clothsim.solve.linear.sparsity import make_pattern
-from clothsim.solve.newton.nonlinear_elimination import Patch
 
 TRIANGLES = np.array([[0, 1, 2], [3, 4, 5]])
 

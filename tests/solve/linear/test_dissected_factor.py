@@ -8,7 +8,7 @@ from clothsim.base.parallel import threads
 from clothsim.solve.linear import pardiso as dissected_factor
 from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear.pardiso import DissectedFactor, make_factor, useful_threads
-from clothsim.solve.linear.pardiso_library import load_library
+from clothsim.solve.linear.pardiso_factor import load_library
 
 try:
     load_library()
@@ -22,7 +22,7 @@ SHEETS = {"one": ((14, 9),), "four": ((6, 6),) * 4, "unequal": ((14, 9), (3, 3))
 def _any_size(monkeypatch):
     monkeypatch.setattr(dissected_factor, "MIN_VERTICES", 1)
     monkeypatch.setattr(dissected_factor, "MIN_TOGETHER", 1)
-    monkeypatch.setattr("clothsim.solve.linear.dissection.LARGEST_SEPARATOR", 0.3)
+    monkeypatch.setattr("clothsim.solve.linear.pardiso.LARGEST_SEPARATOR", 0.3)
 
 
 def matrix(sheets):

@@ -11,10 +11,9 @@ from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.linear import linear_system as module
 from clothsim.solve.linear.direct_solver import EXACT
-from clothsim.solve.linear.linear_system import NEW_BLOCKS, System
+from clothsim.solve.linear.linear_system import NEW_BLOCKS, Patch, System
 from clothsim.solve.linear.sparsity import make_pattern
 from clothsim.solve.newton.direction import PRECONDITIONER_ERROR, QuadraticModel
-from clothsim.solve.newton.nonlinear_elimination import Patch
 from clothsim.solve.newton.potential import Potential
 from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.stepping import advance

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.solve.newton.direction import _is_positive, without_net_force
+from clothsim.solve.newton.direction import MAX_RADIUS, MIN_RADIUS, PROJECTED, Trust, _is_positive, without_net_force
 
 
 def chain(masses, stiffness):
@@ -64,3 +64,34 @@ def test_a_matrix_is_positive_where_its_eigenvalues_are(seed):
     assert _is_positive((rotation * values) @ rotation.T) == (values.min() > 0.0)
     assert not _is_positive(np.diag([0.0, 1.0, 1.0]))
     assert not _is_positive(np.full((3, 3), np.nan))
+
+
+def test_the_first_step_is_the_projected_hessian_s_and_the_second_the_exact_one_s():
+    assert not PROJECTED.exact
+    assert PROJECTED.after(1.0, negative_curvature=False, noise=False).exact
+
+
+def test_the_radius_doubles_while_bending_steps_are_taken_whole_up_to_its_bound():
+    trust = Trust(projected=0)
+    for _ in range(20):
+        grown = trust.after(1.0, negative_curvature=True, noise=False)
+        assert grown.radius == min(2 * trust.radius, MAX_RADIUS)
+        trust = grown
+    assert trust.radius == MAX_RADIUS
+
+
+def test_a_step_that_was_cut_or_did_not_bend_halves_it_down_to_its_least():
+    assert Trust(24.0, projected=0).after(0.5, negative_curvature=True, noise=False).radius == 12.0
+    assert Trust(24.0, projected=0).after(1.0, negative_curvature=False, noise=False).radius == 12.0
+    assert Trust(MIN_RADIUS, projected=0).after(0.5, negative_curvature=True, noise=False).radius == MIN_RADIUS
+
+
+def test_after_round_off_the_pause_doubles_and_ends():
+    trust, pauses = Trust(projected=0), []
+    for _ in range(3):
+        trust = trust.after(1.0, negative_curvature=True, noise=True)
+        steps = 0
+        while not trust.exact:
+            trust, steps = trust.after(1.0, negative_curvature=False, noise=False), steps + 1
+        pauses.append(steps)
+    assert pauses == [2, 4, 8]

@@ -12,8 +12,7 @@ from clothsim.keys.fabric import Fabric
 from clothsim.mesh.world import make_world
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.newton.stability import descent_from_saddle, lowest_mode
-from clothsim.solve.newton.statics import HORIZON, StaticModel
+from clothsim.solve.newton.stability import HORIZON, StaticModel, descent_from_saddle, lowest_mode
 from clothsim.solve.timers import EffectCounters, Timers
 
 STRIP = Fabric(density=0.15, thickness=1e-3, youngs_modulus=2e5, poisson_ratio=0.0, bending_stiffness=1e-3)

@@ -12,7 +12,7 @@ from clothsim.mesh.body import frame_motion, make_body, rigid_motion
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Energy
 from clothsim.physics.energies.hessians import ElementHessian
-from clothsim.solve.newton.statics import HORIZON
+from clothsim.solve.newton.stability import HORIZON
 from clothsim.solve.stepping.state import Rest, first_state
 from clothsim.solve.stepping.stepping import advance
 from clothsim.solve.stepping.time_loop import SLOW_STEPS, static_model, with_rest_state

@@ -15,7 +15,7 @@ from clothsim.study.error_control.parameter_errors import (
     from_three,
 )
 from clothsim.study.error_control.resolution import Differences, Resolution, Trial, differences_of
-from clothsim.study.resample import material_of
+from clothsim.study.evaluation import material_of
 
 SMOOTH, CONTACT = ("dt", "cells"), ("dt", "cells", "d_hat")
 ERROR = 2e-3

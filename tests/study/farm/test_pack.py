@@ -12,8 +12,7 @@ from small_scenes import small_scene
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
-from clothsim.study.farm.pack import pack
+from clothsim.study.farm.pack import contact_page, contact_sheet, pack
 from clothsim.study.farm.plan import plan
 from clothsim.study.farm.recipe import make_recipe
 from clothsim.study.farm.verification import verify

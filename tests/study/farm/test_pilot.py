@@ -7,7 +7,7 @@ from small_scenes import EFFECTS, SHEET, SOLVER, small_scene
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.study.farm.pilot import Pilot, enough, pilot
+from clothsim.study.farm.drape import Pilot, enough, pilot
 from clothsim.study.farm.recipe import make_recipe
 
 SETTLING = EFFECTS | {"damping": {"rate": 10.0}, "friction": {"coefficient": 0.5}}

@@ -5,8 +5,7 @@ from small_scenes import SHEET, small_scene
 
 from clothsim import InputError
 from clothsim.study.farm.drape import drape
-from clothsim.study.farm.recipe import load_recipe, make_recipe
-from clothsim.study.farm.rules import RULES, broken_rule, checked_rules
+from clothsim.study.farm.recipe import RULES, broken_rule, checked_rules, load_recipe, make_recipe
 
 
 def test_bounds_are_kept_or_named():

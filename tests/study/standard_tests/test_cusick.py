@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.study.standard_tests import cusick
-from clothsim.study.standard_tests.cusick import lay, lays, ring_mesh
-from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, shadow_radii
+from clothsim.study.standard_tests.cusick import PLATE, RADIUS, lay, lays, ring_mesh, shadow_radii
 
 
 @pytest.mark.parametrize("size", [0.005, 0.012])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim.base.errors import InputError
-from clothsim.study.standard_tests.outline_shape import PLATE, RADIUS, outline_radii, outline_shape
+from clothsim.study.standard_tests.cusick import PLATE, RADIUS, outline_radii, outline_shape
 
 BORDERS = Path(__file__).parents[4] / "shared" / "data" / "real" / "cusick_borders.npz"
 THETA = 2 * np.pi * np.arange(360) / 360

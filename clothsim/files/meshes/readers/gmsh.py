@@ -28,43 +28,35 @@ Elements = list[tuple[int, Ints]]
 def read_msh(path: Path, content: bytes) -> Polygons:
     """The faces in `content`. InputError names `path` and the fault."""
     try:
-        return _polygons(*_sections(content))
+        form, offset = "", 0
+        tags, points, elements = np.zeros(0, np.int64), np.zeros((0, 3)), []
+        while (offset := content.find(b"$", offset)) >= 0:
+            line = content.find(b"\n", offset)
+            if line < 0:
+                break
+            name = content[offset + 1 : line].strip()
+            if name == b"MeshFormat":
+                end = content.find(b"\n", line + 1)
+                form, binary, size = content[line + 1 : end].decode("latin-1").split()
+                if form not in ("2", "2.1", "2.2", "4", "4.0", "4.1"):
+                    raise ValueError(f"version {form} is not 2, 4.0 or 4.1")
+                if size not in ("4", "8"):
+                    raise ValueError(f"sizes of {size} bytes")
+                numbers = _Bytes(content, end + 1, int(size)) if int(binary) else None
+            elif name in (b"Nodes", b"Elements"):
+                if not form:
+                    raise ValueError("no $MeshFormat before the mesh")
+                text = content[line + 1 : _find_end(name, content, line)]
+                source = _Words(text) if numbers is None else numbers.seek(line + 1)
+                if name == b"Nodes":
+                    tags, points = _nodes_2(source) if form[0] == "2" else _nodes_4(source, form == "4.1")
+                else:
+                    elements = _elements_2(source) if form[0] == "2" else _elements_4(source, form == "4.1")
+                line = max(line, source.offset)
+            offset = _find_end(name, content, line) + 4 + len(name)
+        return _polygons(tags, points, elements)
     except (ValueError, IndexError, KeyError, OverflowError) as error:
         raise InputError(f"{path} cannot be read as msh ({type(error).__name__}: {error}).") from error
-
-
-def _sections(content: bytes) -> tuple[Ints, Floats, Elements]:
-    """The tags (n,) and positions (n, 3) of all nodes, and the elements."""
-    form, offset = "", 0
-    tags, points, elements = np.zeros(0, np.int64), np.zeros((0, 3)), []
-    while (offset := content.find(b"$", offset)) >= 0:
-        line = content.find(b"\n", offset)
-        if line < 0:
-            break
-        name = content[offset + 1 : line].strip()
-        if name == b"MeshFormat":
-            end = content.find(b"\n", line + 1)
-            form, binary, size = content[line + 1 : end].decode("latin-1").split()
-            if form not in ("2", "2.1", "2.2", "4", "4.0", "4.1"):
-                raise ValueError(f"version {form} is not 2, 4.0 or 4.1")
-            if size not in ("4", "8"):
-                raise ValueError(f"sizes of {size} bytes")
-            numbers = _Bytes(content, end + 1, int(size)) if int(binary) else None
-        elif name in (b"Nodes", b"Elements"):
-            if not form:
-                raise ValueError("no $MeshFormat before the mesh")
-            source = (
-                _Words(content[line + 1 : _find_end(name, content, line)])
-                if numbers is None
-                else numbers.seek(line + 1)
-            )
-            if name == b"Nodes":
-                tags, points = _nodes_2(source) if form[0] == "2" else _nodes_4(source, form == "4.1")
-            else:
-                elements = _elements_2(source) if form[0] == "2" else _elements_4(source, form == "4.1")
-            line = max(line, source.offset)
-        offset = _find_end(name, content, line) + 4 + len(name)
-    return tags, points, elements
 
 
 def _find_end(name: bytes, content: bytes, offset: int) -> int:

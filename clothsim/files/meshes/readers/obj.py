@@ -74,7 +74,17 @@ class _Lines:
             self.points.append(_numbers(words, 3))
             self.point_lines.append(line)
         elif keyword == "f":
-            self._take_face(words, line)
+            if len(words) < 3:
+                raise ValueError("a face needs three corners")
+            for word in words:
+                parts = word.split("/")
+                self.corners.append(_index(parts[0], len(self.points)))
+                texture = parts[1] if len(parts) > 1 else ""
+                self.texture_corners.append(_index(texture, len(self.texture_points)) if texture else -1)
+            for name in {*self.group, *self.objects}:
+                self.groups.setdefault(name, []).append(len(self.sizes))
+            self.sizes.append(len(words))
+            self.face_lines.append(line)
         elif keyword == "vt":
             self.texture_points.append(_numbers([*words, "0"] if len(words) == 1 else words, 2))
             self.texture_lines.append(line)
@@ -86,19 +96,6 @@ class _Lines:
             self.objects = (" ".join(words),)
         elif keyword not in SILENT:
             self.ignored[keyword if re.fullmatch(r"[a-z_]{1,12}", keyword) else ""] += 1
-
-    def _take_face(self, words: list[str], line: int) -> None:
-        if len(words) < 3:
-            raise ValueError("a face needs three corners")
-        for word in words:
-            parts = word.split("/")
-            self.corners.append(_index(parts[0], len(self.points)))
-            texture = parts[1] if len(parts) > 1 else ""
-            self.texture_corners.append(_index(texture, len(self.texture_points)) if texture else -1)
-        for name in {*self.group, *self.objects}:
-            self.groups.setdefault(name, []).append(len(self.sizes))
-        self.sizes.append(len(words))
-        self.face_lines.append(line)
 
     def polygons(self) -> Polygons:
         """The faces of all lines; InputError for an index or number that is out of range."""

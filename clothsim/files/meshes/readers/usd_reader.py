@@ -91,7 +91,23 @@ def _read_meshes(path: Path, stage: Any, code: float) -> Polygons:
     if not parts:
         raise InputError(f"{path} holds no mesh.")
     up = str(UsdGeom.GetStageUpAxis(stage)).lower()
-    return _joined(parts, (f'{up} up in the file: up = "y" turns it',) if up == "y" else ())
+    # all meshes as one; groups of one name are one
+    groups: dict[str, list[np.ndarray]] = {}
+    vertices = np.cumsum([0, *(len(part.positions) for part in parts)])
+    faces = np.cumsum([0, *(len(part.starts) - 1 for part in parts)])
+    edges = np.cumsum([0, *(len(part.corners) for part in parts)])
+    for part, first in zip(parts, faces, strict=False):
+        for name, own in part.groups.items():
+            groups.setdefault(name, []).append(own + first)
+    textured = all(len(part.texture) for part in parts)
+    return Polygons(
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate([part.corners + k for part, k in zip(parts, vertices, strict=False)]),
+        np.concatenate([[0], *(part.starts[1:] + k for part, k in zip(parts, edges, strict=False))]).astype(np.int64),
+        np.concatenate([part.texture for part in parts]) if textured else np.zeros((0, 2)),
+        {name: np.concatenate(own) for name, own in groups.items()},
+        (f'{up} up in the file: up = "y" turns it',) if up == "y" else (),
+    )
 
 
 def _broken(path: Path, reason: str) -> InputError:
@@ -125,23 +141,3 @@ def _texture(mesh: Any, time: Any, count: int, corners: np.ndarray) -> np.ndarra
     if st.GetInterpolation() in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying) and len(values) > corners.max():
         values = values[corners]
     return values if len(values) == count else np.zeros((0, 2))
-
-
-def _joined(parts: list[Polygons], messages: tuple[str, ...]) -> Polygons:
-    """All meshes as one; groups of one name are one."""
-    groups: dict[str, list[np.ndarray]] = {}
-    vertices = np.cumsum([0, *(len(part.positions) for part in parts)])
-    faces = np.cumsum([0, *(len(part.starts) - 1 for part in parts)])
-    edges = np.cumsum([0, *(len(part.corners) for part in parts)])
-    for part, first in zip(parts, faces, strict=False):
-        for name, own in part.groups.items():
-            groups.setdefault(name, []).append(own + first)
-    textured = all(len(part.texture) for part in parts)
-    return Polygons(
-        np.concatenate([part.positions for part in parts]),
-        np.concatenate([part.corners + k for part, k in zip(parts, vertices, strict=False)]),
-        np.concatenate([[0], *(part.starts[1:] + k for part, k in zip(parts, edges, strict=False))]).astype(np.int64),
-        np.concatenate([part.texture for part in parts]) if textured else np.zeros((0, 2)),
-        {name: np.concatenate(own) for name, own in groups.items()},
-        messages,
-    )

@@ -88,8 +88,17 @@ class _Sections:
             values = np.frombuffer(self.content, number, count, self.offset)
             self.offset += values.nbytes
             return values
-        values, self.offset = _text_numbers(self.content, self.offset, count, number)
-        return values
+        words: list[bytes] = []
+        while len(words) < count:
+            if self.offset >= len(self.content):
+                raise ValueError(f"the file ends {count - len(words)} numbers early")
+            end = self.content.find(b"\n", self.offset)
+            end = len(self.content) if end < 0 else end
+            words += self.content[self.offset : end].split()
+            self.offset = end + 1
+        if len(words) > count:
+            raise ValueError(f"{len(words)} numbers where {count} were declared")
+        return np.array([float(word) for word in words] if number.kind == "f" else [int(word) for word in words])
 
     def faces(self, count: int, size: int) -> tuple[Ints, Ints]:
         """Corners of all faces, one face after the other, and the number of corners of each."""
@@ -103,34 +112,15 @@ class _Sections:
                 raise ValueError("offsets do not fit the connectivity")
             return corners, sizes
         self.offset = here
-        return _split_sizes(self.numbers(size, "int").astype(np.int64), count)
-
-
-def _split_sizes(table: Ints, count: int) -> tuple[Ints, Ints]:
-    """The corners and sizes of `count` faces, each given as its size and its corners."""
-    if not 0 <= count <= len(table):
-        raise ValueError(f"{count} faces declared in {len(table)} numbers")
-    starts, offset = np.zeros(count, np.int64), 0
-    for face in range(count):
-        starts[face] = offset
-        if table[offset] < 0:
-            raise ValueError(f"face {face} has {table[offset]} corners")
-        offset += 1 + int(table[offset])
-    if offset != len(table):
-        raise ValueError(f"faces use {offset} of {len(table)} numbers")
-    return np.delete(table, starts), table[starts]
-
-
-def _text_numbers(content: bytes, offset: int, count: int, number: np.dtype) -> tuple[Floats | Ints, int]:
-    """`count` numbers in text from `offset` on, and the start of the next line."""
-    words: list[bytes] = []
-    while len(words) < count:
-        if offset >= len(content):
-            raise ValueError(f"the file ends {count - len(words)} numbers early")
-        end = content.find(b"\n", offset)
-        end = len(content) if end < 0 else end
-        words += content[offset:end].split()
-        offset = end + 1
-    if len(words) > count:
-        raise ValueError(f"{len(words)} numbers where {count} were declared")
-    return np.array([float(word) for word in words] if number.kind == "f" else [int(word) for word in words]), offset
+        table = self.numbers(size, "int").astype(np.int64)
+        if not 0 <= count <= len(table):
+            raise ValueError(f"{count} faces declared in {len(table)} numbers")
+        starts, offset = np.zeros(count, np.int64), 0
+        for face in range(count):
+            starts[face] = offset
+            if table[offset] < 0:
+                raise ValueError(f"face {face} has {table[offset]} corners")
+            offset += 1 + int(table[offset])
+        if offset != len(table):
+            raise ValueError(f"faces use {offset} of {len(table)} numbers")
+        return np.delete(table, starts), table[starts]

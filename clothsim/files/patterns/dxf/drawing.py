@@ -41,7 +41,17 @@ def curves_of_entity(entity: Any, metres: float, budget: Budget) -> tuple[Part, 
     if kind == "LINE":
         return (Part(metres * in_plane(entity.dxf.start), metres * in_plane(entity.dxf.end), Straight()),)
     if kind in ("ARC", "CIRCLE"):
-        return _arcs(entity, metres)
+        # both halves of an arc or a circle, so that neither closes on itself
+        if kind == "CIRCLE":
+            first, sweep = 0.0, 360.0
+        else:
+            first = entity.dxf.start_angle
+            sweep = (entity.dxf.end_angle - first) % 360.0 or 360.0
+        angles = [first, first + sweep] if sweep < 270.0 else [first, first + sweep / 2, first + sweep]
+        ends = [metres * in_plane(point) for point in entity.vertices(angles)]
+        large, right = len(angles) == 2 and sweep > 180.0, entity.dxf.extrusion[2] > 0
+        radius = metres * float(entity.dxf.radius)
+        return tuple(Part(a, b, Arc(radius, large, right)) for a, b in zip(ends, ends[1:], strict=False))
     if kind == "ELLIPSE":
         return _flattened(entity, metres, budget)
     if kind != "SPLINE":
@@ -63,20 +73,6 @@ def _flattened(curve: Any, metres: float, budget: Budget) -> tuple[Part, ...]:
             "Draw it smaller, or as a polyline.",
         ) from error
     return straight_parts(metres * np.array([in_plane(point) for point in points])) if points else ()
-
-
-def _arcs(entity: Any, metres: float) -> tuple[Part, ...]:
-    """Both halves of an arc or a circle, so that neither closes on itself."""
-    if entity.dxftype() == "CIRCLE":
-        first, sweep = 0.0, 360.0
-    else:
-        first = entity.dxf.start_angle
-        sweep = (entity.dxf.end_angle - first) % 360.0 or 360.0
-    angles = [first, first + sweep] if sweep < 270.0 else [first, first + sweep / 2, first + sweep]
-    ends = [metres * in_plane(point) for point in entity.vertices(angles)]
-    large, right = len(angles) == 2 and sweep > 180.0, entity.dxf.extrusion[2] > 0
-    radius = metres * float(entity.dxf.radius)
-    return tuple(Part(a, b, Arc(radius, large, right)) for a, b in zip(ends, ends[1:], strict=False))
 
 
 BOUNDARY, CURVE_POINTS, NOTCHES, MIRROR, GRAIN, SEW = "1", "3", "4", "6", "7", "14"
@@ -151,7 +147,10 @@ def read_drawing(path: Path, units: str = "", layer: str = "") -> Drawing:
         A file that is not a DXF drawing, or has no piece.
     """
     document = _document(path)
-    unit, notes = _unit(document, units)
+    system = _value_of(_texts(document.modelspace()), "units").lower()
+    unit = units or SYSTEMS.get(system) or HEADER_UNITS.get(document.header.get("$INSUNITS", 0))
+    notes = () if unit else ("the drawing names no units: its lengths are read as millimetres",)
+    unit = unit or "mm"
     budget = Budget(path.name)
     found = (_piece(*block, UNITS[unit], layer, budget) for block in _blocks(document))
     pieces = tuple(piece for piece in found if piece is not None)
@@ -184,17 +183,6 @@ def _blocks(document: Any) -> Iterator[tuple[str, list[Any], bool]]:
         if not block.name.startswith("*"):
             insert = inserts.get(block.name)
             yield block.name, list(block if insert is None else insert.virtual_entities()), insert is not None
-
-
-def _unit(document: Any, given: str) -> tuple[str, tuple[str, ...]]:
-    """Name of the unit, and a note where it is assumed."""
-    if given:
-        return given, ()
-    system = _value_of(_texts(document.modelspace()), "units").lower()
-    if system in SYSTEMS:
-        return SYSTEMS[system], ()
-    header = HEADER_UNITS.get(document.header.get("$INSUNITS", 0))
-    return (header, ()) if header else ("mm", ("the drawing names no units: its lengths are read as millimetres",))
 
 
 def _texts(entities: Iterable[Any]) -> Iterator[str]:

@@ -125,7 +125,16 @@ def loop_of(name: str, layer: str, parts: Sequence[Part]) -> tuple[Part, ...]:
         raise InputError(f"Piece {name} has no outline on layer {layer}.")
     loops = []
     while rest:
-        chain, rest = _chain(rest)
+        chain, rest = [rest[0]], list(rest[1:])  # the parts that join the first one at its end, one after another
+        while rest and np.linalg.norm(chain[-1].end - chain[0].start) > JOINED:
+            ends = np.array([[part.start, part.end] for part in rest])
+            distance = np.linalg.norm(ends - chain[-1].end, axis=2)
+            near = np.argwhere(distance <= JOINED)
+            if not len(near):
+                break
+            row, side = (int(k) for k in near[0])
+            part = rest.pop(row)
+            chain.append(part.reversed() if side else part)
         gap = float(np.linalg.norm(chain[-1].end - chain[0].start))
         if gap > JOINED:
             x, y = chain[-1].end
@@ -144,21 +153,6 @@ def loop_of(name: str, layer: str, parts: Sequence[Part]) -> tuple[Part, ...]:
 def polygon(loop: Sequence[Part]) -> Floats:
     """Samples of a loop, (k, 2) [m]."""
     return np.concatenate([part.samples[:-1] for part in loop])
-
-
-def _chain(parts: Sequence[Part]) -> tuple[list[Part], list[Part]]:
-    """The parts that join the first one at its end, one after another, and the others."""
-    chain, rest = [parts[0]], list(parts[1:])
-    while rest and np.linalg.norm(chain[-1].end - chain[0].start) > JOINED:
-        ends = np.array([[part.start, part.end] for part in rest])
-        distance = np.linalg.norm(ends - chain[-1].end, axis=2)
-        near = np.argwhere(distance <= JOINED)
-        if not len(near):
-            break
-        row, side = (int(k) for k in near[0])
-        part = rest.pop(row)
-        chain.append(part.reversed() if side else part)
-    return chain, rest
 
 
 def _closed(chain: Sequence[Part]) -> tuple[Part, ...]:

@@ -114,17 +114,11 @@ def skinning_weights(points: Floats) -> Floats:
     limb_weights = np.clip(1 - beyond / BLEND, 0.0, 1.0) ** 3
     weights = np.zeros((len(points), len(JOINTS)))
     for one, limb_weight in zip(limbs, limb_weights.T, strict=True):
-        for name, part in zip(one.joints, _parts(one, points), strict=True):
+        steps = [np.ones(len(points))]
+        for name in one.joints[1:]:
+            t = np.clip((points - JOINT_POSITIONS[joint(name)]) @ one.limb.axes[2] / BEND + 0.5, 0.0, 1.0)
+            steps.append(t * t * (3 - 2 * t))
+        parts = -np.diff(np.stack([*steps, np.zeros(len(points))]), axis=0)  # of the limb; they sum to 1
+        for name, part in zip(one.joints, parts, strict=True):
             weights[:, joint(name)] += limb_weight * part
     return weights / weights.sum(axis=1, keepdims=True)
-
-
-def _parts(part: BodyLimb, points: Floats) -> Floats:
-    """Fraction of a limb that each of its joints moves, (joints, n); they sum to 1."""
-    along = part.limb.axes[2]
-    steps = [np.ones(len(points))]
-    for name in part.joints[1:]:
-        t = np.clip((points - JOINT_POSITIONS[joint(name)]) @ along / BEND + 0.5, 0.0, 1.0)
-        steps.append(t * t * (3 - 2 * t))
-    steps.append(np.zeros(len(points)))
-    return -np.diff(np.stack(steps), axis=0)

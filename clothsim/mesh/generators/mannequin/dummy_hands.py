@@ -46,7 +46,9 @@ def with_dummy_hands(positions: Floats, triangles: Ints, cloths: Floats) -> Floa
         rigid = rows[made.weights[rows, joint(f"{side}_wrist")] > RIGID]
         apart = near.query(positions[rows], distance_upper_bound=reach, workers=1)[0]
         free = np.clip(np.minimum(apart, reach) / CLEARANCE - 1.0, 0.0, 1.0)
-        x[rows] += free[:, None] * (moves @ _linear_part(made.positions[rigid], positions[rigid]))
+        rest, drawn = made.positions[rigid], positions[rigid]  # the linear part of the affine map that fits them
+        turn = np.linalg.lstsq(rest - rest.mean(axis=0), drawn - drawn.mean(axis=0), rcond=None)[0]
+        x[rows] += free[:, None] * (moves @ turn)
     return x
 
 
@@ -66,8 +68,3 @@ def _moves(side: str) -> tuple[Ints, Floats]:
     goal = np.stack([a + (LENGTH - 1.0) * t * np.maximum(a, 0.0), width * np.cos(turn), height * np.sin(turn)])
     s = np.clip((a - NARROW) / BLEND + 0.5, 0.0, 1.0)
     return rows, ((goal - [a, b, c]) * s * s * (3.0 - 2.0 * s)).T @ np.stack([along, wide, thick])
-
-
-def _linear_part(rest: Floats, drawn: Floats) -> Floats:
-    """The matrix (3, 3) of the affine map of rows that fits `rest` onto `drawn`, (k, 3) each [m]."""
-    return np.linalg.lstsq(rest - rest.mean(axis=0), drawn - drawn.mean(axis=0), rcond=None)[0]

@@ -179,18 +179,14 @@ def _column(points: Floats, proportions: Proportions) -> Floats:
         moved[:, 0] += (factor - 1) * (points[:, 0] - axis) * _steps(z, wide)
         moved[:, 1] += (factor - 1) * (points[:, 1] - _ANKLE[1]) * _steps(z, deep)
     if (proportions.leg_length, proportions.waist_height) != (1, 1):
-        moved[:, 2] = _levels(z, proportions.leg_length, proportions.waist_height)
+        # the crotch at leg_length CROTCH, the waist at waist_height of what follows from that
+        ankle, waist, top = LEVELS["ankle"], LEVELS["waist"], LENGTHS_UP_TO
+        crotch = proportions.leg_length * CROTCH
+        mid = proportions.waist_height * (crotch + (waist - CROTCH) / (top - CROTCH) * (top - crotch))
+        knots, onto = (ankle, CROTCH, waist, top), (ankle, crotch, mid, top)
+        inside = (z > ankle) & (z < top)
+        moved[:, 2] = np.where(inside, PchipInterpolator(knots, onto)(np.clip(z, ankle, top)), z)
     return moved
-
-
-def _levels(z: Floats, leg_length: float, waist_height: float) -> Floats:
-    """Heights (n,) with the crotch at leg_length CROTCH, the waist at waist_height of what follows from that."""
-    ankle, waist, top = LEVELS["ankle"], LEVELS["waist"], LENGTHS_UP_TO
-    crotch = leg_length * CROTCH
-    mid = waist_height * (crotch + (waist - CROTCH) / (top - CROTCH) * (top - crotch))
-    knots, onto = (ankle, CROTCH, waist, top), (ankle, crotch, mid, top)
-    inside = (z > ankle) & (z < top)
-    return np.where(inside, PchipInterpolator(knots, onto)(np.clip(z, ankle, top)), z)
 
 
 def _bump(z: Floats, middle: float, reach: float) -> Floats:

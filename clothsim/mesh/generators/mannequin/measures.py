@@ -177,22 +177,19 @@ def measures_of(proportions: Proportions, names: Collection[str] = tuple(MEASURE
     shoulder, other, wrist = (joints[joint(name)] for name in ("left_shoulder", "right_shoulder", "left_wrist"))
     marks = np.array([[0.0, 0.0, CROTCH], [0.0, 0.0, LEVELS["waist"]]])
     crotch, waist = warped(marks, np.eye(len(JOINTS))[[joint("pelvis")] * 2], proportions)[:, 2]
-    lengths = {
+    measures = {
         "height": proportions.height,
         "shoulder_width": float(np.linalg.norm(shoulder - other)),
         "arm_length": float(np.linalg.norm(wrist - shoulder)),
         "inside_leg": float(crotch),
         "waist_height": float(waist),
     }
-    return {name: lengths[name] if name in lengths else _girth(name, proportions) for name in names}
-
-
-def _girth(name: str, proportions: Proportions) -> float:
-    """Girth of a section as a tape has it [m]."""
-    section = _sections()[name]
-    points = warped(section.points, section.weights, proportions)
-    flat = (section.axes @ points.T).T
-    return float(ConvexHull(flat[:, :2]).area)  # of a plane hull: its length
+    for name in (name for name in names if name not in measures):  # girths of sections, as a tape has them
+        section = _sections()[name]
+        points = warped(section.points, section.weights, proportions)
+        flat = (section.axes @ points.T).T
+        measures[name] = float(ConvexHull(flat[:, :2]).area)  # of a plane hull: its length
+    return {name: measures[name] for name in names}
 
 
 @dataclass(frozen=True)

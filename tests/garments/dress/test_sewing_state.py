@@ -7,9 +7,8 @@ import pytest
 from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
-from clothsim.garments.dress import welding
-from clothsim.garments.dress.sewing_state import SewingState, as_placed
-from clothsim.garments.dress.welding import welded_and_untangled, welded_where_closed
+from clothsim.garments.dress import sewing_state
+from clothsim.garments.dress.sewing_state import SewingState, as_placed, welded_and_untangled, welded_where_closed
 from clothsim.garments.penetration import count_penetrations
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
@@ -78,13 +77,13 @@ def test_all_pairs_but_the_one_that_would_intersect_are_welded(surface, monkeypa
     state = opened(side_by_side())
     pairs = state.mesh.seams[0].pairs
     first, second = pairs[3]  # neighbours on both sides
-    monkeypatch.setattr(welding, "_is_clean", lambda tried, _: tried.number[first] != tried.number[second])
+    monkeypatch.setattr(sewing_state, "_is_clean", lambda tried, _: tried.number[first] != tried.number[second])
     welded = welded_where_closed(state, np.inf, surface)
     assert [k for k, pair in enumerate(pairs) if np.ptp(welded.number[pair])] == [3]
 
 
 def test_pairs_whose_weld_would_meet_the_body_stay_open(surface, monkeypatch):
-    monkeypatch.setattr(welding, "FARTHEST", np.inf)  # the sides lie before and behind the body
+    monkeypatch.setattr(sewing_state, "FARTHEST", np.inf)  # the sides lie before and behind the body
     state = side_by_side(0.0)
     positions = state.positions.copy()
     positions[:, 0] -= 0.5
@@ -144,8 +143,8 @@ def test_what_opens_another_seam_is_not_taken(surface, monkeypatch, moved, welde
         last = np.unique(triangles[state.mesh.faces["right"]])
         return Mock(positions=positions + moved * np.isin(np.arange(len(positions)), last)[:, None])
 
-    monkeypatch.setattr(welding, "untangle", untangled)
-    monkeypatch.setattr(welding, "_is_clean", lambda tried, _: 1 not in tried.welded)
+    monkeypatch.setattr(sewing_state, "untangle", untangled)
+    monkeypatch.setattr(sewing_state, "_is_clean", lambda tried, _: 1 not in tried.welded)
     assert welded_and_untangled(state, surface).welded == welded
 
 

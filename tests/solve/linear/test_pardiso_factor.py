@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clothsim.solve.linear.pardiso_library import load_library
+from clothsim.solve.linear.pardiso_factor import load_library
 
 ROOT = Path(__file__).parents[3]
 SOLVE = """

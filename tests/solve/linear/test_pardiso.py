@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sheet_patterns import pattern_of_sheets
 
-from clothsim.solve.linear.dissection import LARGEST_SEPARATOR, dissection
+from clothsim.solve.linear.pardiso import LARGEST_SEPARATOR, dissection
 from clothsim.solve.linear.sparsity import make_pattern
 
 

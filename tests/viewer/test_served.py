@@ -9,8 +9,7 @@ import pytest
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.viewer.gate import Gate
-from clothsim.viewer.served import serve
+from clothsim.viewer.served import Gate, serve
 
 FOREIGN = [
     {"Host": "evil.example:{port}"},  # a name that its owner lets point to this machine

@@ -3,7 +3,7 @@
 import pytest
 
 from clothsim import InputError
-from clothsim.base.own_process import in_own_process
+from clothsim.base.process_memory import in_own_process
 
 BOUNDS = {"memory": 3 << 29, "seconds": 60.0, "what": "file.usdc"}
 

@@ -10,25 +10,25 @@ from solving import newton_of
 
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Prescribed
+from clothsim.solve.linear import linear_system
+from clothsim.solve.linear.linear_system import NONE, unconverged
 from clothsim.solve.linear.sparsity import make_pattern
-from clothsim.solve.newton import newton, nonlinear_elimination
-from clothsim.solve.newton.nonlinear_elimination import NONE, unconverged
-from clothsim.solve.newton.observer import unobserved
-from clothsim.solve.newton.outcome import Ending, outcome
+from clothsim.solve.newton import newton
+from clothsim.solve.newton.outcome import Ending, outcome, unobserved
 
 NOTHING = Prescribed(NONE, np.zeros((0, 3)))
 
 
 @pytest.fixture(autouse=True)
 def small_cloths_have_regions(monkeypatch):
-    monkeypatch.setattr(nonlinear_elimination, "MIN_VERTICES", 0)
+    monkeypatch.setattr(linear_system, "MIN_VERTICES", 0)
 
 
 def test_a_small_cloth_has_none(monkeypatch):
     _, triangles = grid(8, 8)
     pattern, free, moved = make_pattern(81, triangles, []), np.zeros(81, bool), np.arange(81) == 0.0
     assert len(unconverged(moved, 0.5, pattern, free))
-    monkeypatch.setattr(nonlinear_elimination, "MIN_VERTICES", 82)
+    monkeypatch.setattr(linear_system, "MIN_VERTICES", 82)
     assert not len(unconverged(moved, 0.5, pattern, free))
 
 
@@ -40,7 +40,7 @@ def test_what_moved_takes_rings_of_neighbours_along():
     rows = unconverged(moved, 0.5, pattern, np.zeros(441, bool))
     down, across = rows // 21 - 10, rows % 21 - 10
     assert len(rows) > 30
-    assert max(np.abs(down).max(), np.abs(across).max()) == nonlinear_elimination.RINGS
+    assert max(np.abs(down).max(), np.abs(across).max()) == linear_system.RINGS
     fixed = np.zeros(441, bool)
     fixed[221] = True
     assert 221 in rows
@@ -58,7 +58,7 @@ def test_there_is_no_region_where_nothing_or_too_much_moves():
 
 def dented(monkeypatch, most, observe=unobserved, **settings):
     """A step of a sheet at rest with one dent in it; most: fraction of the vertices that a region may have."""
-    monkeypatch.setattr(nonlinear_elimination, "MAX_FRACTION", most)
+    monkeypatch.setattr(linear_system, "MAX_FRACTION", most)
     positions, triangles = grid(24, 24)
     world = make_world([cloth(positions, triangles)], [])
     x = world.start()

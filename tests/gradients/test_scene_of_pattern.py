@@ -6,7 +6,7 @@ import pytest
 import clothsim
 from clothsim import Cloth, Scene
 from clothsim.base.errors import InputError
-from clothsim.gradients.finer_cloth import halved, quartered
+from clothsim.gradients.scene_of_pattern import halved, quartered
 from tests.benchmarks import views
 
 

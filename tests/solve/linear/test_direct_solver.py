@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_info
 
-from clothsim.solve.linear import threads
-from clothsim.solve.linear.threads import MOST, ONE_THREAD_BELOW, available_cores, one_blas_thread, solver_threads
+from clothsim.solve.linear import direct_solver
+from clothsim.solve.linear.direct_solver import MOST, ONE_THREAD_BELOW, available_cores, one_blas_thread, solver_threads
 
 ROOT = Path(__file__).parents[3]
 IN_A_PROCESS = """
 import hashlib, json, sys, tempfile
 from clothsim import InputError, simulate
 from small_scenes import SHEET, small_scene
-from clothsim.solve.linear.pardiso_library import load_library
+from clothsim.solve.linear.pardiso_factor import load_library
 
 def bits(**solver):
     solver = {"dt": 0.02, "tolerance": 1e-3, "linear": "mixed", **solver}
@@ -59,7 +59,7 @@ def test_a_scene_that_asks_for_nothing_leaves_mkl_as_it_was_and_then_it_is_too_l
 
 @pytest.mark.parametrize("cores", [1, 2, 64])
 def test_the_number_follows_the_size_only_where_it_is_open(monkeypatch, cores):
-    monkeypatch.setattr(threads, "available_cores", lambda: cores)
+    monkeypatch.setattr(direct_solver, "available_cores", lambda: cores)
     assert [solver_threads(n, 0) for n in (4, ONE_THREAD_BELOW - 1)] == [1, 1]
     assert solver_threads(ONE_THREAD_BELOW, 0) == min(MOST, cores)
     assert [solver_threads(10**6, n) for n in (1, 2, 16)] == [1, 2, 16]
@@ -70,12 +70,12 @@ def test_available_cores_are_those_of_the_process():
 
 
 def test_blas_has_one_thread_within_and_its_own_number_after():
-    threads.blas_libraries.cache_clear()  # another test may have loaded PARDISO's BLAS since the first step
+    direct_solver.blas_libraries.cache_clear()  # another test may have loaded PARDISO's BLAS since the first step
 
     def counts():
         return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
 
-    with threads.ThreadpoolController().limit(limits=2, user_api="blas"):
+    with direct_solver.ThreadpoolController().limit(limits=2, user_api="blas"):
         before = counts()
         with one_blas_thread():
             assert set(counts()) == {1}

@@ -1,1 +1,0 @@
-"""Parts of authored clips: scenes of arrays, and the floor of noise under a run."""
