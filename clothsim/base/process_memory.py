@@ -1,6 +1,6 @@
-"""Measures of a process: allocator settings, peak memory, bytes of an object, seconds since a moment.
+"""Processes: allocator settings, peak memory, seconds since a moment, and a function in a process of its own.
 
-A function in a process of its own: where a library may end the process that calls it.
+The last is for libraries that may end the process that calls them.
 """
 
 import ctypes

@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -109,6 +109,26 @@ def repeated_names(kind: type[ast.ClassDef] | type[ast.FunctionDef]) -> dict[str
 
 ELSEWHERE = {"overload_method", "jax_enable_x64", "__name__"}
 """Names of other packages in docstrings."""
+
+
+SHORT = 8
+"""Lines of code of a function, without its docstring, up to which it may read better in its one caller."""
+
+
+def short_helpers() -> list[tuple[str, str]]:
+    """(module, name) of private functions of at most SHORT lines that are used once in their module; none decorated."""
+    found = []
+    for module in module_files():
+        every = list(ast.walk(tree(module)))
+        used = Counter(node.id for node in every if isinstance(node, ast.Name))
+        used.update(node.attr for node in every if isinstance(node, ast.Attribute))
+        for node in every:
+            if not isinstance(node, ast.FunctionDef) or not re.match(r"_[^_]", node.name) or node.decorator_list:
+                continue
+            body = node.body[1:] if ast.get_docstring(node) and len(node.body) > 1 else node.body
+            if used[node.name] == 1 and (node.end_lineno or 0) - body[0].lineno < SHORT:
+                found.append((module, node.name))
+    return found
 
 
 def unknown_names() -> list[tuple[str, str]]:

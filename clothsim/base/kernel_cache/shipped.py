@@ -1,11 +1,11 @@
-"""Machine code that a wheel brings, for all processors of a family instead of the one that compiled it.
+"""Kernels that a wheel ships, and the identity of the compiler that made them.
 
 A wheel is built on one machine and installed on others: its kernels are compiled for a level of the processor's
 instruction set (x86-64-v3: AVX2 and FMA, Intel since 2013 and AMD since 2015; Arm: none is chosen). They are found
 where Python, numba, llvmlite, NumPy, the settings and the kernel's code are those of the build; all else is compiled
 as ever. `python -m clothsim.cli.ship_kernels` writes them.
 
-`identity` is the compiler's: versions, processor and settings that machine code depends on.
+`identity` names the compiler: versions, processor and settings that machine code depends on.
 """
 
 import functools

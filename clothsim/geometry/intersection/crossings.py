@@ -1,9 +1,8 @@
-"""Intersecting pairs of a scene's surfaces, by the names of its cloths and bodies.
+"""Intersections of a state: pairs of surfaces by the names of cloths and bodies, and rods that overlap.
 
-Rods of a state that overlap: centre lines nearer to one another than their radii, or through a triangle.
-
-Two lines that passed through one another between two states leave no trace in either: this check sees rods that are in
-one another, CCD those that would pass. It shares nothing with contact. Signs are of double precision, not exact as
+Rods overlap where their centre lines are nearer to one another than their radii, or pass through a triangle. Two lines
+that passed through one another between two states leave no trace in either: this check sees rods that are in one
+another, CCD those that would pass. It shares nothing with contact. Its signs are of double precision, not exact as
 those of triangles are.
 """
 

@@ -1,11 +1,10 @@
-"""Polar decomposition F = R U of 3x2 deformation gradients: rotations, stretches and principal directions.
+"""Polar decomposition F = R U of 3x2 deformation gradients, and the thickness of a stretched sheet.
 
 The eigenvectors V of C = F'F are computed in closed form, the stretches never from the eigenvalues of C: in float32 the
 smaller one comes out negative in half of all rank-deficient samples. l1 = |F v1| and l2 = J/l1 cannot.
 
-Thickness of a stretched sheet: the third principal stretch l3 from the plane-stress condition.
-
-Compressible Neo-Hookean with the 3D constants: mu3 (l3^2 - 1) + lam3 ln(l1 l2 l3) = 0, lam3/mu3 = 2 nu/(1 - 2 nu).
+The thickness is the third principal stretch l3 of the plane-stress condition. Compressible Neo-Hookean with the 3D
+constants: mu3 (l3^2 - 1) + lam3 ln(l1 l2 l3) = 0, lam3/mu3 = 2 nu/(1 - 2 nu).
 (The plane-stress lam of the membrane, 2 nu/(1 - nu) mu, gives 30 % less thinning at nu = .3.)
 """
 

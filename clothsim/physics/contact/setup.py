@@ -1,6 +1,4 @@
-"""Setup of the contact effects: scales, and the refusal of a start in contact.
-
-Contact of rods: the offset of their surface from the centre line, and what is refused.
+"""Setup of the contact effects: scales, offsets of rods, and the refusal of a start in contact.
 
 A rod comes into contact by its centre line: its vertices against triangles and its edges against edges, in the search,
 the CCD and the barrier of all others. Its surface is where the offset says: 2 r between rods, r between rod and body.

@@ -1,8 +1,8 @@
-"""Element loops over hinges: angles, and gradient and Hessian of moments about them.
+"""Element loops over hinges: angles, moments about them, and mid-edge bending of the triangles between them.
 
 vertices (h, 4): a, b, c, d of `kinematics.hinge_angle`; moments M (h,) [N m], 0 where a hinge has no angle.
 
-Of mid-edge bending, over triangles with the hinges around them: stencils (m, j): the hinges of each element; weights
+Mid-edge bending loops over triangles with the hinges around them: stencils (m, j): the hinges of each element; weights
 (m, r, j): their entries in its r rows of G; change (h,): theta - theta0 [rad].
 """
 

@@ -1,4 +1,4 @@
-"""Mid-edge bending that softens, or stiffens, as it bends, and its friction.
+"""Nonlinear mid-edge bending: stiffness that changes with the curvature, and hysteresis.
 
 With the curvature k of a triangle, 1 along the warp, and the matrix B of `plate_law`'s form whose entries give each
 direction its slope, n = (k'Bk)^(1/2), the energy per area is that of the plate and a cubic term,

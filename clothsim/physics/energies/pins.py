@@ -1,4 +1,4 @@
-"""Prescribed vertices, fixed or on a rigid motion: the effect `pins`.
+"""Prescribed vertices, fixed or on a rigid motion, and clamped edges: the effect `pins`.
 
 A pinned edge lets the cloth rotate about it freely. A clamp also fixes the rest direction of the cloth, by the missing
 neighbour: behind every border edge whose two ends are pinned lies a ghost triangle, the mirror image of the border

@@ -1,9 +1,8 @@
-"""Intel MKL PARDISO in double precision, and in single precision with iterative refinement.
+"""Intel MKL PARDISO: double precision, single precision with iterative refinement, and two domains side by side.
 
-Dissection of a matrix graph: domains that do not couple, and the separator between them.
-
-Domains can be factorised side by side. Unconnected parts are shared out among the domains; a part that is larger than
-a domain is cut at the smallest separator near its middle.
+Dissection cuts the graph of a matrix into domains that do not couple, and the separator between them. Unconnected
+parts are shared out among the domains; a part that is larger than a domain is cut at the smallest separator near its
+middle.
 """
 
 from collections.abc import Callable

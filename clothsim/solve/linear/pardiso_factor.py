@@ -1,11 +1,9 @@
-"""One factor of Intel MKL PARDISO, in double or single precision.
+"""One factor of Intel MKL PARDISO, and the shared library that makes it.
 
-The shared library that holds Intel MKL PARDISO.
-
-Two distributions have it. `py-mkl-pardiso` (71 MB, no dependency but numpy) is one extension module with sequential MKL
-linked into it: `pip install clothsim` brings it on Linux. `pypardiso` (0.9 GB with MKL, OpenMP and TBB) finds all of
-MKL, which takes several threads: the extra `mkl`, and the default on Windows, where the small module does not export
-the function.
+Two distributions have the library. `py-mkl-pardiso` (71 MB, no dependency but numpy) is one extension module with
+sequential MKL linked into it: `pip install clothsim` brings it on Linux. `pypardiso` (0.9 GB with MKL, OpenMP and TBB)
+finds all of MKL, which takes several threads: the extra `mkl`, and the default on Windows, where the small module does
+not export the function.
 """
 
 import ctypes

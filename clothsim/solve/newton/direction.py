@@ -1,6 +1,6 @@
-"""Newton direction: the quadratic model of E at x, and the step to its minimum.
+"""Newton direction: the quadratic model of E at x, the step to its minimum, and its trust region.
 
-Trust region of the exact Hessian: its radius, and when the projected Hessian is used instead.
+The projected Hessian is used where the exact one cannot be trusted.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,4 @@
-"""Outcomes of a Newton solve: an enumeration of ends, each with its message.
-
-A solve is observed by a callback with each iterate.
-"""
+"""Outcomes and iterates of a Newton solve: its end with a message, and the observer of each iterate."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

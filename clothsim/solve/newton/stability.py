@@ -1,15 +1,13 @@
-"""Stability of a static state: the lowest mode of its exact Hessian, and the way down along it.
+"""Stability of a static state: the exact Hessian without inertia, its lowest mode, and the way down along it.
 
 With P the projected Hessian and K the exact one, v minimises v'K v / v'P v: as P lacks the softening of compression, it
 is the mode that buckles first (v'(P - K) v / v'P v is the inverse of a load factor), whatever the mesh. By Sylvester's
 law the quotient is negative for some v exactly where K has a negative eigenvalue.
 
-Static model of a state: forces and exact Hessian of E without inertia and dissipation.
-
-With K this Hessian and M the masses, K + M / T^2 is positive definite where no perturbation grows by e in less than
-the horizon T, and then u = -(K + M / T^2)^-1 g is the displacement to equilibrium, g the static gradient: along a mode
-of frequency w the fraction w^2 T^2 / (1 + w^2 T^2) of it. The mass term keeps rigid modes, which have no stiffness,
-finite.
+With K the exact Hessian of E without inertia and dissipation and M the masses, K + M / T^2 is positive definite where
+no perturbation grows by e in less than the horizon T, and then u = -(K + M / T^2)^-1 g is the displacement to
+equilibrium, g the static gradient: along a mode of frequency w the fraction w^2 T^2 / (1 + w^2 T^2) of it. The mass
+term keeps rigid modes, which have no stiffness, finite.
 """
 
 from collections.abc import Callable
