@@ -18,9 +18,9 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 import clothsim
-from clothsim import engine
 from clothsim.base.arrays import Floats, Ints, as_finite
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.triangles import unique_edges
 
 RADIUS, PLATE = 0.15, 0.09
 """Radii of the specimen and of the plate of a Cusick tester, ISO 9073-9 and BS 5058 [m]."""
@@ -122,6 +122,26 @@ def outline_radii(positions: Floats, border: Ints) -> Floats:
     return radii
 
 
+def shadow_radii(positions: Floats, triangles: Ints) -> Floats:
+    """Radii of the shadow of a cloth that lies on a plate and hangs over it, by angle.
+
+    The shadow is no smaller than the plate, where soft cloth hangs under it.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+        Vertices about the centre of the plate [m]; those that the plate holds are among them.
+    triangles : (m, 3) int array
+        The cloth outside the plate.
+
+    Returns
+    -------
+    (360,) float64
+        See `outline_radii`.
+    """
+    return outline_radii(positions, unique_edges(triangles))
+
+
 FALL = 0.1
 """Speed of the supporting ring [m/s]; see `docs/results/reality.md` for how it was chosen."""
 DROP, GAP = 0.08, 1.5e-3
@@ -192,9 +212,7 @@ def lay(cloth: Mapping[str, Any], size: float, seed: int, fall: float = FALL) ->
             raise ClothsimError(f"Lay {seed} failed: {run.reason}", "Try another --size.")
         positions = run.positions(-1)[: len(flat)]
         at_rest = bool(run.summary["certificate"]["at_rest"])
-    border, _ = engine.border_edges(triangles)
-    outer = border[(border >= held).all(axis=1)]
-    radii = outline_radii(positions, outer)
+    radii = shadow_radii(positions, triangles)
     return Lay(positions, triangles, radii, outline_shape(radii), at_rest)
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from clothsim.study.standard_tests.cusick import PLATE, RADIUS, lay, lays, ring_mesh
+from clothsim.study.standard_tests import cusick
+from clothsim.study.standard_tests.cusick import PLATE, RADIUS, lay, lays, ring_mesh, shadow_radii
 
 
 @pytest.mark.parametrize("size", [0.005, 0.012])
@@ -37,3 +38,22 @@ def test_a_slow_ring_leaves_fewer_and_deeper_folds():
     slow, fast = (lay({"fabric": "cotton", "bending_stiffness": 5e-6}, 0.012, 2, fall).shape for fall in (0.03, 1.0))
     assert slow.folds < fast.folds - 1
     assert slow.depth > fast.depth + 1e-3
+
+
+@pytest.mark.parametrize("rim", [0.06, 0.08])
+def test_the_shadow_is_no_smaller_than_the_plate_where_the_rim_hangs_under_it(rim):
+    flat, triangles, _ = ring_mesh(0.006, np.random.default_rng(1))
+    r, along = np.hypot(*flat.T), np.arctan2(flat[:, 1], flat[:, 0])
+    middle = (PLATE + RADIUS) / 2
+    wide = 0.1 + 0.008 * np.cos(6 * along)
+    under = np.where(r < middle, PLATE + (wide - PLATE) * (r - PLATE) / (middle - PLATE), rim)
+    hanging = np.column_stack([under * np.cos(along), under * np.sin(along), PLATE - r])
+    shadow = shadow_radii(hanging, triangles)
+    assert shadow.min() > 0.99 * PLATE
+    assert shadow.max() == pytest.approx(0.108, abs=0.004)
+
+
+def test_the_radii_of_a_lay_are_those_of_its_shadow(monkeypatch):
+    monkeypatch.setattr(cusick, "shadow_radii", lambda positions, triangles: np.full(360, 0.12))
+    done = cusick.lay({"fabric": "cotton", "bending_stiffness": 1e-2}, 0.02, 0)
+    assert done.shape.coefficient == pytest.approx((0.12**2 - PLATE**2) / (RADIUS**2 - PLATE**2))
