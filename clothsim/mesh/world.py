@@ -1,8 +1,8 @@
 """World: cloths and bodies in one array of vertices, and the rest quantities that the energies need.
 
 Rows of x: first the unknowns, which are the vertices of all cloths and the coordinates of rigid bodies; then the
-vertices of all bodies, those of rigid ones last; then ghosts (see `clamp`). A world far from the origin is given a
-local one: round-off is then that of its size, not of its position.
+vertices of all bodies, those of rigid ones last; then ghosts (behind clamped edges, see `pins`). A world far
+from the origin is given a local one: round-off is then that of its size, not of its position.
 """
 
 import math
@@ -259,7 +259,7 @@ def with_material(world: World, cloths: Sequence[Cloth]) -> World:
         corners[:, 2 + side, 0], corners[:, 2 + side, 1] = along, sign * height
     heights = np.stack([corners[:, 2, 1], -corners[:, 3, 1]], axis=1)
     stiffness = stiffness_in_series(changed.per_triangle("bending_stiffness")[beside], heights)
-    clamped = np.where(hinges.held >= 0, 2.0, 1.0)  # see `clamp`
+    clamped = np.where(hinges.held >= 0, 2.0, 1.0)  # see the effect `pins`
     return replace(changed, hinges=replace(hinges, corners=corners, stiffness=clamped * stiffness))
 
 

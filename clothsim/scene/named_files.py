@@ -66,12 +66,12 @@ def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
 
     InputError where the scene names a file that does not exist.
     """
-    from clothsim.files.meshes.mesh_file import animation_files
-
     data = json.loads(scene.to_text())
     files: dict[str, Path] = {}
     for owner, table, key in named_keys(data):
         if key == "frames":
+            from clothsim.files.meshes.mesh_file import animation_files
+
             frames = enumerate(animation_files(scene.directory, table[key]))
             files.update({f"{FOLDER}/{owner}/{k:06d}_{_plain(file.name)}": file for k, file in frames})
             table[key] = f"{FOLDER}/{owner}/*"

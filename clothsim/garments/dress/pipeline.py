@@ -27,7 +27,7 @@ from clothsim.garments.dress.corrections import (
     touching_seams,
 )
 from clothsim.garments.dress.limbs import Wearer
-from clothsim.garments.dress.placement import hangs_on_shoulders
+from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders
 from clothsim.garments.dress.rings import centred, closed_round_legs
 from clothsim.garments.dress.sewing_state import (
     Fabrics,
@@ -60,7 +60,7 @@ from transfer.signed_distance import BodySurface
 SLID = 0.07
 """Descent from the placement, as a fraction of the body's height, beyond which a note says so."""
 FALLEN = 0.2
-"""Descent beyond which the garment is not worn: the waistband of a wide skirt slides to the hips, .12 of the height."""
+"""Descent beyond which a garment that was placed on the shoulders is not worn. A skirt may come to lie far lower."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,8 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     tight = tight_parts_of_run(run, {name: every[rows] for name, rows in draped.state.mesh.faces.items()})
     at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(tight))
     draped = replace(draped, notes=(*draped.notes, *at_rest), tight=tight)
-    fallen = below if below > FALLEN * height else 0.0
+    hung = hangs_on_shoulders(draped.state.mesh.positions, task.body, level=CHEST)
+    fallen = below if hung and below > FALLEN * height else 0.0
     status, reason = end_of_drape(draped.state, run, task.body.name, fallen)
     return replace(draped, status=status, reason=reason)
 

@@ -459,7 +459,7 @@ def tangential_adjoint(vectors: Floats, normals: Floats, by: Floats) -> tuple[Fl
 
 
 def turned_adjoint(vectors: Floats, normals: Floats, by: Floats) -> tuple[Floats, Floats]:
-    """Adjoints of `_turned` by the vectors and by the normals."""
+    """Adjoints, by both, of vectors that are turned into new tangent planes with their lengths."""
     turned = tangential(vectors, normals)
     before, after = lengths(vectors)[:, None], lengths(turned)[:, None]
     scale, along = np.divide(before, after, out=np.ones_like(after), where=after > 0.0), dots(turned, by)[:, None]

@@ -28,7 +28,7 @@ class LinearSolver(abc.ABC):
     pattern : SparsityPattern
         Sparsity of the upper triangle; analysed once.
     threads : int
-        Number of threads; 0: by size (`threads.solver_threads`).
+        Number of threads; 0: by size (`direct_solver.solver_threads`).
     dissected : bool
         Factorise a large matrix in two domains, which threads take side by side, where the solver can.
     """

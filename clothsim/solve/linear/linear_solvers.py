@@ -92,7 +92,7 @@ def make_solver(name: str, pattern: SparsityPattern, threads: int = 0, dissected
     pattern : SparsityPattern
         Sparsity of the Newton matrix.
     threads : int
-        0: by size (`threads.solver_threads`).
+        0: by size (`direct_solver.solver_threads`).
     dissected : bool
         Factorise a large matrix in domains, see `LinearSolver`.
 

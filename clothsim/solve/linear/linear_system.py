@@ -133,7 +133,7 @@ class System:
     linear : str
         Name of the solver, see `linear_solvers.SOLVERS`.
     threads : int
-        0: by size (`threads.solver_threads`).
+        0: by size (`direct_solver.solver_threads`).
     patch : Patch, optional
         Vertices that the matrix is restricted to; None: all unknowns.
     dependent : DependentRows

@@ -60,7 +60,7 @@ def saddle_free_solve(
     b : (n,) float64
         Right-hand side.
     trust : float
-        Trust radius, see `trust_region.Trust`.
+        Trust radius, see `direction.Trust`.
     preconditioned : (n,) float64
         M b.
     above : bool
