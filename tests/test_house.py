@@ -18,7 +18,7 @@ LIMITS = {
     "imports inside functions": 50,
     "classes of one name in several modules": 2,
     "functions of one name in several modules": 37,
-    "short private functions used once": 187,
+    "short private functions used once": 188,
     "modules": 445,
 }
 

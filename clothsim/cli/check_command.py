@@ -3,7 +3,7 @@
 import argparse
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import clothsim
 from clothsim import engine, files, patterns, render
@@ -21,9 +21,6 @@ from clothsim.cli.arguments import (
     refuse_output,
 )
 from clothsim.cli.report import DONE, FAILED, Report
-
-if TYPE_CHECKING:
-    pass
 
 _DESCRIPTION = """\
 Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a body. Exit code 1: something is wrong.

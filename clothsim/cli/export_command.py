@@ -30,7 +30,6 @@ from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import DONE, Report, end_watch, program
 
 if TYPE_CHECKING:
-    pass
     from clothsim.viewer.served import Served
 
 VIEW = "Give front, back, left, right or top, or three numbers, such as 1,-2,0.5."

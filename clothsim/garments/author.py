@@ -218,9 +218,11 @@ def author(
         found = clothsim.recover_clip(of_keys, frames, free, floor=floor_of_frames, rest=rest)
         new = clothsim.simulate(found.scene, directory, progress=progress, overwrite=overwrite)
         (directory / TARGETS_NAME).unlink(missing_ok=True)  # of an earlier clip there
+        authored = _written(new, run, edited, "", noise(), found)
         missed = found.misfits[2] > MISSED * float(np.nanmax([*noise(), *found.noise]))
-        own = floor_of(new).rms(set(keys)) if floor and missed else UNKNOWN
-        return _written(new, run, edited, "", noise(), found, own)
+        if not floor or not missed or len(keys) >= len(run) - 1:
+            return authored
+        return _written(new, run, edited, "", noise(), found, floor_of(new).rms(set(keys)))
     chosen = space or ("canonical" if any("model" in each.as_table() for each in scene.bodies) else "world")
     made = guided(scene, targets(run, edited, chosen), directory, rate)
     new = clothsim.simulate(made, directory, progress=progress, overwrite=overwrite)

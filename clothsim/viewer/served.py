@@ -82,7 +82,7 @@ class Gate:
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         if len(hosts) != 1 or not self.knows(hosts[0], port):
             return "This page is not served under that name. If the name is yours, give it to --trust."
-        parts = [urlsplit(origin) for origin in origins]
+        parts = (urlsplit(origin) for origin in origins)
         if not all(each.scheme in ("http", "https") and self.knows(each.netloc, port) for each in parts):
             return "Another page may not read this one."
         _, _, path = request.path.partition("?")[0].partition("/")

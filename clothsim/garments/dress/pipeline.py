@@ -59,8 +59,9 @@ from transfer.signed_distance import BodySurface
 
 SLID = 0.07
 """Descent from the placement, as a fraction of the body's height, beyond which a note says so."""
-FALLEN = 0.2
-"""Descent beyond which a garment that was placed on the shoulders is not worn. A skirt may come to lie far lower."""
+HIPS = 0.5
+"""Level below which what was placed on the shoulders has slid off, as a fraction of the body's height: waists are at
+.62, crotches at .47."""
 
 
 @dataclass(frozen=True)
@@ -221,9 +222,16 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     if moved > 0.5 * height:
         return draped.failed(f"The garment falls off {task.body.name}: it moved by {moved:.2g} m.")
     gap, name = worst_gap(draped.state)
-    if gap > mean_edge(draped.state):
-        return draped.failed(f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape.")
     below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
+    failure = ""
+    if gap > mean_edge(draped.state):
+        failure = f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape."
+    elif hangs_on_shoulders(draped.state.mesh.positions, task.body, level=CHEST) and not hangs_on_shoulders(
+        draped.state.positions, task.body, level=HIPS
+    ):
+        failure = f"The garment slid off {task.body.name}: its top lies {1e3 * below:.0f} mm below its place."
+    if failure:
+        return draped.failed(failure)
     if below > SLID * height:
         note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
         draped = replace(draped, notes=(*draped.notes, note))
@@ -231,24 +239,17 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     tight = tight_parts_of_run(run, {name: every[rows] for name, rows in draped.state.mesh.faces.items()})
     at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(tight))
     draped = replace(draped, notes=(*draped.notes, *at_rest), tight=tight)
-    hung = hangs_on_shoulders(draped.state.mesh.positions, task.body, level=CHEST)
-    fallen = below if hung and below > FALLEN * height else 0.0
-    status, reason = end_of_drape(draped.state, run, task.body.name, fallen)
+    status, reason = end_of_drape(draped.state, run, task.body.name)
     return replace(draped, status=status, reason=reason)
 
 
-def end_of_drape(state: SewingState, run: Run, body: str, fallen: float = 0.0) -> tuple[str, str]:
-    """Status of a garment whose drape completed, and what was closed and whether it rests, in a sentence.
-
-    fallen: distance by which its top lies below where the pattern places it, of a garment that is not worn [m].
-    """
+def end_of_drape(state: SewingState, run: Run, body: str) -> tuple[str, str]:
+    """Status of a garment whose drape completed, and what was closed and whether it rests, in a sentence."""
     seams, (gap, name) = len(state.mesh.seams), worst_gap(state)
     closed = f"All {seams} seams are closed"
     if state.open_seams:
         closed = f"{len(state.welded)} of {seams} seams are welded throughout, springs hold the rest, within "
         closed += f"{1e3 * gap:.2g} mm ({name})"
-    if fallen:
-        return "sewn", f"{closed}, but the garment has slid off: its top lies {1e3 * fallen:.0f} mm below its place."
     if moving := unrest(run, body):
         return "sewn", f"{closed}, but the garment is {moving}."
     return "completed", f"{closed}, and the garment rests on {body}."
