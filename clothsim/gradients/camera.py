@@ -222,7 +222,7 @@ class PictureLoss(Loss):
 
     @abc.abstractmethod
     def residuals(self, positions: Floats, triangles: Ints) -> Residuals:
-        """Return the residuals at positions (n, 3) [m], the correspondence found anew."""
+        """Return the residuals at positions (n, 3) [m], with a correspondence of their own."""
 
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
         """Return the mean, and its derivative with the correspondence held (envelope theorem)."""

@@ -11,6 +11,7 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments import pictures
+from clothsim.garments.dress import corrections
 from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases
 from clothsim.garments.dress.corrections import _best_lift, approached, crossing_panels, lifted, separated
 from clothsim.garments.dress.pipeline import end_of_drape
@@ -396,6 +397,15 @@ def test_low_shoulders_are_lifted(body):
     )
     assert after < before
     assert note
+
+
+def test_the_lift_is_chosen_by_parts_of_seams(body, monkeypatch):
+    seen = []
+    monkeypatch.setattr(corrections, "_best_lift", lambda through: seen.append(through) or 0)
+    entries = shirt()
+    entries["pattern"]["panels"]["front"]["translation"][1] = 80
+    lifted(as_placed(mesh_pattern(pattern_of(entries), SPACING)), body, body_surface(body.positions, body.triangles))
+    assert 0 < np.max(seen) <= 1
 
 
 @pytest.mark.parametrize(("side", "best"), [((0, 2, 4, 4, 2, 0), 1), ((4, 2, 0, 0, 0, 0), 2), ((0, 0, 0, 0, 0, 0), 1)])
