@@ -4,6 +4,7 @@
 Each pattern runs in a process of its own and leaves DIR/NAME.json; one that is there is not run again, unless --redo.
 DIR/table.md and DIR/sheet.png show all that are there. --page replaces what is between the marks of a page, those of
 the 25 patterns or, in a folder of random designs alone (--draw), those of these. --on grades each to a second body.
+--stored FILE adds the rows to those of earlier sweeps; the page then lists what is not completed and welded throughout.
 """
 
 import argparse
@@ -47,6 +48,8 @@ TILE = (340, 255)
 """Largest picture of one garment on the sheet [pixels]."""
 CAPTION = 16
 COLUMNS = 5
+PASSING = ("notes", "stages", "counts")
+"""Entries of a row that are not stored for later sweeps."""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
@@ -153,6 +156,11 @@ def read_row(output: Path, name: str) -> dict[str, Any]:
     return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 
+def closed(row: Mapping[str, Any]) -> bool:
+    """True where a garment is at rest with every seam welded."""
+    return bool(row["status"] == "completed" and row["welded"] == row["seams"])
+
+
 def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     """Line of the table."""
     head = (row["pattern"], row["body"])
@@ -174,12 +182,11 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> str:
     """One line on all rows: how many are completed with every seam welded, median and 95th percentile of CPU time."""
-    closed = sum(row["status"] == "completed" and row["welded"] == row["seams"] for row in rows)
     seconds = [row["cpu_seconds"] for row in rows if "cpu_seconds" in row]
     median, high = np.percentile(seconds, (50, 95)) if seconds else (np.nan, np.nan)
     size = ", ".join(sorted({f"{100 * row['size']:g} cm" for row in rows}))
     return (
-        f"{closed} of {len(rows)} completed with every seam welded, at a mesh size of {size}. "
+        f"{sum(map(closed, rows))} of {len(rows)} completed with every seam welded, at a mesh size of {size}. "
         f"CPU time: median {median:.0f} s, 95th percentile {high:.0f} s."
     )
 
@@ -216,6 +223,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--limit", type=int, default=1800, metavar="S", help="CPU seconds of one pattern (default 1800)"
     )
     parser.add_argument("--redo", action="store_true", help="run those again that are there")
+    parser.add_argument("--stored", type=Path, metavar="FILE", help="rows of earlier sweeps (JSON): not run again")
     parser.add_argument("--page", type=Path, metavar="FILE", help="replace the table of this page")
     parser.add_argument("--one", choices=known, help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
@@ -224,18 +232,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         store(output, measured(arguments.one, size, output / arguments.one, arguments.limit, arguments.on))
         return 0
     output.mkdir(parents=True, exist_ok=True)
+    stored: dict[str, dict[str, Any]] = {}
+    if arguments.stored is not None and arguments.stored.is_file():
+        stored = {row["pattern"]: row for row in json.loads(arguments.stored.read_text(encoding="utf-8"))}
     for name in arguments.only or (drawn(*arguments.draw) if arguments.draw else FILES):
-        row = read_row(output, name)
+        row = read_row(output, name) or stored.get(name, {})
         if arguments.redo or row.get("size") != size:
             row = run_one(name, arguments.size, output, arguments.limit, arguments.on)
         print(" | ".join(cells(row)), flush=True)
-    rows = [row for row in (read_row(output, name) for name in known) if row]
-    text = "\n\n".join([markdown_table(HEADER, map(cells, rows)), summary(rows)])
+    rows = [row for row in (read_row(output, name) or stored.get(name) for name in known) if row]
+    if arguments.stored is not None:
+        lasting = [{key: value for key, value in row.items() if key not in PASSING} for row in rows]
+        lines = ",\n ".join(json.dumps(row) for row in lasting)
+        write_atomically(arguments.stored, f"[{lines}]\n".encode())
+    shown = [row for row in rows if not closed(row)] if arguments.stored is not None else rows
+    text = "\n\n".join([markdown_table(HEADER, map(cells, shown)), summary(rows)])
     write_atomically(output / "table.md", (text + "\n").encode())
     print(f"{summary(rows)}\n{output / 'table.md'}, {contact_sheet(rows, output)}")
     if arguments.page is not None:
         random_designs = all(row["pattern"] in DESIGNS for row in rows)
-        write_between(arguments.page, "dress_designs" if random_designs else "dress_table", text)
+        mark = "dress_designs" if random_designs else "dress_table"
+        write_between(arguments.page, f"{mark}_stored" if arguments.stored is not None else mark, text)
     return 0
 
 

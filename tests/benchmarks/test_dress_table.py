@@ -1,5 +1,7 @@
 """Table of sewn garments: cells, summary and sheet of stored rows; the garments themselves are not run."""
 
+import json
+
 import pytest
 from PIL import Image
 
@@ -55,6 +57,19 @@ def test_stored_rows_are_not_run_again(tmp_path, capsys):
     main(["--only", "r004", "-o", str(tmp_path)])
     assert "1 of 1 completed" in capsys.readouterr().out
     assert (tmp_path / "table.md").read_text().count("\n|") == 2
+
+
+def test_rows_of_earlier_sweeps_are_not_run_again_and_the_page_lists_what_is_open(tmp_path, capsys):
+    rows, page = tmp_path / "rows.json", tmp_path / "page.md"
+    page.write_text("<!-- dress_designs_stored -->\n<!-- /dress_designs_stored -->\n")
+    rows.write_text(json.dumps([{**SEWN, "pattern": "d001"}, {**SEWN, "pattern": "d002", "welded": 7}]))
+    (tmp_path / "new").mkdir()
+    store(tmp_path / "new", {**SEWN, "pattern": "d000", "notes": ["lifted"]})
+    main(["--only", "d000", "d001", "-o", str(tmp_path / "new"), "--stored", str(rows), "--page", str(page)])
+    assert "2 of 3 completed" in capsys.readouterr().out
+    assert [row["pattern"] for row in json.loads(rows.read_text())] == ["d000", "d001", "d002"]
+    assert "notes" not in rows.read_text()
+    assert [name in page.read_text() for name in ("d000", "d001", "d002")] == [False, False, True]
 
 
 def test_sheet_has_a_tile_for_each_row(tmp_path):
