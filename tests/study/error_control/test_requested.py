@@ -199,6 +199,7 @@ def test_a_resolution_that_is_expected_to_miss_is_a_pilot_run(tmp_path, monkeypa
     runs = [k for k, line in enumerate(lines) if line.startswith("run:")]
     pilots = [k for k, line in enumerate(lines) if line.startswith("pilot run:")]
     assert runs[0] == 1
+    assert runs[1] > 3  # beside the one pilot of the path, at least one in place of a run
     assert set(range(2, runs[1])) <= set(pilots)
     assert lines[-1].startswith("twin run:")
     assert estimate["chosen"]["dt"] == pytest.approx(estimate["runs"][-1]["dt"])
