@@ -16,7 +16,7 @@ import numpy as np
 from clothsim import Body, Run
 from clothsim.base.errors import InputError
 from clothsim.base.text import length_text
-from clothsim.garments.dress.closing import close
+from clothsim.garments.dress.closing import close, torso
 from clothsim.garments.dress.corrections import (
     approached,
     lifted,
@@ -27,7 +27,7 @@ from clothsim.garments.dress.corrections import (
     touching_seams,
 )
 from clothsim.garments.dress.limbs import Wearer
-from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders
+from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, surrounds
 from clothsim.garments.dress.rings import centred, closed_round_legs
 from clothsim.garments.dress.sewing_state import (
     Fabrics,
@@ -55,13 +55,18 @@ from clothsim.garments.stages import (
 )
 from clothsim.garments.tightness import Tightness, tight_notes, tight_parts_of_run
 from clothsim.garments.waistband import edges_held, slid
+from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface
 
 SLID = 0.07
 """Descent from the placement, as a fraction of the body's height, beyond which a note says so."""
 HIPS = 0.5
 """Level below which what was placed on the shoulders has slid off, as a fraction of the body's height: waists are at
-.62, crotches at .47."""
+.62."""
+CROTCH = 0.47
+"""Height of the crotch of a body whose own is not found, as a fraction of its height."""
+HEADGEAR = 0.25
+"""Largest height of a garment that may be worn on top of the head, as a fraction of the body's."""
 
 
 @dataclass(frozen=True)
@@ -223,13 +228,9 @@ def _drape(task: DressTask, done: DressState) -> DressState:
         return draped.failed(f"The garment falls off {task.body.name}: it moved by {moved:.2g} m.")
     gap, name = worst_gap(draped.state)
     below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
-    failure = ""
+    failure = not_worn(draped.state, task.body)
     if gap > mean_edge(draped.state):
         failure = f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape."
-    elif hangs_on_shoulders(draped.state.mesh.positions, task.body, level=CHEST) and not hangs_on_shoulders(
-        draped.state.positions, task.body, level=HIPS
-    ):
-        failure = f"The garment slid off {task.body.name}: its top lies {1e3 * below:.0f} mm below its place."
     if failure:
         return draped.failed(failure)
     if below > SLID * height:
@@ -241,6 +242,32 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     draped = replace(draped, notes=(*draped.notes, *at_rest), tight=tight)
     status, reason = end_of_drape(draped.state, run, task.body.name)
     return replace(draped, status=status, reason=reason)
+
+
+def not_worn(state: SewingState, body: BodyMesh) -> str:
+    """Why a draped garment is not worn, in a sentence; empty where it is.
+
+    What was placed on the shoulders must stay above the hips, and what was placed on the trunk above the crotch. A
+    garment that is too tall for the body closes above its head: hoods and raised arms may reach there, its torso not.
+    """
+    levels = body.positions @ body.up
+    floor, height = float(levels.min()), float(np.ptp(levels))
+    placed, at = (positions @ body.up - floor for positions in (state.mesh.positions, state.positions))
+    on_shoulders = hangs_on_shoulders(state.mesh.positions, body, level=CHEST)
+    try:
+        crotch = body.parts.landmarks["crotch"]
+    except TransferError:
+        crotch = CROTCH * height
+    least = HIPS * height if on_shoulders else crotch
+    top, below = float(at.max()), float(placed.max() - at.max())
+    if top < least < placed.max() and below > SLID * height:
+        return f"The garment slid off {body.name}: its top lies {1e3 * below:.0f} mm below its place."
+    above = float(at[torso(state)].max(initial=0.0)) - height
+    if above > 0.0 and np.ptp(placed) > HEADGEAR * height:
+        return f"The garment closed above the head of {body.name}: it reaches {1e3 * above:.0f} mm higher."
+    if not surrounds(state.positions, state.triangles, body):
+        return f"The garment surrounds no part of {body.name}."
+    return ""
 
 
 def end_of_drape(state: SewingState, run: Run, body: str) -> tuple[str, str]:

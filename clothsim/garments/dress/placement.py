@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.limbs import form_a_tube
 from clothsim.garments.inputs import BodyMesh, usual_front
 from clothsim.patterns import Panel, PatternMesh
+from transfer.body_frame import level_set, loops
 from transfer.signed_distance import BodySurface
 
 SHORTEST, TALLEST = 0.1, 10.0
@@ -210,6 +211,31 @@ def hangs_on_shoulders(positions: Floats, body: BodyMesh, level: float = SHOULDE
     """True where a garment reaches over the level of the shoulders of its body, or over another one."""
     levels = body.positions @ body.up
     return bool((positions @ body.up).max() > levels.min() + level * np.ptp(levels))
+
+
+SECTIONS = 24
+"""Sections by which it is seen whether a garment surrounds a part of the body."""
+
+
+def surrounds(positions: Floats, triangles: Ints, body: BodyMesh) -> bool:
+    """True where a garment, positions (n, 3) [m] and triangles (m, 3), surrounds a part of a body, open or closed.
+
+    It does where a section of the body has a piece whose middle sees the garment's section in directions that leave
+    open less than a half turn. Sections are level, and upright ones between left and right, as arms may be level.
+    """
+    front = body.front
+    for axis in (body.up, np.cross(body.up, front)):
+        plane = np.stack([front, np.cross(axis, front)], axis=1)
+        own, on_body = positions @ axis, body.positions @ axis
+        low, high = max(own.min(), on_body.min()), min(own.max(), on_body.max())
+        for level in np.linspace(low, high, SECTIONS + 2)[1:-1] if low < high else ():
+            ring = level_set(positions, triangles, own, level)
+            for piece in loops(level_set(body.positions, body.triangles, on_body, level), body.triangles):
+                first, second = ((np.concatenate([ring.starts, ring.ends]) - piece.centre) @ plane).T
+                angles = np.sort(np.arctan2(first, second))
+                if len(angles) and np.diff(angles, append=angles[:1] + 2 * np.pi).max() < np.pi:
+                    return True
+    return False
 
 
 LEG_WORDS = ("leg", "pant", "trouser")

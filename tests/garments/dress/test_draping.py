@@ -12,8 +12,8 @@ from sewing_patterns import panel, specification
 
 from clothsim.garments.dress import pipeline
 from clothsim.garments.dress.limbs import Wearer
-from clothsim.garments.dress.pipeline import DressState, DressTask, _drape, drape_sewn, end_of_drape
-from clothsim.garments.dress.placement import hangs_on_shoulders
+from clothsim.garments.dress.pipeline import DressState, DressTask, _drape, drape_sewn, end_of_drape, not_worn
+from clothsim.garments.dress.placement import hangs_on_shoulders, surrounds
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns.pattern_mesh import mesh_pattern
@@ -91,3 +91,71 @@ def test_a_garment_that_slid_off_is_not_worn(ball, hips, status, tmp_path, monke
     done = _drape(task, DressState(state, Wearer(ball, task.surface), ()))
     assert done.status == status
     assert ("slid off" in done.reason) is (status == "failed")
+
+
+@pytest.fixture(scope="module")
+def wearer() -> BodyMesh:
+    """A person of 1.7 m with level arms, on the floor; it has no feet, and its crotch counts as at .47."""
+    positions, triangles = person(0.04, arm_drop=0.0)
+    positions = positions - np.array([0.0, positions[:, 1].min(), 0.0])
+    return BodyMesh("person", 1.7 / positions[:, 1].max() * positions, triangles, 1.0, ())
+
+
+def tube(levels: tuple[float, float], aside: float = 0.0, turns: float = 1.0, name: str = "skirt") -> SewingState:
+    """A panel rolled round a vertical axis, between two levels as fractions of 1.7 m, 25 cm from it."""
+    mesh = mesh_pattern(pattern_of(specification({name: panel([[0, 0], [30, 0], [30, 30], [0, 30]])})), 0.02)
+    state = as_placed(mesh)
+    flat = (state.positions - state.positions.min(axis=0)) / 0.3
+    low, high = 1.7 * np.array(levels)
+    angle = 2 * np.pi * turns * flat[:, 0]
+    rolled = np.stack([0.25 * np.sin(angle) + aside, low + (high - low) * flat[:, 1], 0.25 * np.cos(angle)], axis=1)
+    return replace(state, positions=rolled, mesh=replace(mesh, positions=rolled))
+
+
+@pytest.mark.parametrize(
+    ("placed", "worn", "reason"),
+    [
+        ((0.10, 0.62), (0.10, 0.62), ""),
+        ((0.10, 0.62), (0.02, 0.49), ""),  # low-slung
+        ((0.10, 0.62), (0.01, 0.30), "slid off"),
+        ((0.10, 0.40), (0.01, 0.30), ""),  # of the legs alone
+        ((0.10, 0.50), (0.01, 0.45), ""),  # placed at the crotch: it is where it was
+        ((0.45, 0.85), (0.35, 0.55), ""),
+        ((0.45, 0.85), (0.20, 0.48), "slid off"),
+        ((0.80, 1.20), (0.75, 1.10), "above the head"),
+        ((0.90, 1.10), (0.90, 1.10), ""),  # a hat
+    ],
+)
+def test_where_the_top_of_a_garment_ends_says_whether_it_is_worn(wearer, placed, worn, reason):
+    state = tube(placed)
+    found = not_worn(state.moved_to(tube(worn).positions), wearer)
+    assert (reason in found) if reason else not found
+
+
+@pytest.mark.parametrize(("crotch", "reason"), [(0.8, ""), (0.9, "slid off")])
+def test_a_body_has_a_crotch_of_its_own(wearer, crotch, reason):
+    body = replace(wearer)
+    body.__dict__["parts"] = SimpleNamespace(landmarks={"crotch": crotch})  # of 1.7 m; the garment ends at .85 m
+    found = not_worn(tube((0.10, 0.62)).moved_to(tube((0.02, 0.50)).positions), body)
+    assert (reason in found) if reason else not found
+
+
+def test_a_hood_may_reach_above_the_head(wearer):
+    assert "above the head" in not_worn(tube((0.7, 1.1)), wearer)
+    assert not not_worn(tube((0.7, 1.1), name="hood"), wearer)
+
+
+@pytest.mark.parametrize(
+    ("aside", "turns", "worn"), [(0.0, 1.0, True), (0.0, 0.7, True), (0.0, 0.4, False), (1.2, 1.0, False)]
+)
+def test_a_garment_that_surrounds_no_part_of_the_body_is_not_worn(wearer, aside, turns, worn):
+    state = tube((0.3, 0.6), aside, turns)
+    assert surrounds(state.positions, state.triangles, wearer) == worn
+    assert ("surrounds no part" in not_worn(state, wearer)) is not worn
+
+
+def test_a_sleeve_surrounds_an_arm_that_is_level(wearer):
+    state = tube((0.0, 0.2))
+    level = state.positions[:, [1, 0, 2]] + [0.4, 1.35, 0.0]
+    assert surrounds(level, state.triangles, wearer)
+    assert not surrounds(level + np.array([0.0, 0.4, 0.0]), state.triangles, wearer)
