@@ -35,14 +35,26 @@ STDERR = 2
 
 def measured(name: str, scene: PeerScene, python: str) -> dict[str, Any]:
     """Run the peer with the interpreter `python`: times, version, settings, and what intersects in its frames."""
-    file, options = PEERS[name]
+    result, steps = simulated(name, scene, python)
+    return {**result, **intersections(scene, steps["frames"])}
+
+
+def simulated(
+    name: str, scene: PeerScene, python: str, options: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Run the peer with the interpreter `python` and, where given, with other `options` than its own.
+
+    Its result (times, version, settings), and arrays of every step: frames [m], cpu [s], energies [J].
+    """
+    file, own = PEERS[name]
     module = importlib.import_module(f"tests.benchmarks.peers.{file}")
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         scene.write(folder / "scene.npz")
-        shared_sheet(WARM_CELLS, scene.steps * scene.dt).write(folder / "warm.npz")
-        command = [python, "-m", "tests.benchmarks.peers.peer_process", file, str(folder), json.dumps(options)]
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+        shared_sheet(WARM_CELLS, scene.steps * scene.dt, friction=scene.friction).write(folder / "warm.npz")
+        given = json.dumps({**own, **(options or {})})
+        command = [python, "-m", "tests.benchmarks.peers.peer_process", file, str(folder), given]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
         code = subprocess.run(command, cwd=ROOT, env=environment, stdout=STDERR, check=False).returncode
         if code:
             raise ClothsimError(f"The process of {name} ended with exit code {code}.", "Its last lines say why.")
@@ -52,8 +64,9 @@ def measured(name: str, scene: PeerScene, python: str) -> dict[str, Any]:
                 f"{name} needs the package {result['missing']}, which {python} has not.",
                 f"Run: pip install '{module.PIP}', in any environment, and name its Python: --python PATH.",
             )
-        frames = np.load(folder / "frames.npz")["frames"]
-    return {**result, **intersections(scene, frames), "cannot": module.CANNOT}
+        with np.load(folder / "frames.npz") as stored:
+            steps = {key: stored[key] for key in stored.files}
+    return {**result, "cannot": module.CANNOT}, steps
 
 
 def intersections(scene: PeerScene, frames: Any) -> dict[str, Any]:
@@ -62,14 +75,15 @@ def intersections(scene: PeerScene, frames: Any) -> dict[str, Any]:
     own, ball: pairs of the sheet with itself and with the ball's mesh at the end; bad: frames with any; depth: the
     deepest vertex in the sphere of any frame [m]; lowest: the lowest vertex at the end [m].
     """
-    counts = [_pairs(scene, frame) for frame in frames]
+    counts = [pairs(scene, frame) for frame in frames]
     depth = max(0.0, scene.radius - float(np.linalg.norm(frames, axis=2).min()))
     own, ball = counts[-1]
     bad = sum(any(pair) for pair in counts)
     return {"own": own, "ball": ball, "bad": bad, "depth": depth, "lowest": float(frames[-1][:, 2].min())}
 
 
-def _pairs(scene: PeerScene, x: Any) -> tuple[int, int]:
+def pairs(scene: PeerScene, x: Any) -> tuple[int, int]:
+    """Intersecting pairs of the sheet at `x (n, 3)` with itself and with the ball's mesh, by exact predicates."""
     both = np.concatenate([x, scene.ball_positions])
     own = intersecting_pairs(x, scene.triangles)
     return len(own), len(intersecting_pairs(both, scene.triangles, scene.ball_triangles + len(x)))
@@ -86,6 +100,7 @@ def report(name: str, scene: PeerScene, result: dict[str, Any]) -> str:
             f"end: {result['own']} pairs of the sheet with itself, {result['ball']} with the ball; "
             f"{result['bad']} of {scene.steps} frames intersect; "
             f"{1000 * result['depth']:.2f} mm into the sphere at most; lowest vertex {result['lowest']:.3f} m",
+            *([result["notes"]] if result["notes"] else []),
             *([f"not expressed: {result['cannot']}"] if result["cannot"] else []),
         ]
     )

@@ -1,11 +1,15 @@
 """Blender's cloth modifier (bpy): springs with the numbers of its preset "Cotton", collision and self collision."""
 
+import math
+
 import numpy as np
 
 from tests.benchmarks.peers.peer_scene import PeerScene, Simulation
 
 PACKAGE, PIP = "bpy", "bpy"
 CANNOT = "springs, whose stiffness is no modulus; masses by vertex; distances of contact of 15 mm, its defaults"
+FRAME = math.sqrt(1e-3)
+"""Time of a frame at `time_scale` 1, from a free fall [s]: it does not depend on the frame rate."""
 QUALITY, COLLISION_QUALITY = 5, 2
 """Steps of a frame, and rounds of collisions: those of the preset, and Blender's default."""
 COTTON = {
@@ -32,7 +36,7 @@ def build(scene: PeerScene, quality: int = QUALITY) -> Simulation:
     cloth = sheet.modifiers.new("Cloth", "CLOTH")
     for name, value in COTTON.items():
         setattr(cloth.settings, name, value)
-    cloth.settings.quality = quality
+    cloth.settings.quality, cloth.settings.time_scale = quality, scene.dt / FRAME
     touch = cloth.collision_settings
     touch.use_collision, touch.use_self_collision, touch.collision_quality = True, True, COLLISION_QUALITY
     touch.friction, touch.self_friction = scene.friction, scene.friction

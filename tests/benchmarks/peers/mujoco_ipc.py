@@ -1,5 +1,7 @@
 """MuJoCo 4 with its flag `ipc`: a flex of triangles, contact by an augmented Lagrangian with CCD."""
 
+from typing import Any
+
 from tests.benchmarks.peers.peer_scene import PeerScene, Simulation
 
 PACKAGE, PIP = "mujoco", "mujoco>=4"
@@ -43,9 +45,22 @@ def build(scene: PeerScene) -> Simulation:
     )
     data = mujoco.MjData(model)
 
+    limited = [0]
+
     def step() -> None:
         mujoco.mj_step(model, data)
+        limited[0] += int(max(data.solver_niter) >= ITERATIONS)
+
+    def positions() -> Any:
+        mujoco.mj_kinematics(model, data)  # mj_step leaves the positions of the step before
+        mujoco.mj_flex(model, data)
+        return data.flexvert_xpos
 
     return Simulation(
-        step, lambda: data.flexvert_xpos, f"dt {scene.dt} s, discrete integrator, CG, up to {ITERATIONS} iterations"
+        step,
+        positions,
+        f"dt {scene.dt} s, discrete integrator, CG, up to {ITERATIONS} iterations",
+        lambda: data.qvel.reshape(-1, 3),
+        model.body_mass[1:],
+        lambda: f"{limited[0]} steps stop at {ITERATIONS} iterations",
     )

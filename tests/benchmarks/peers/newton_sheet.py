@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tests.benchmarks.peers.peer_scene import PeerScene, Simulation
+from tests.benchmarks.peers.peer_scene import GRAVITY, PeerScene, Simulation
 
 SUBSTEPS = 10
 CONTACT_STIFFNESS, CONTACT_DAMPING = 1e4, 1e-2
@@ -17,7 +17,7 @@ def finished(builder: Any, scene: PeerScene) -> Any:
     model = builder.finalize(device="cpu")
     model.soft_contact_ke, model.soft_contact_kd = CONTACT_STIFFNESS, CONTACT_DAMPING
     model.soft_contact_mu = scene.friction
-    model.set_gravity(warp.vec3(0.0, 0.0, -9.81))
+    model.set_gravity(warp.vec3(0.0, 0.0, -GRAVITY))
     return model
 
 
@@ -39,4 +39,8 @@ def simulation(model: Any, solver: Any, scene: PeerScene, settings: str) -> Simu
     def positions() -> Any:
         return states[0].particle_q.numpy()  # the states change places
 
-    return Simulation(step, positions, f"{settings}, {SUBSTEPS} substeps of {scene.dt} s, CPU")
+    def velocities() -> Any:
+        return states[0].particle_qd.numpy()
+
+    shown = f"{settings}, {SUBSTEPS} substeps of {scene.dt} s, CPU"
+    return Simulation(step, positions, shown, velocities, model.particle_mass.numpy())

@@ -25,19 +25,21 @@ def run(name: str, folder: Path, options: dict[str, Any]) -> dict[str, Any]:
     module = importlib.import_module(f"tests.benchmarks.peers.{name}")
     scene, warm = read_scene(folder / "scene.npz"), read_scene(folder / "warm.npz")
     try:
-        _steps(module.build(warm, **options), warm.steps)
+        _steps(module.build(warm, **options), warm.steps, np.array(warm.positions, float))
     except ModuleNotFoundError as error:
         return {"missing": error.name}
     begin = process_time()
     simulation = module.build(scene, **options)
     setup = process_time() - begin
-    cpu, wall, frames = _steps(simulation, scene.steps)
-    np.savez(folder / "frames.npz", frames=frames)
+    start = np.array(scene.positions, float)
+    cpu, wall, frames, energies = _steps(simulation, scene.steps, start)
+    np.savez(folder / "frames.npz", frames=frames, cpu=cpu, energies=energies)
     return {
-        "cpu": cpu,
+        "cpu": float(cpu[-1]),
         "wall": wall,
         "setup": setup,
         "settings": simulation.settings,
+        "notes": simulation.notes() if simulation.notes else "",
         "version": _version(module.PACKAGE),
     }
 
@@ -49,14 +51,17 @@ def _version(package: str) -> str:
         return importlib.import_module(package).__version__
 
 
-def _steps(simulation: Simulation, steps: int) -> tuple[float, float, Any]:
-    cpu, wall, frames = 0.0, 0.0, []
+def _steps(simulation: Simulation, steps: int, start: Any) -> tuple[Any, float, Any, Any]:
+    """Processor time since the start at the end of each step [s], wall time [s], positions and energies there."""
+    spent, cpu, wall, frames, energies = 0.0, [], 0.0, [], []
     for _ in range(steps):
         at, clock = process_time(), perf_counter()
         simulation.step()
-        cpu, wall = cpu + process_time() - at, wall + perf_counter() - clock
+        spent, wall = spent + process_time() - at, wall + perf_counter() - clock
+        cpu.append(spent)
         frames.append(np.array(simulation.positions(), float))
-    return cpu, wall, np.array(frames)
+        energies.append(simulation.energy(start))
+    return np.array(cpu), wall, np.array(frames), np.array(energies)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+GRAVITY = 9.81
+"""[m/s2]."""
+
 
 @dataclass(frozen=True)
 class PeerScene:
@@ -71,8 +74,35 @@ def read_scene(file: Path) -> PeerScene:
 
 @dataclass(frozen=True)
 class Simulation:
-    """A peer ready to run: `step()` advances by the scene's dt, `positions()` are the sheet's (n, 3) [m]."""
+    """A peer ready to run.
+
+    Parameters
+    ----------
+    step : callable
+        Advances by the scene's dt.
+    positions : callable
+        The sheet's (n, 3) at the time that has been reached [m].
+    settings : str
+        What was chosen.
+    velocities : callable, optional
+        The sheet's (n, 3) at that time [m/s].
+    masses : (n,) float, optional
+        Of the sheet's vertices [kg].
+    notes : callable, optional
+        What the steps so far met, for example how many stopped at a limit.
+    """
 
     step: Callable[[], None]
     positions: Callable[[], Any]
     settings: str
+    velocities: Callable[[], Any] | None = None
+    masses: Any = None
+    notes: Callable[[], str] | None = None
+
+    def energy(self, start: Any) -> float:
+        """Kinetic energy and that of gravity since the positions `start` [J]; nan without velocities and masses."""
+        if self.velocities is None or self.masses is None:
+            return float("nan")
+        speeds = (np.asarray(self.velocities(), float) ** 2).sum(axis=1)
+        rise = np.asarray(self.positions(), float)[:, 2] - start[:, 2]
+        return float(np.asarray(self.masses, float) @ (0.5 * speeds + GRAVITY * rise))

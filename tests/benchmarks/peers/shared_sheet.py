@@ -1,5 +1,7 @@
 """The sheet and ball of the benchmark as a scene for peers."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from clothsim.scene.assembly.scene_world import build
@@ -11,12 +13,14 @@ HEIGHT, DT = 0.05, 0.02
 """Height above the ball at which the sheet is released [m], and the step [s]."""
 
 
-def released(cells: int) -> Scene:
+def released(cells: int, friction: float = FRICTION) -> Scene:
     """The sheet of `cells` x `cells`, at rest 5 cm above the ball: the scene of clothsim."""
-    return sphere(cells, height=HEIGHT, fall=0.0)
+    scene = sphere(cells, height=HEIGHT, fall=0.0)
+    effects = {name: keys for name, keys in scene.effects.items() if name != "friction"}
+    return replace(scene, effects={**effects, "friction": {"coefficient": friction}} if friction else effects)
 
 
-def shared_sheet(cells: int, seconds: float) -> PeerScene:
+def shared_sheet(cells: int, seconds: float, dt: float = DT, friction: float = FRICTION) -> PeerScene:
     """The same for peers: an isotropic sheet as stiff as the neo-Hookean one with hinges."""
     scene = released(cells)
     built = build(Scene(cloth=scene.cloth, body=scene.body, effects={**scene.effects, **PEERS}, solver=scene.solver))
@@ -36,7 +40,7 @@ def shared_sheet(cells: int, seconds: float) -> PeerScene:
         poisson=poisson,
         bending=float(world.hinges.stiffness[0]),
         gap=D_HAT,
-        friction=FRICTION,
-        dt=DT,
-        steps=round(seconds / DT),
+        friction=friction,
+        dt=dt,
+        steps=round(seconds / dt),
     )
