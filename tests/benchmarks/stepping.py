@@ -1,6 +1,7 @@
 """Error against processor time of a step: the default stop, converged steps, and half the dt, scene by scene.
 
 Run from the repository: python -m tests.benchmarks.stepping [SCENE ...] [--starts 5] [--seconds 0.4] [--out FILE].
+`--all` is every scene below; `--docs` writes docs/notes/newton_stop.md from the scenes measured so far (`--record`).
 SCENE is a file of scenes/ without its ending, a scene of tests/known_answers/error_scenes.py, or sheet40, sheet100,
 sheet200: a sheet of 1 m that falls 5 cm on a ball. The reference has an eighth of the dt (a sixteenth of the sheets')
 and a tolerance of 1e-3 m/s; its own doubt is its distance to a run with twice its dt. Errors are root mean squares
@@ -12,6 +13,7 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -28,6 +30,7 @@ from clothsim.solve.stepping.mechanical_energy import mechanical_energy
 from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.time_loop import finished, next_step
 from tests.benchmarks.bench.bench_cases import sphere
+from tests.benchmarks.stored_tables import Record, markdown_table, read_record, when, write_between, write_record
 from tests.benchmarks.untuned_scenes import STOPPED, UNTUNED_SCENES
 from tests.known_answers.error_scenes import ERROR_SCENES
 
@@ -37,7 +40,8 @@ SHORTEN: Mapping[str, float] = {
     "shirt": 0.4, "flag": 0.4, "twist": 0.4, "cape": 0.8, "cards": 0.4, "tube": 0.5, "spin": 0.6, "thrown": 0.5
 }  # fmt: skip
 """Seconds of the scenes that last longer."""
-SHIPPED = ("flag", "twist", "cape", "cards", "tube", "spin", "funnel", "needles", "thrown", "shirt")
+SHEETS = ("sheet40", "sheet100")
+SHIPPED = ("flag", "twist", "cape", "stack", "cards", "tube", "spin", "funnel", "needles", "thrown", "shirt")
 SETTINGS: Mapping[str, tuple[float, Mapping[str, Any]]] = {
     "default": (1.0, {}),
     "default, dt / 2": (0.5, {}),
@@ -46,6 +50,16 @@ SETTINGS: Mapping[str, tuple[float, Mapping[str, Any]]] = {
     "converge, dt / 2": (0.5, {"converge": True}),
 }
 """What is compared: a factor of dt, and keys of the solver."""
+
+EARLIER: Mapping[str, str] = {
+    "flag": "3.3, 33.6; 4.6, 18.6", "twist": "0.68, 10.0; 1.2, 7.3", "cape": "0.90, 13.1; 1.4, 8.6",
+    "stack": "19.7, 6.4; 21.3, 5.0", "tube": "1.1, 3.6; 1.6, 1.3", "cards": "1.6, 0.56; 3.8, 0.30",
+    "spin": "1.5, 77; 1.9, 72", "funnel": "2.8, 23.8; 2.9, 21.4", "needles": "2.2, 7.5; 3.1, 15.2",
+    "thrown": "2.7, 47.6; 3.1, 25.9",
+}  # fmt: skip
+"""CPU [s] and error [mm] of 2026-11-23, when each step was converged, with dt and dt / 2."""
+DOCS = Path(__file__).parents[2] / "docs" / "notes" / "newton_stop.md"
+HEADER = ("scene (simulated s)", *SETTINGS, "doubt [mm]", "2026-11-23: dt; dt / 2")
 
 UNTUNED_STOPS: Mapping[str, Mapping[str, Any]] = {"default": {}, "converge": {"converge": True}}
 COUNTS = ("iterations", "patch_iterations")
@@ -137,17 +151,46 @@ def distances(run: Measured, reference: Measured) -> Floats:
     return np.asarray(1e3 * np.sqrt((difference**2).sum(axis=2).mean(axis=1)))
 
 
-def table(name: str, starts: int, seconds: float) -> list[str]:
-    """Rows of the table of one scene, Markdown."""
+@dataclass(frozen=True)
+class Comparison:
+    """The reference of a scene, its doubt at each frame [mm], and (runs, errors at each frame [mm]) by setting."""
+
+    name: str
+    scene: Scene
+    reference: Measured
+    doubt: Floats
+    settings: Mapping[str, tuple[Sequence[Measured], Sequence[Floats]]]
+
+    def summary(self) -> dict[str, Any]:
+        """Medians for the page: duration [s], doubt [mm], and [CPU s, mean error in mm] by setting."""
+        medians = {
+            label: [float(np.median([run.cpu[-1] for run in runs])), float(np.median(errors, axis=0).mean())]
+            for label, (runs, errors) in self.settings.items()
+        }
+        day, seconds = date.today().isoformat(), self.scene.run_settings.duration
+        return {"date": day, "seconds": seconds, "doubt": float(self.doubt.mean()), "settings": medians}
+
+
+def compared(name: str, starts: int, seconds: float) -> Comparison:
+    """Run a scene with every one of SETTINGS from each start, and its reference."""
     scene = scene_of(name, seconds)
     finest = 1 / 16 if name.startswith("sheet") else 1 / 8
     reference, twice = (measured(scene, factor, {"tolerance": 1e-3}) for factor in (finest, 2 * finest))
-    doubt, frames = distances(twice, reference), len(reference.positions)
+    settings = {}
+    for label, (factor, keys) in SETTINGS.items():
+        runs = [measured(scene, factor, keys, start) for start in range(starts)]
+        settings[label] = runs, [distances(run, reference) for run in runs]
+    return Comparison(name, scene, reference, distances(twice, reference), settings)
+
+
+def table(comparison: Comparison) -> list[str]:
+    """Rows of the table of one scene, Markdown."""
+    frames = len(comparison.reference.positions)
     shown = sorted({round(fraction * frames) - 1 for fraction in (0.35, 0.5, 0.6, 0.75, 1.0)})
-    rate = scene.run_settings.frames_per_second
+    rate = comparison.scene.run_settings.frames_per_second
     times = " / ".join(f"{(k + 1) / rate:.3g}" for k in shown)
     lines = [
-        f"### {name}",
+        f"### {comparison.name}",
         f"| setting | CPU s | first half | Newton + patch | steps | RMS mm, mean | at {times} s | energy mJ at these |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
@@ -164,11 +207,22 @@ def table(name: str, starts: int, seconds: float) -> list[str]:
             f"| {' / '.join(f'{1e3 * energies[k]:.1f}' for k in shown)} |"
         )
 
-    lines.append(line("reference (beside it: doubt)", [reference], [doubt]))
-    for label, (factor, keys) in SETTINGS.items():
-        runs = [measured(scene, factor, keys, start) for start in range(starts)]
-        lines.append(line(label, runs, [distances(run, reference) for run in runs]))
-    return lines
+    lines.append(line("reference (beside it: doubt)", [comparison.reference], [comparison.doubt]))
+    return lines + [line(label, *each) for label, each in comparison.settings.items()]
+
+
+def page_of(record: Record) -> str:
+    """The table of the page: CPU s and mean error of the scenes in the record, in the order of `--all`. Markdown."""
+    rows = []
+    for name in (each for each in (*SHEETS, *SHIPPED, *ERROR_SCENES) if each in record):
+        pairs = (record[name]["settings"][label] for label in SETTINGS)
+        cells = (f"{cpu:.2g}, {error:.2g}" for cpu, error in pairs)
+        title = f"{name} ({record[name]['seconds']:g})"
+        rows.append([title, *cells, f"{record[name]['doubt']:.2g}", EARLIER.get(name, "")])
+    ratios = [each["settings"]["default"][0] / each["settings"]["converge"][0] for each in record.values()]
+    days = when(each["date"] for each in record.values())
+    summary = f"The default takes {min(ratios):.2f} to {max(ratios):.2f} of the CPU time of converged steps."
+    return f"Measured on {days}. {summary}\n\n{markdown_table(HEADER, rows)}"
 
 
 def _curve(runs: Sequence[tuple[float, float]], cpu: float) -> float:
@@ -223,22 +277,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the tables, and write them where that is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="default: the small and the shipped scenes")
+    parser.add_argument("--all", action="store_true", help="these, the sheets of 40 and 100 cells and the untuned")
     parser.add_argument("--starts", type=int, default=1, help="starts 1e-7 m apart, of which the median is taken")
     parser.add_argument("--seconds", type=float, default=0.0, help="bound on the simulated time [s]")
     parser.add_argument("--out", type=Path, help="file for the tables")
+    parser.add_argument(
+        "--record", type=Path, default=Path("results/stepping.json"), help="file for the page's figures"
+    )
+    parser.add_argument("--docs", action="store_true", help=f"write {DOCS.name} from the record")
     given = parser.parse_args(arguments)
     text: list[str] = []
-    names = [
-        each
-        for name in given.scenes or (*ERROR_SCENES, *SHIPPED)
-        for each in (UNTUNED_SCENES if name == "untuned" else [name])
-    ]
-    for name in names:
-        rows = (untuned_table if name in UNTUNED_SCENES else table)(name, max(1, given.starts), given.seconds)
+    names = given.scenes or (*(SHEETS if given.all else ()), *SHIPPED, *ERROR_SCENES)
+    if given.all:
+        names = (*names, "untuned")
+    for name in [each for one in names for each in (UNTUNED_SCENES if one == "untuned" else [one])]:
+        if name in UNTUNED_SCENES:
+            rows = untuned_table(name, max(1, given.starts), given.seconds)
+        else:
+            comparison = compared(name, max(1, given.starts), given.seconds)
+            rows = table(comparison)
+            given.record.parent.mkdir(parents=True, exist_ok=True)
+            write_record(given.record, read_record(given.record) | {name: comparison.summary()})
         print("\n".join(rows), flush=True)
         text += [*rows, ""]
         if given.out is not None:
             given.out.write_text("\n".join(text))
+    if given.docs:
+        write_between(DOCS, "stepping", page_of(read_record(given.record)))
     return 0
 
 
