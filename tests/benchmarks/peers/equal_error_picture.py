@@ -21,8 +21,9 @@ def draw(found: Mapping[tuple[int, float], Sequence[Row]], target: Path) -> None
     """Write the picture as PNG: both axes logarithmic, and the doubt of clothsim's reference as a grey band."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    figure = Figure(figsize=(4.2 * len(found), 4.4), dpi=160, layout="constrained")
+    figure = Figure(figsize=(1.6 + 4.2 * len(found), 4.4), dpi=160, layout="constrained")
     FigureCanvasAgg(figure)
     styles = dict(zip((program.name for program in PROGRAMS), STYLES, strict=True))
     names: dict[str, Any] = {}
@@ -32,8 +33,14 @@ def draw(found: Mapping[tuple[int, float], Sequence[Row]], target: Path) -> None
         for row in rows:
             cpu, errors = zip(*((point[1], point[2]) for point in row.points), strict=True)
             (names[row.program],) = axes.plot(cpu, errors, ms=6, mfc="white", zorder=3, **styles[row.program])
+        lowest = 0.7 * min(rows[0].doubt, *(point[2] for row in rows for point in row.points))
+        axes.axhspan(lowest, rows[0].doubt, color="0.92", zorder=1)
         axes.set(xscale="log", yscale="log", xlabel="processor time [s]")
-        axes.axhspan(axes.get_ylim()[0], rows[0].doubt, color="0.92", zorder=1)
+        axes.set_ylim(bottom=lowest)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=20))
+            axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
+            axis.set_minor_formatter(NullFormatter())
         axes.set_title(f"{cells} x {cells} cells, at {time:g} s", loc="left", fontsize=11)
         axes.grid(True, which="major", color="0.9", lw=0.6)
         axes.set_axisbelow(True)
