@@ -8,6 +8,7 @@ from PIL import Image, ImageColor, ImageDraw, ImageFilter, ImageFont
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.base.memo import known_for_arrays
 from clothsim.render.camera import Margins, Viewpoint
 from clothsim.render.colour_scale import Scale
 from clothsim.render.ray_caster import PixelGeometry
@@ -156,16 +157,24 @@ def _floor_light(triangles: Floats, camera: Viewpoint, size: tuple[int, int], up
     return light
 
 
+@known_for_arrays  # front and back views of one scene have the same floor
 def _shadow_texture(flat: Floats, heights: Floats, texels_per_size: float) -> Floats:
-    """Light on the floor from straight above, (texels, texels): one blurred stencil for each band of height."""
-    light = np.ones((_TEXELS, _TEXELS))
+    """Light on the floor from straight above, (texels, texels): one blurred stencil for each band of height.
+
+    Corners count by their texel, and what most triangles of a fine body cover has been drawn for another one.
+    """
+    light, begin = np.ones((_TEXELS, _TEXELS)), -np.inf
+    stencil = Image.new("L", (_TEXELS, _TEXELS), 0)
+    pen = ImageDraw.Draw(stencil)
+    texels = flat.astype(np.int64)
+    keys = np.sort(texels @ (1, _TEXELS), axis=1) @ _TEXELS ** np.arange(0, 6, 2)  # in any order of the corners
     for end, blur, dark in _BANDS:
-        stencil = Image.new("L", (_TEXELS, _TEXELS), 0)
-        pen = ImageDraw.Draw(stencil)
-        for corners in flat[heights < end].reshape(-1, 6).tolist():
+        within = np.flatnonzero((heights >= begin) & (heights < end))
+        for corners in texels[within[np.unique(keys[within], return_index=True)[1]]].reshape(-1, 6).tolist():
             pen.polygon(corners, fill=255)
         soft = stencil.filter(ImageFilter.GaussianBlur(blur * texels_per_size))
         light *= 1 - dark * np.asarray(soft, float) / 255
+        begin = end
     return light
 
 

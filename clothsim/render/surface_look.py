@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.linalg import unit
+from clothsim.base.memo import known_for_arrays
 from clothsim.base.triangles import (
     area_vectors,
     border_edges,
@@ -155,6 +156,7 @@ def vertex_values(surface: Surface) -> Floats:
     return per_vertex(log_stretch(surface.principal_stretches), surface.positions, surface.triangles)
 
 
+@known_for_arrays
 def creased_normals(positions: Floats, triangles: Ints) -> Floats:
     """Unit normals at the corners, (m, 3, 3): the mean over the triangles at the vertex within 50 degrees of its own.
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFilter
 from render_scenes import ball, sheet
 
 from clothsim.base.errors import InputError
@@ -15,7 +15,7 @@ from clothsim.render.camera import Viewpoint
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import centre_of, draw, picture_setup, rendered, rendered_without_legend, scale_of
 from clothsim.render.ray_caster import pixel_geometry
-from clothsim.render.styles import INK, STYLES, outlined, woven
+from clothsim.render.styles import _BANDS, INK, STYLES, _shadow_texture, outlined, woven
 
 DOWN = Viewpoint(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))
 """Looks down on the square of side 2 about the origin."""
@@ -189,3 +189,21 @@ def test_sizes_of_paper_and_ranges_of_the_command_line(tmp_path):
     file = tmp_path / "small.png"
     draw(file, [sheet()], size=(100, 80), renderer="ray", dots_per_inch=300.0)
     assert Image.open(file).info["dpi"] == pytest.approx((300.0, 300.0), rel=1e-3)
+
+
+def test_triangles_of_the_same_texels_leave_one_shadow():
+    rng = np.random.default_rng(0)
+    angle = np.linspace(0.0, 2 * np.pi, 61)
+    ring = 160.0 + 40.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    drawn = np.stack([np.full((60, 2), 160.0), ring[:-1], ring[1:]], axis=1)
+    heights = rng.uniform(0.0, 1.0, 60)
+    turned, again = drawn[:, [1, 2, 0]], np.floor(drawn) + rng.uniform(0.01, 0.99, drawn.shape)
+    light = _shadow_texture(np.concatenate([drawn, turned, again]), np.tile(heights, 3), 10.0)
+    expected = np.ones(light.shape)
+    for end, blur, dark in _BANDS:
+        stencil = Image.new("L", light.shape, 0)
+        for xy in drawn[heights < end].reshape(-1, 6).tolist():
+            ImageDraw.Draw(stencil).polygon(xy, fill=255)
+        expected *= 1 - dark * np.asarray(stencil.filter(ImageFilter.GaussianBlur(10.0 * blur)), float) / 255
+    np.testing.assert_array_equal(light, expected)
+    assert light.min() < 0.7
