@@ -111,6 +111,12 @@ def add_to(commands: Any) -> None:
         help="grade by this factor of girth or length, such as waist=1.05; can be repeated",
     )
     dress.add_argument("--waistband", action="store_true", help="take in upper edges that would slide down")
+    dress.add_argument(
+        "--coarse-sewing",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="sew on a coarser mesh that is refined before the drape (default)",
+    )
     dress.add_argument("--hold", dest="waistband", action=Renamed, now="--waistband", nargs=0, const=True)
     dress.add_argument(
         "--origin", default="auto", choices=("auto", "floor", "waist"), help="what is at y = 0 in the file"
@@ -258,6 +264,7 @@ def _dress(arguments: argparse.Namespace) -> Report:
         "made_for": arguments.made_for,
         "grade": as_factors(arguments.grade),
         "waistband": arguments.waistband,
+        "coarse_sewing": arguments.coarse_sewing,
         "origin": arguments.origin,
         "rotation_order": arguments.rotation_order,
         "scale": as_scale("--scale", arguments.scale),

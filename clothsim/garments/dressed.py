@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from clothsim import Cloth, Pattern, Run
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import is_number, renamed, shown, with_remedies
@@ -206,6 +206,7 @@ def dress(
     made_for: str | Path | Any | None = None,
     grade: Mapping[str, float] | None = None,
     waistband: bool = False,
+    coarse_sewing: bool = True,
     origin: str = "auto",
     rotation_order: str = "zyx",
     seams: str | Path | None = None,
@@ -240,6 +241,10 @@ def dress(
         Factors by name (`grading.NAMES`) in place of those between the two bodies; without `made_for` the others are 1.
     waistband : bool
         True: take in upper edges that would slide, to the girth of the body, before the drape (`edges_held`).
+    coarse_sewing : bool
+        True: sew on a mesh of 2, 4, 8, ... times the size, up to 0.028 of the body's height (4.8 cm of 1.7 m), whose
+        triangles are divided into four, once or several times, before the drape. Where that mesh cannot be made or
+        sewn, the garment is sewn on one of `size`. False: sew on that one at once.
     origin : str
         Meaning of y = 0 in the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
     rotation_order : str
@@ -281,7 +286,11 @@ def dress(
         raise InputError(f"budget is {shown(budget)}.", "Give CPU seconds, such as 240.0.")
     chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
     pattern = example_file(pattern, "_specification.json", PATTERN_FILE)
-    directory = _directory(output, overwrite, (pattern, on, made_for, seams))
+    if not isinstance(output, str | Path | None):
+        raise InputError(f"output is of the type {type(output).__name__}.", "Give the name of a directory.")
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-dress-")) if output is None else Path(output)
+    inputs = (pattern, on, made_for, seams)
+    refuse_earlier_run(directory, overwrite, (GARMENT, PATTERN, DRAWING, GRADED, REST, START, BODY), inputs)
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
     read = pattern if isinstance(pattern, Pattern) else read_pattern(pattern, rotation_order, seams)
@@ -299,29 +308,13 @@ def dress(
         grading = graded(read, source, body, origin, grade or {})
     if grading is not None:
         read, origin = grading.pattern, grading.origin
-    mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
-    joined_vertices(mesh)  # an error now, not after the closing
     surface = surface_of(body)
-    mesh, arm_notes = turned_to_arms(mesh, body)
-    mesh, fan_notes = folded_fans(mesh, body, surface)
-    make_directory(directory)
     ends = np.inf if budget is None else process_time() - watch.cpu_seconds() + budget
     crotch = np.inf if grading is None else grading.crotch
     task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce, ends, crotch)
-    notes = (
-        *mesh.pattern.notes,
-        *(grading.notes if grading else ()),
-        *placing_notes,
-        *arm_notes,
-        *fan_notes,
-        *body.notes,
-        *(
-            ()
-            if stands(body)
-            else (f"{body.name} is not a standing person in metres: give another body, or its --scale",)
-        ),
-    )
-    begun, done = _sewn_in_poses(task, mesh, notes)
+    about = () if stands(body) else (NOT_STANDING.format(body.name),)
+    notes = (*(grading.notes if grading else ()), *body.notes, *about)
+    begun, done = _sewn_at(task, read, size, origin, coarse_sewing, notes)
     worn = Dress(
         directory,
         done.status,
@@ -342,12 +335,54 @@ def dress(
     return worn
 
 
+COARSEST = 0.028
+"""Largest size of a mesh that is sewn and then refined, as a fraction of the body's height: 4.8 cm of 1.7 m."""
+NOT_STANDING = "{} is not a standing person in metres: give another body, or its --scale"
+
+
+def _sewn_at(
+    task: DressTask, pattern: Pattern, size: float, origin: str, coarse: bool, notes: tuple[str, ...]
+) -> tuple[DressState, DressState]:
+    """The garment as placed and after all stages; coarse: first on a coarser mesh, which is refined.
+
+    InputError for a pattern that cannot be meshed.
+    """
+    size = as_positive("The size of the mesh", size)
+    coarsest = COARSEST * float(np.ptp(task.body.positions @ task.body.up))
+    halvings = max(0, int(np.log2(coarsest / size))) if coarse else 0
+    if halvings:
+        try:
+            mesh, mesh_notes = _placed_mesh(task, pattern, size, origin, halvings)
+        except InputError as error:
+            notes = (*notes, f"not sewn on a coarser mesh: {error.sentence}")
+        else:
+            begun, done = _sewn_in_poses(replace(task, halvings=halvings), mesh, (*mesh_notes, *notes))
+            if not done.failure or process_time() >= task.ends:
+                return begun, done
+            why = f"{done.reason[:1].lower()}{done.reason[1:]}"
+            notes = (*notes, f"sewn again on the finer mesh: on the coarser one, {why}")
+    mesh, mesh_notes = _placed_mesh(task, pattern, size, origin, 0)
+    return _sewn_in_poses(task, mesh, (*mesh_notes, *notes))
+
+
+def _placed_mesh(
+    task: DressTask, pattern: Pattern, size: float, origin: str, halvings: int
+) -> tuple[PatternMesh, tuple[str, ...]]:
+    """The panels meshed and placed round the body, and notes."""
+    mesh, placing_notes = placed_on(mesh_pattern(pattern, size, halvings), task.body, origin)
+    joined_vertices(mesh)  # an error now, not after the closing
+    mesh, arm_notes = turned_to_arms(mesh, task.body)
+    mesh, fan_notes = folded_fans(mesh, task.body, task.surface)
+    return mesh, (*mesh.pattern.notes, *placing_notes, *arm_notes, *fan_notes)
+
+
 def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> tuple[DressState, DressState]:
     """The garment as placed and after all stages, in the better of two poses where the first fails.
 
     First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
     the body's own pose; then also with the limbs out of the way that seams stayed open about.
     """
+    make_directory(task.directory)
     own = Wearer(task.body, task.surface)
     in_the_way = arms_between(lifted(as_placed(mesh), task.body, task.surface)[0], own)
     posed, change = sewing_pose(own, in_the_way)
@@ -380,17 +415,6 @@ def _sewn(task: DressTask, mesh: PatternMesh, on: Wearer, notes: tuple[str, ...]
 def _widest_gap(done: DressState) -> float:
     """Largest gap of the seams [m]."""
     return worst_gap(done.state)[0]
-
-
-def _directory(output: str | Path | None, overwrite: bool, inputs: tuple[object, ...]) -> Path:
-    """Output directory. InputError if it holds an earlier run, or another file that would be replaced."""
-    if output is None:
-        return Path(tempfile.mkdtemp(prefix="clothsim-dress-"))
-    if not isinstance(output, str | Path):
-        raise InputError(f"output is of the type {type(output).__name__}.", "Give the name of a directory.")
-    directory = Path(output)
-    refuse_earlier_run(directory, overwrite, (GARMENT, PATTERN, DRAWING, GRADED, REST, START, BODY), inputs)
-    return directory
 
 
 PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, such as tunic"

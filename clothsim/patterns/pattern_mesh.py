@@ -110,8 +110,7 @@ def _smoothed(points: Floats, triangles: Ints, count: int) -> tuple[Floats, Ints
     for _ in range(ROUNDS if len(points) > count else 0):
         # to the mean of the centroids of the triangles of each point, weighted by their areas, (n, 2) [m]
         corners = points[triangles]
-        edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        area = np.repeat(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0], 3)
+        area = np.repeat(enclosed_areas(corners), 3)
         centroids = np.repeat(corners.mean(axis=1), 3, axis=0)
         rows, n = triangles.ravel(), len(points)
         total = np.bincount(rows, weights=area, minlength=n)
@@ -192,6 +191,11 @@ NARROWEST = 1e-3
 """Height of a triangle below which it counts as flat, as a fraction of its longest side."""
 
 
+FLATTEST = 0.3
+"""Least area of a triangle of a halved mesh with its new vertices on the curves of the border, as a fraction of that
+with them on the chords: below it they stay on the chords."""
+
+
 @dataclass(frozen=True)
 class MeshedSeam:
     """Vertices that a stitch joins, one of either side in a row.
@@ -263,8 +267,79 @@ class PatternMesh:
                 found[label] = (*found.get(label, ()), side)
         return found
 
+    def halved(self) -> tuple["PatternMesh", Ints]:
+        """The mesh with each triangle divided into four at the middles of its sides, and the origin of its vertices.
 
-def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
+        Triangle t is divided into 4 t to 4 t + 3. In space the surface stays. At rest the new vertices of the border
+        lie on the curves of the pattern, but where a triangle would become flat.
+
+        Returns
+        -------
+        mesh : PatternMesh
+        parents : (n, 2) int array
+            Vertices in whose middle each vertex lies: one twice where it was a vertex.
+        """
+        points, triangles, parents = [], [], []
+        vertices: dict[str, slice] = {}
+        edges: dict[Side, Ints] = {}
+        fractions: dict[Side, Floats] = {}
+        n = 0
+        for name, panel in self.pattern.panels.items():
+            rows, corners = self.vertices[name], self.triangles[self.faces[name]] - self.vertices[name].start
+            count = rows.stop - rows.start
+            sides = np.sort(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+            links, inverse = np.unique(sides, axis=0, return_inverse=True)
+            (a, b, c), (ab, bc, ca) = corners.T, count + inverse.reshape(-1, 3).T
+            divided = np.stack([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]).transpose(2, 0, 1).reshape(-1, 3)
+            plane = self.panel_coordinates[rows]
+            flat = np.concatenate([plane, plane[links].mean(axis=1)])
+            curved, middle_of = flat.copy(), {(*link,): count + k for k, link in enumerate(links.tolist())}
+            for number in range(len(panel.edges)):
+                side = Side(name, number)
+                line, at = (self.edges[side] - rows.start).tolist(), self.fractions[side]
+                new = [middle_of[min(pair), max(pair)] for pair in zip(line, line[1:], strict=False)]
+                at_new = (at[:-1] + at[1:]) / 2
+                ends = panel.edge_points(number, at)
+                curved[new] += panel.edge_points(number, at_new) - (ends[:-1] + ends[1:]) / 2
+                edges[side] = np.insert(line, np.arange(1, len(line)), new) + n
+                fractions[side] = np.insert(at, np.arange(1, len(line)), at_new)
+            for _ in range(3):  # a triangle at a corner has two sides on the border
+                before, after = (enclosed_areas(each[divided]) for each in (flat, curved))
+                flattened = np.unique(divided[after / before < FLATTEST])
+                curved[flattened] = flat[flattened]
+            points.append(curved)
+            triangles.append(divided + n)
+            parents.append(rows.start + np.concatenate([np.repeat(np.arange(count)[:, None], 2, axis=1), links]))
+            vertices[name] = slice(n, n + len(flat))
+            n += len(flat)
+        both, plane = np.concatenate(parents), np.concatenate(points)
+        # x of the panel is mirrored in the material plane where the front is the other side
+        across = self.panel_coordinates[self.triangles][..., 0]
+        mirrored = (self.material_coordinates[..., 1] * across).sum(axis=1) < 0
+        sign, corners = np.where(np.repeat(mirrored, 4), -1.0, 1.0)[:, None], plane[np.concatenate(triangles)]
+        material = np.stack([corners[..., 1], sign * corners[..., 0]], axis=-1)
+        fine = replace(
+            self,
+            positions=self.positions[both].mean(axis=1),
+            triangles=np.concatenate(triangles),
+            material_coordinates=material,
+            panel_coordinates=plane,
+            vertices=vertices,
+            faces={name: slice(4 * rows.start, 4 * rows.stop) for name, rows in self.faces.items()},
+            edges=edges,
+            seams=tuple(MeshedSeam(seam.stitch, seam_pairs(seam.stitch, edges)) for seam in self.seams),
+            fractions=fractions,
+        )
+        return fine, both
+
+
+def enclosed_areas(corners: Floats) -> Floats:
+    """Twice the signed areas of triangles (m, 3, 2) in a plane, (m,) [m2]."""
+    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return np.asarray(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0])
+
+
+def mesh_pattern(pattern: Pattern, spacing: float, halvings: int = 0) -> PatternMesh:
     """Mesh the panels of a pattern.
 
     Parameters
@@ -273,6 +348,8 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         Panels and stitches.
     spacing : float
         Distance between neighbouring vertices [m].
+    halvings : int
+        Mesh at 2^halvings times the spacing, for a mesh that will be `halved` as often.
 
     Raises
     ------
@@ -283,6 +360,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     spacing = as_positive("The size of the mesh", spacing)
     turned = turned_panels(pattern)
     refuse_too_fine(pattern, spacing)
+    spacing *= 2**halvings
     refuse_too_coarse(pattern, spacing)
     pattern = without_slivers(pattern, spacing)
     sampled = borders(pattern, spacing)
@@ -340,8 +418,7 @@ def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
         raise InputError(f"Panel {name} cannot be triangulated: {reason}.", "Check its vertices.") from error
     corners = mesh.points[mesh.triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    heights = np.abs(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0]) / sides.max(axis=1)
+    heights = np.abs(enclosed_areas(corners)) / sides.max(axis=1)
     thinnest = int(np.argmin(heights))
     if heights[thinnest] < NARROWEST * min(spacing, float(sides[thinnest].max())):
         x, y = corners[thinnest].mean(axis=0)

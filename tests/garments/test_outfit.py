@@ -34,7 +34,7 @@ def skirt(width: float) -> dict:
 def place(tmp_path_factory):
     """Folder with two skirts, and a run of the inner one on a person of capsules."""
     folder = tmp_path_factory.mktemp("outfit")
-    for name, width in (("slip", 42), ("skirt", 50)):
+    for name, width in (("slip", 42), ("skirt", 45)):
         (folder / f"{name}_specification.json").write_text(json.dumps(skirt(width)))
     body = clothsim.Body(*person(0.06), name="person")
     slip = clothsim.dress(folder / "slip_specification.json", body, folder / "slip", size=SPACING)

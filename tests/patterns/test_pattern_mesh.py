@@ -12,6 +12,7 @@ from sewing_patterns import PATTERN_FILES, panel, skirt, specification, stitch
 from clothsim.base.errors import InputError
 from clothsim.mesh.checks import examine
 from clothsim.mesh.topology import border_edges, components
+from clothsim.patterns import pattern_mesh
 from clothsim.patterns.borders import borders, enclosed_area, segments, with_necks
 from clothsim.patterns.pattern import Side, gather_ratios
 from clothsim.patterns.pattern_mesh import (
@@ -284,3 +285,62 @@ def test_a_panel_without_a_neck_has_even_samples():
     assert not any(border.graded for border in borders(pattern, 0.02).values())
     even = {side: np.arange(count + 1) / count for side, count in segments(pattern, 0.02).items()}
     assert all(rows is even[side] for side, rows in with_necks(pattern, even).items())
+
+
+def bowed(bow: float) -> dict:
+    """Two squares of 20 cm behind one another, sewn at both sides, the back mirrored; the hems bow by a part of it."""
+    square = [[0, 0], [20, 0], [20, 20], [0, 20]]
+    panels = {"front": panel(square, translation=[0, 0, 10])}
+    panels["back"] = panel([[-x, y] for x, y in square], translation=[20, 0, -10])
+    for each in panels.values():
+        each["edges"][0]["curvature"] = {"type": "quadratic", "params": [[0.5, 2 * bow]]}
+    return specification(panels, [stitch(("front", 1), ("back", 3)), stitch(("front", 3), ("back", 1))])
+
+
+def test_a_halved_mesh_is_the_same_surface_in_space_and_the_curves_of_its_pattern_at_rest():
+    coarse = mesh_pattern(pattern_of(bowed(0.2)), 0.03, halvings=1)
+    fine, parents = coarse.halved()
+    assert fine.positions == pytest.approx(coarse.positions[parents].mean(axis=1))
+    corners = fine.positions[fine.triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    whole = coarse.positions[coarse.triangles]
+    of_whole = np.linalg.norm(np.cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0]), axis=1)
+    assert areas.reshape(-1, 4) == pytest.approx(np.tile(of_whole[:, None] / 4, 4))
+    for side, rows in fine.edges.items():
+        on_curve = fine.pattern.panels[side.panel].edge_points(side.edge, fine.fractions[side])
+        assert fine.panel_coordinates[rows] == pytest.approx(on_curve, abs=1e-12)
+        assert rows[::2].tolist() == [np.flatnonzero((parents == k).all(axis=1))[0] for k in coarse.edges[side]]
+    for name, rows in fine.faces.items():
+        own = fine.triangles[rows]
+        assert {fine.vertices[name].start, fine.vertices[name].stop - 1} == {own.min(), own.max()}
+        assert (signed_areas(fine)[rows] > 0).all()
+
+
+def test_a_halved_mesh_has_the_material_of_its_panels_mirrored_as_before_and_joins_twice_the_segments():
+    coarse = mesh_pattern(pattern_of(bowed(0.2)), 0.06)
+    fine, parents = coarse.halved()
+    material = {}
+    for mesh in (coarse, fine):
+        at = dict(zip(mesh.triangles.ravel().tolist(), mesh.material_coordinates.reshape(-1, 2).tolist(), strict=True))
+        material[len(mesh.positions)] = np.array([at[k] for k in range(len(mesh.positions))])
+    was, now = material.values()
+    assert now[(parents[:, 0] == parents[:, 1])] == pytest.approx(was)
+    assert np.sign(was[coarse.vertices["front"], 1].sum()) == np.sign(was[coarse.vertices["back"], 1].sum())
+    assert [len(seam.pairs) for seam in fine.seams] == [2 * len(seam.pairs) - 1 for seam in coarse.seams]
+    assert largest_gap(fine.positions, fine.seams[0]) == pytest.approx(largest_gap(coarse.positions, coarse.seams[0]))
+
+
+@pytest.mark.parametrize(("flattest", "on_chord"), [(0.0, False), (1e9, True)])
+def test_new_vertices_stay_on_their_chords_where_curves_would_flatten_triangles(monkeypatch, flattest, on_chord):
+    monkeypatch.setattr(pattern_mesh, "FLATTEST", flattest)
+    coarse = mesh_pattern(pattern_of(bowed(0.2)), 0.06)
+    fine, parents = coarse.halved()
+    middle = coarse.panel_coordinates[parents].mean(axis=1)
+    off = np.linalg.norm(fine.panel_coordinates - middle, axis=1)
+    assert (off.max() < 1e-12) == on_chord
+    assert (off[parents[:, 0] == parents[:, 1]] < 1e-12).all()
+
+
+def test_a_size_that_is_halved_is_refused_by_what_it_ends_at():
+    with pytest.raises(InputError, match="vertices on its border at a size of 1e-06"):
+        mesh_pattern(pattern_of(skirt()), 1e-6, halvings=16)

@@ -74,7 +74,7 @@ class DressTask:
     """What all stages share: the body and its surface, fabric, directory and listeners.
 
     ends: the `process_time` at which the budget of all stages is spent; crotch: height of that of graded trousers at
-    most [m].
+    most [m]; halvings: of the sides of all triangles, before the drape.
     """
 
     body: BodyMesh
@@ -87,6 +87,7 @@ class DressTask:
     announce: Announcement | None
     ends: float = np.inf
     crotch: float = np.inf
+    halvings: int = 0
 
 
 @dataclass(frozen=True)
@@ -203,6 +204,18 @@ def _return(task: DressTask, done: DressState) -> DressState:
     return _add_stage(task, done, "return", state, f"the body is back in its pose after {run.times[-1]:.2g} s", started)
 
 
+def _refine(task: DressTask, done: DressState) -> DressState:
+    """Each triangle divided into four, once or several times; the surface stays."""
+    started, state = process_time(), done.state
+    for _ in range(task.halvings):
+        state = state.halved()
+    if state.open_seams:  # the weld of smaller triangles may be free where that of larger ones intersected
+        state = welded_where_closed(state, np.inf, done.on.surface)
+    done = _add_stage(task, done, "refine", state, f"{len(state.positions):,} vertices", started)
+    counts = done.stages[-1].counts
+    return done if counts.clean else done.failed(f"The refined garment intersects: {counts}, {counts.where}.")
+
+
 def _drape(task: DressTask, done: DressState) -> DressState:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
     started, held = process_time(), done.state
@@ -297,6 +310,7 @@ STAGES = (
     PlannedStage("close", _close, lambda task, done: bool(done.state.open_seams)),
     PlannedStage("weld", _weld),
     PlannedStage("return", _return, lambda task, done: done.on.body is not task.body),
+    PlannedStage("refine", _refine, lambda task, done: task.halvings > 0),
     PlannedStage("drape", _drape),
 )
 """Stages of dressing."""

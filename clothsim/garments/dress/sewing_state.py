@@ -95,6 +95,15 @@ class SewingState:
         """Copy at other positions (k, 3) [m]."""
         return replace(self, positions=positions)
 
+    def halved(self) -> "SewingState":
+        """Copy with each triangle divided into four: the same surface, welded where it was."""
+        mesh, parents = self.mesh.halved()
+        number = np.sort(self.number[parents], axis=1)
+        pairs = np.concatenate([np.zeros((0, 2), np.int64), *(seam.pairs for seam in mesh.seams)])
+        joined = pairs[(number[pairs[:, 0]] == number[pairs[:, 1]]).all(axis=1)]
+        separate = SewingState(mesh, np.arange(len(parents)), self.positions[number].mean(axis=1), tight=self.tight)
+        return separate.join(joined)
+
     def garment(self, name: str) -> Garment:
         """As a garment of the stages of a fit."""
         return Garment(name, self.positions, self.triangles, sewn=True)

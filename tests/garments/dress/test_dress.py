@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,13 +11,15 @@ from sewing_patterns import panel, specification, stitch
 
 import clothsim
 from clothsim.base.errors import InputError
+from clothsim.garments import dressed as dressed_module
 from clothsim.garments import pictures
 from clothsim.garments.dress import corrections
 from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases
 from clothsim.garments.dress.corrections import _best_lift, approached, crossing_panels, lifted, separated
-from clothsim.garments.dress.pipeline import end_of_drape
+from clothsim.garments.dress.limbs import Wearer
+from clothsim.garments.dress.pipeline import DressState, DressTask, end_of_drape
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
-from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body, worst_gap
+from clothsim.garments.dress.sewing_state import Fabrics, as_placed, count_crossing_body, worst_gap
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import count_penetrations
 from clothsim.garments.pictures import frames_of, seam_strokes
@@ -27,12 +30,12 @@ from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 from transfer.signed_distance import body_surface
 
-WIDTH, HEIGHT, DISTANCE, SPACING = 44, 30, 20, 0.06
+WIDTH, HEIGHT, DISTANCE, SPACING = 40, 30, 20, 0.06
 """Panels of the skirt, their distance from the axis [cm], and the size of the mesh [m]."""
 
 
 def skirt(distance: float = DISTANCE) -> dict:
-    """A skirt of two panels of 44 x 30 cm."""
+    """A skirt of two panels of 40 x 30 cm."""
     front = [[-WIDTH / 2, 0], [WIDTH / 2, 0], [WIDTH / 2, HEIGHT], [-WIDTH / 2, HEIGHT]]
     back = [[-x, y] for x, y in front]
     panels = {
@@ -96,6 +99,77 @@ def test_a_skirt_is_sewn_and_rests_on_the_body(dressed, body):
     assert [stage.name for stage in dressed.stages] == ["place", "approach", "close", "weld", "drape"]
     height = dressed.positions[:, 1]
     assert 0.3 < height.min() < height.max() < 1.35
+
+
+def test_a_garment_of_a_fine_mesh_is_sewn_on_a_coarser_one_and_refined_before_its_drape(body, tmp_path):
+    worn = clothsim.Body(body.positions, body.triangles, name="person")
+    done = clothsim.dress(pattern_of(skirt()), worn, tmp_path, size=SPACING / 3)
+    coarse = len(mesh_pattern(pattern_of(skirt()), 2 * SPACING / 3).positions)
+    counts = [len(stage.positions) for stage in done.stages]
+    assert (done.status, done.state.open_seams) == ("completed", ())
+    assert [stage.name for stage in done.stages] == ["place", "approach", "close", "weld", "refine", "drape"]
+    assert counts[0] == coarse
+    assert counts[-1] == counts[-2] > 3 * counts[-3]
+    assert done.counts.clean
+
+
+@pytest.mark.parametrize(
+    ("size", "coarse", "halvings"), [(0.047, True, 0), (0.023, True, 1), (0.01, True, 2), (0.01, False, 0)]
+)
+def test_how_often_a_mesh_is_halved_follows_from_its_size_and_the_body(body, monkeypatch, size, coarse, halvings):
+    tasks = sewn_by(monkeypatch, {})
+    dressed_module._sewn_at(task_of(body), pattern_of(skirt()), size, "auto", coarse, ())
+    ((task, mesh, _),) = tasks
+    assert task.halvings == halvings
+    assert len(mesh.positions) == len(mesh_pattern(pattern_of(skirt()), size * 2**halvings).positions)
+
+
+def test_what_cannot_be_sewn_on_the_coarser_mesh_is_sewn_on_the_fine_one(body, monkeypatch):
+    tasks = sewn_by(monkeypatch, {1: "Seam a stays open."})
+    _, done = dressed_module._sewn_at(task_of(body), pattern_of(skirt()), 0.02, "auto", True, ("cut",))
+    assert [task.halvings for task, _, _ in tasks] == [1, 0]
+    assert not done.failure
+    assert [note for note in tasks[1][2] if "seam a stays open" in note]
+    spent = sewn_by(monkeypatch, {1: "Seam a stays open."})
+    _, done = dressed_module._sewn_at(replace(task_of(body), ends=0.0), pattern_of(skirt()), 0.02, "auto", True, ())
+    assert len(spent) == 1
+    assert done.failure == "Seam a stays open."
+
+
+def test_a_pattern_that_has_no_coarser_mesh_is_sewn_on_the_fine_one(body, monkeypatch):
+    tasks = sewn_by(monkeypatch, {})
+    made = dressed_module.mesh_pattern
+
+    def refusing(pattern, size, halvings=0):
+        if halvings:
+            raise InputError("A seam joins two corners of one triangle.")
+        return made(pattern, size)
+
+    monkeypatch.setattr(dressed_module, "mesh_pattern", refusing)
+    dressed_module._sewn_at(task_of(body), pattern_of(skirt()), 0.02, "auto", True, ())
+    ((task, _, notes),) = tasks
+    assert task.halvings == 0
+    assert [note for note in notes if "two corners of one triangle" in note]
+
+
+def task_of(body: BodyMesh) -> DressTask:
+    """The task of dressing a body; nothing of it is run."""
+    return DressTask(
+        body, body_surface(body.positions, body.triangles), Fabrics("cotton"), False, Path(), id, None, None
+    )
+
+
+def sewn_by(monkeypatch, failures: dict[int, str]) -> list:
+    """Tasks, meshes and notes that would be sewn; failures: reason by the halvings of a task."""
+    tasks = []
+
+    def sewn(task, mesh, notes):
+        tasks.append((task, mesh, notes))
+        done = DressState(as_placed(mesh), Wearer(task.body, task.surface), ())
+        return done, done.failed(failures.get(task.halvings, ""))
+
+    monkeypatch.setattr(dressed_module, "_sewn_in_poses", sewn)
+    return tasks
 
 
 def test_the_weight_of_a_sewn_garment_is_that_of_its_cloth(dressed):

@@ -151,3 +151,16 @@ def test_what_opens_another_seam_is_not_taken(surface, monkeypatch, moved, welde
 def test_a_state_without_open_seams_stays(surface):
     whole = welded_where_closed(side_by_side(), np.inf, surface)
     assert welded_and_untangled(whole, surface) is whole
+
+
+def test_a_halved_garment_is_the_same_surface_welded_where_it_was(surface):
+    state = welded_where_closed(opened(side_by_side()), TILT / 2, surface)
+    fine = state.halved()
+    ends, ends_fine = (each.number[each.mesh.seams[0].pairs] for each in (state, fine))
+    closed, closed_fine = (int((each[:, 0] == each[:, 1]).sum()) for each in (ends, ends_fine))
+    assert 1 < closed < len(ends)
+    assert (closed_fine, len(ends_fine)) == (2 * closed - 1, 2 * len(ends) - 1)
+    assert fine.gaps(fine.mesh.seams[0]).max() == pytest.approx(state.gaps(state.mesh.seams[0]).max())
+    corners, corners_fine = (each.positions[each.triangles] for each in (state, fine))
+    assert corners_fine.reshape(-1, 4, 3, 3).mean(axis=(1, 2)) == pytest.approx(corners.mean(axis=1))
+    assert len(fine.positions) < len(state.halved().mesh.positions)
