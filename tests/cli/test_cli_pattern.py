@@ -8,6 +8,8 @@ from dxf_files import sewing_text, write_drawing
 from PIL import Image
 from sewing_patterns import panel, skirt, specification
 
+import clothsim
+from clothsim.base.errors import InputError
 from clothsim.cli import main
 from clothsim.files.patterns.pattern_file import read_pattern
 from clothsim.patterns.specification import pattern_of
@@ -68,6 +70,19 @@ def test_check_names_a_panel_that_crosses_itself(place, capsys):
 def test_options_of_others_are_refused(place, words):
     (place / "skirt.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert main(words) == 2
+
+
+@pytest.mark.parametrize(("option", "coarse"), [([], True), (["--no-coarse-sewing"], False)])
+def test_sewing_on_a_coarser_mesh_can_be_left_out(place, monkeypatch, option, coarse):
+    given = {}
+
+    def refused(*inputs, **settings):
+        given.update(settings)
+        raise InputError("Not sewn.")
+
+    monkeypatch.setattr(clothsim, "dress", refused)
+    assert main(["dress", "skirt.json", "--on", "shirt", *option]) == 2
+    assert given["coarse_sewing"] is coarse
 
 
 def test_a_drawing_without_ezdxf_names_the_extra(place, monkeypatch, capsys):

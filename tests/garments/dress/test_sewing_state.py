@@ -1,5 +1,6 @@
 """Welding of closed pairs: those within a limit become one vertex, those whose weld would intersect do not."""
 
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
-from clothsim.garments.dress import sewing_state
+from clothsim.garments.dress import pipeline, sewing_state
 from clothsim.garments.dress.sewing_state import SewingState, as_placed, welded_and_untangled, welded_where_closed
 from clothsim.garments.penetration import count_penetrations
 from clothsim.patterns.pattern_mesh import mesh_pattern
@@ -154,8 +155,9 @@ def test_a_state_without_open_seams_stays(surface):
 
 
 def test_a_halved_garment_is_the_same_surface_welded_where_it_was(surface):
-    state = welded_where_closed(opened(side_by_side()), TILT / 2, surface)
+    state = replace(welded_where_closed(opened(side_by_side()), TILT / 2, surface), tight=("left",))
     fine = state.halved()
+    assert fine.tight == state.tight
     ends, ends_fine = (each.number[each.mesh.seams[0].pairs] for each in (state, fine))
     closed, closed_fine = (int((each[:, 0] == each[:, 1]).sum()) for each in (ends, ends_fine))
     assert 1 < closed < len(ends)
@@ -164,3 +166,28 @@ def test_a_halved_garment_is_the_same_surface_welded_where_it_was(surface):
     corners, corners_fine = (each.positions[each.triangles] for each in (state, fine))
     assert corners_fine.reshape(-1, 4, 3, 3).mean(axis=(1, 2)) == pytest.approx(corners.mean(axis=1))
     assert len(fine.positions) < len(state.halved().mesh.positions)
+
+
+def refined(state: SewingState, surface, halvings: int) -> pipeline.DressState:
+    """The garment after the stage that divides its triangles."""
+    body = Mock(body=None, surface=surface)
+    task = Mock(halvings=halvings, on_stage=lambda stage: None)
+    return pipeline._refine(task, pipeline.DressState(state, body, ()))
+
+
+def test_what_is_refined_twice_has_sixteen_triangles_and_is_welded_where_its_sides_touch(surface):
+    state = side_by_side()
+    done = refined(state, surface, 2)
+    assert len(done.state.triangles) == 16 * len(state.triangles)
+    assert state.open_seams == (0,)
+    assert done.state.open_seams == ()
+    assert done.failure == ""
+
+
+def test_what_intersects_when_it_is_refined_has_failed(surface):
+    state = side_by_side()
+    positions = state.positions.copy()
+    rows = state.mesh.vertices["right"]
+    positions[rows] = positions[rows][:, [2, 1, 0]] + np.array([5.25, 0.0, -5.5])
+    done = refined(state.moved_to(positions), surface, 1)
+    assert "intersects" in done.failure
