@@ -63,8 +63,6 @@ SLID = 0.07
 HIPS = 0.5
 """Level below which what was placed on the shoulders has slid off, as a fraction of the body's height: waists are at
 .62."""
-CROTCH = 0.47
-"""Height of the crotch of a body whose own is not found, as a fraction of its height."""
 HEADGEAR = 0.25
 """Largest height of a garment that may be worn on top of the head, as a fraction of the body's."""
 
@@ -269,8 +267,8 @@ def not_worn(state: SewingState, body: BodyMesh) -> str:
     on_shoulders = hangs_on_shoulders(state.mesh.positions, body, level=CHEST)
     try:
         crotch = body.parts.landmarks["crotch"]
-    except TransferError:
-        crotch = CROTCH * height
+    except TransferError:  # it has no legs that a garment could fall down
+        crotch = 0.0
     least = HIPS * height if on_shoulders else crotch
     top, below = float(at.max()), float(placed.max() - at.max())
     if top < least < placed.max() and below > SLID * height:
