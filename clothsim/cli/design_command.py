@@ -150,7 +150,7 @@ def _design(arguments: argparse.Namespace) -> Report:
     if arguments.output is not None:
         inputs = (arguments.scene, scene, arguments.pattern)
         engine.refuse_earlier_run(arguments.output, arguments.overwrite, (DESIGN_NAME,), inputs)
-    pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
+    pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size, scene)
     given: dict[str, Any] = {}
     if arguments.hem is not None:
         names, height = _pair("--hem", arguments.hem, "front.0+back.0=0.55")

@@ -104,7 +104,7 @@ def _recover(arguments: argparse.Namespace) -> Report:
         engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME,), inputs)
     messages(arguments, f"{', '.join(free)} of {arguments.scene}")
     loss = gradients.named_loss("target", engine.build(scene, affordable=True).world, arguments.target, scale)
-    pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
+    pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size, scene)
     found = clothsim.recover(
         scene,
         loss,
@@ -155,7 +155,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
         if arguments.output is not None:
             inputs = (arguments.scene, scene, arguments.views, arguments.pattern)
             engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
-        mesh = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
+        mesh = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size, scene)
     messages(arguments, f"{', '.join(free)} from {arguments.views}")
     progress = None if arguments.quiet else _progress(starts)
     found = clothsim.recover_views(
@@ -226,7 +226,8 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
     )
     if not worn.draped or worn.run is None:
         raise InputError(f"The pattern as given cannot be worn: {worn.reason}", "Correct it with `clothsim dress`.")
-    return engine.override(worn.run.scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size)
+    scene = worn.run.scene
+    return engine.override(scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size, scene)
 
 
 UNEXPLAINED = 1.5

@@ -11,7 +11,9 @@ from sewing_patterns import panel, skirt, specification
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.cli import main
+from clothsim.cli.arguments import meshed
 from clothsim.files.patterns.pattern_file import read_pattern
+from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 
 
@@ -99,3 +101,20 @@ def test_an_upper_case_ending_is_a_drawing(place):
     pattern = pattern_of(skirt())
     (place / "SKIRT.toml").write_text(sewing_text(pattern, write_drawing(place / "SKIRT.DXF", pattern)))
     assert read_pattern(place / "SKIRT.DXF").stitches == pattern.stitches
+
+
+@pytest.mark.parametrize(("size", "halvings"), [("2cm", 0), ("2cm", 1), ("15mm", 2)])
+def test_the_mesh_of_a_pattern_is_divided_as_often_as_the_cloth_that_was_dressed(place, size, halvings):
+    mesh = mesh_pattern(pattern_of(skirt()), {"2cm": 0.02, "15mm": 0.015}[size], halvings)
+    for _ in range(halvings):
+        mesh, _parents = mesh.halved()
+    cloth = clothsim.Cloth(mesh.positions, mesh.triangles, rest=mesh.material_coordinates)
+    scene = clothsim.Scene(cloth, effects={"membrane": {}})
+    found = meshed(place / "skirt.json", size, scene)
+    assert np.array_equal(found.material_coordinates, mesh.material_coordinates)
+
+
+def test_the_mesh_of_a_pattern_that_was_not_dressed_is_of_its_size(place):
+    scene = clothsim.Scene(clothsim.Cloth(np.eye(3), [[0, 1, 2]]), effects={"membrane": {}})
+    found = meshed(place / "skirt.json", "2cm", scene)
+    assert len(found.triangles) == len(mesh_pattern(pattern_of(skirt()), 0.02).triangles)
