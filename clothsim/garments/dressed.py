@@ -349,7 +349,7 @@ def _sewn_at(
     """
     size = as_positive("The size of the mesh", size)
     coarsest = COARSEST * float(np.ptp(task.body.positions @ task.body.up))
-    halvings = max(0, int(np.log2(coarsest / size))) if coarse else 0
+    halvings = max(0, int(np.log2(coarsest) - np.log2(size))) if coarse else 0
     if halvings:
         try:
             mesh, mesh_notes = _placed_mesh(task, pattern, size, origin, halvings)

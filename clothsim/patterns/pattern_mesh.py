@@ -360,9 +360,9 @@ def mesh_pattern(pattern: Pattern, spacing: float, halvings: int = 0) -> Pattern
     spacing = as_positive("The size of the mesh", spacing)
     turned = turned_panels(pattern)
     refuse_too_fine(pattern, spacing)
+    pattern = without_slivers(pattern, spacing)  # none that the halved mesh has room for: a seam may be one
     spacing *= 2**halvings
     refuse_too_coarse(pattern, spacing)
-    pattern = without_slivers(pattern, spacing)
     sampled = borders(pattern, spacing)
     repairs = []
     for panel in pattern.panels.values():

@@ -341,6 +341,13 @@ def test_new_vertices_stay_on_their_chords_where_curves_would_flatten_triangles(
     assert (off[parents[:, 0] == parents[:, 1]] < 1e-12).all()
 
 
+def test_a_mesh_that_will_be_halved_keeps_the_seams_of_the_finer_one():
+    strip = [[0, 0], [20, 0], [20, 0.8], [0, 0.8]]
+    panels = {"left": panel(strip), "right": panel([[x + 21, y] for x, y in strip])}
+    pattern = pattern_of(specification(panels, [stitch(("left", 1), ("right", 3))]))
+    assert [len(mesh_pattern(pattern, *each).seams) for each in ((0.02,), (0.02, 1), (0.04,))] == [1, 1, 0]
+
+
 def test_a_size_that_is_halved_is_refused_by_what_it_ends_at():
     with pytest.raises(InputError, match="vertices on its border at a size of 1e-06"):
         mesh_pattern(pattern_of(skirt()), 1e-6, halvings=16)
