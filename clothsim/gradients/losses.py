@@ -338,6 +338,3 @@ def border_sides(rest: Floats, triangles: Ints) -> tuple[Ints, ...]:
     n = len(edges)
     labels = connected(at, n + edges[at, ends], n + len(rest))[:n]
     return tuple(np.unique(edges[labels == label]) for label in np.unique(labels))
-
-
-# Losses by name, and those of files: a drape to come to, or points measured on one.
