@@ -335,15 +335,17 @@ def dress(
     return worn
 
 
+Sewn = tuple[DressState, DressState]
+"""A garment as placed, and after all stages."""
 COARSEST = 0.028
 """Largest size of a mesh that is sewn and then refined, as a fraction of the body's height: 4.8 cm of 1.7 m."""
 NOT_STANDING = "{} is not a standing person in metres: give another body, or its --scale"
 
 
-def _sewn_at(
-    task: DressTask, pattern: Pattern, size: float, origin: str, coarse: bool, notes: tuple[str, ...]
-) -> tuple[DressState, DressState]:
-    """The garment as placed and after all stages; coarse: first on a coarser mesh, which is refined.
+def _sewn_at(task: DressTask, pattern: Pattern, size: float, origin: str, coarse: bool, notes: tuple[str, ...]) -> Sewn:
+    """The garment as placed and after all stages.
+
+    coarse: first on a coarser mesh, which is refined; where that fails, on that of the size itself.
 
     InputError for a pattern that cannot be meshed.
     """
@@ -356,11 +358,10 @@ def _sewn_at(
         except InputError as error:
             notes = (*notes, f"not sewn on a coarser mesh: {error.sentence}")
         else:
-            begun, done = _sewn_in_poses(replace(task, halvings=halvings), mesh, (*mesh_notes, *notes))
-            if not done.failure or process_time() >= task.ends:
-                return begun, done
-            why = f"{done.reason[:1].lower()}{done.reason[1:]}"
-            notes = (*notes, f"sewn again on the finer mesh: on the coarser one, {why}")
+            first = _sewn_in_poses(replace(task, halvings=halvings), mesh, (*mesh_notes, *notes))
+            if _ended(task, first):
+                return first
+            notes = (*notes, f"sewn again on the finer mesh: on the coarser one, {_reason(first)}")
     mesh, mesh_notes = _placed_mesh(task, pattern, size, origin, 0)
     return _sewn_in_poses(task, mesh, (*mesh_notes, *notes))
 
@@ -376,7 +377,7 @@ def _placed_mesh(
     return mesh, (*mesh.pattern.notes, *placing_notes, *arm_notes, *fan_notes)
 
 
-def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> tuple[DressState, DressState]:
+def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> Sewn:
     """The garment as placed and after all stages, in the better of two poses where the first fails.
 
     First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
@@ -387,22 +388,31 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     in_the_way = arms_between(lifted(as_placed(mesh), task.body, task.surface)[0], own)
     posed, change = sewing_pose(own, in_the_way)
     raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
-    begun, done = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
-    if not done.failure:
-        return begun, done
-    if process_time() >= task.ends:
-        return begun, done
-    second, differently = sewing_pose(own, (*in_the_way, *done.between))
+    first = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
+    if _ended(task, first):
+        return first
+    second, differently = sewing_pose(own, (*in_the_way, *first[1].between))
     if differently == change:
         if not change:
-            return begun, done
+            return first
         second, differently = own, "the body in its own pose"
-    second_note = f"sewn again with {differently}: at first, {done.reason[:1].lower()}{done.reason[1:]}"
-    first, (begun, done) = (begun, done), _sewn(task, mesh, second, (*notes, second_note))
-    return first if done.failure and _widest_gap(done) > _widest_gap(first[1]) else (begun, done)
+    note = f"sewn again with {differently}: at first, {_reason(first)}"
+    again = _sewn(task, mesh, second, (*notes, note))
+    wider = worst_gap(again[1].state)[0] > worst_gap(first[1].state)[0]
+    return first if again[1].failure and wider else again
 
 
-def _sewn(task: DressTask, mesh: PatternMesh, on: Wearer, notes: tuple[str, ...]) -> tuple[DressState, DressState]:
+def _ended(task: DressTask, sewn: Sewn) -> bool:
+    """True if there is no need, or no budget, to sew a garment again."""
+    return not sewn[1].failure or process_time() >= task.ends
+
+
+def _reason(sewn: Sewn) -> str:
+    """Why a garment failed, to follow a colon."""
+    return f"{sewn[1].reason[:1].lower()}{sewn[1].reason[1:]}"
+
+
+def _sewn(task: DressTask, mesh: PatternMesh, on: Wearer, notes: tuple[str, ...]) -> Sewn:
     """The panels as placed on a body in a pose, and the garment after all stages."""
     if on.body is not task.body:
         mesh, _ = turned_to_arms(mesh, on.body)
@@ -410,11 +420,6 @@ def _sewn(task: DressTask, mesh: PatternMesh, on: Wearer, notes: tuple[str, ...]
     mesh, leg_notes = turned_to_legs(mesh, on.body, on.surface)
     begun = DressState(as_placed(mesh), on, (), notes=(*notes, *lowered_notes, *leg_notes))
     return begun, run_stages(STAGES, task, begun)
-
-
-def _widest_gap(done: DressState) -> float:
-    """Largest gap of the seams [m]."""
-    return worst_gap(done.state)[0]
 
 
 PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, such as tunic"

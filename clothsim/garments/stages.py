@@ -208,7 +208,7 @@ DRESS_DRAPE = StageScene(
         "self_contact": {},
     },
     solver={"dt": 0.02, "tolerance": 0.05, "max_iterations": 200, "integrator": "backward_euler"},
-    run={"duration": 3.0, "until": "rest", "rest_speed": 0.02, "frames_per_second": 10},
+    run={"duration": 6.0, "until": "rest", "rest_speed": 0.02, "frames_per_second": 10},
 )
 
 

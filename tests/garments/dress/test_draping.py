@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from capsule_bodies import person
+from house import ROOT
 from sewing_patterns import panel, specification
 
 from clothsim.garments.dress import pipeline
@@ -16,6 +17,7 @@ from clothsim.garments.dress.pipeline import DressState, DressTask, _drape, drap
 from clothsim.garments.dress.placement import hangs_on_shoulders, surrounds
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.stages import DRESS_DRAPE
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 from clothsim.run.results import open_run
@@ -162,3 +164,8 @@ def test_a_sleeve_surrounds_an_arm_that_is_level(wearer):
     level = state.positions[:, [1, 0, 2]] + [0.4, 1.35, 0.0]
     assert surrounds(level, state.triangles, wearer)
     assert not surrounds(level + np.array([0.0, 0.4, 0.0]), state.triangles, wearer)
+
+
+def test_the_longest_drape_is_that_of_the_reference():
+    page = (ROOT / "docs" / "reference" / "dressing.md").read_text(encoding="utf-8")
+    assert f"at rest, for {DRESS_DRAPE.run['duration']:g} s at most" in page

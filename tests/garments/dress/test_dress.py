@@ -136,6 +136,35 @@ def test_what_cannot_be_sewn_on_the_coarser_mesh_is_sewn_on_the_fine_one(body, m
     assert done.failure == "Seam a stays open."
 
 
+@pytest.mark.parametrize(
+    ("farther", "failure", "result"),
+    [
+        (0.05, "Seam b stays open.", "Seam a stays open."),
+        (0.0, "Seam b stays open.", "Seam b stays open."),
+        (-0.05, "Seam b stays open.", "Seam b stays open."),
+        (0.05, "", ""),
+    ],
+)
+def test_of_two_poses_in_which_a_garment_fails_the_one_with_the_smaller_gap_is_the_result(
+    body, tmp_path, monkeypatch, farther, failure, result
+):
+    """farther: distance by which the panels of the second try are farther apart than those of the first [m]."""
+    failures = ["Seam a stays open.", failure]
+
+    def sewn(task, mesh, on, notes):
+        begun = DressState(as_placed(mesh), on, ())
+        x = begun.state.positions + (len(failures) == 1) * farther * np.sign(begun.state.positions * [0, 0, 1])
+        return begun, replace(begun, state=begun.state.moved_to(x)).failed(failures.pop(0))
+
+    monkeypatch.setattr(dressed_module, "_sewn", sewn)
+    changes = iter(("", "the arms raised"))
+    monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, next(changes)))
+    mesh = mesh_pattern(pattern_of(skirt()), SPACING)
+    _, done = dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), mesh, ())
+    assert failures == []
+    assert done.failure == result
+
+
 def test_a_pattern_that_has_no_coarser_mesh_is_sewn_on_the_fine_one(body, monkeypatch):
     tasks = sewn_by(monkeypatch, {})
     made = dressed_module.mesh_pattern
