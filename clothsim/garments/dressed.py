@@ -257,7 +257,7 @@ def dress(
         Group of the body's file.
     budget : float, optional
         CPU time [s] after which no further round or step begins. The garment then fails, and its reason names the
-        widest seam and what is between its sides; if it was draped already, it is "sewn". None: no limit.
+        widest seam and what is between its sides; in its drape it is "sewn", as in the last frame. None: no limit.
     overwrite : bool
         True: replace an earlier run in the directory.
     on_stage : callable

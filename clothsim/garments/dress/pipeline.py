@@ -215,7 +215,10 @@ def _refine(task: DressTask, done: DressState) -> DressState:
 
 
 def _drape(task: DressTask, done: DressState) -> DressState:
-    """Drape; where it cannot start or complete, the sewn garment is the result."""
+    """Drape; one that is stopped ends at its last frame.
+
+    Where it cannot start, or that frame is not free of intersections, the garment as sewn is the result.
+    """
     started, held = process_time(), done.state
     if task.waistband:
         held, notes = edges_held(done.state, task.body)
@@ -224,10 +227,11 @@ def _drape(task: DressTask, done: DressState) -> DressState:
         run = drape_sewn(held, task)
     except InputError as error:
         return replace(done, status="sewn", reason=f"The drape could not start: {error.sentence}")
-    if run.status != "completed":
-        return replace(done, run=run, status="sewn", reason=f"{run.reason} The garment is sewn but not at rest.")
     ended = f"draped for {run.times[-1]:.3g} s"
     draped = _add_stage(task, done, "drape", done.state.moved_to(run.positions(-1)), ended, started)
+    if run.status != "completed":
+        reached = draped if draped.stages[-1].counts.clean else done
+        return replace(reached, run=run, status="sewn", reason=f"{run.reason} The garment is sewn but not at rest.")
     draped = replace(draped, run=run)
     counts = draped.stages[-1].counts
     if not counts.clean:

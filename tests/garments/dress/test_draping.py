@@ -68,6 +68,20 @@ def test_a_drape_ends_with_the_budget(ball, tmp_path):
     assert run.scene.run_settings.budget is None  # else one that resumes it ends after a step, too
 
 
+@pytest.mark.parametrize(("lifted", "is_taken"), [(0.02, True), (-0.03, False)])
+def test_a_drape_that_is_stopped_ends_at_its_last_frame_where_that_is_free_of_intersections(
+    ball, tmp_path, monkeypatch, lifted, is_taken
+):
+    state, task = sheet_over(ball), task_on(ball, tmp_path)
+    last = state.positions + lifted * ball.up
+    stopped = SimpleNamespace(status="failed", reason="At 0.8 s: stopped.", times=[0.0, 0.8], positions=lambda k: last)
+    monkeypatch.setattr(pipeline, "drape_sewn", lambda state, task: stopped)
+    done = _drape(task, DressState(state, Wearer(ball, task.surface), ()))
+    assert (done.status, done.run, done.reason[:18]) == ("sewn", stopped, "At 0.8 s: stopped.")
+    assert np.array_equal(done.state.positions, last if is_taken else state.positions)
+    assert [stage.name for stage in done.stages] == ["drape"] * is_taken
+
+
 @pytest.mark.parametrize(("top", "hangs"), [(0.85, True), (0.76, False)])
 def test_the_level_of_the_shoulders_decides(top, hangs):
     body = BodyMesh("person", *person(0.1), 1.0, ())
