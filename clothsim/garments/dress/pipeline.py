@@ -243,7 +243,7 @@ def _drape(task: DressTask, done: DressState) -> DressState:
         return draped.failed(f"The garment falls off {task.body.name}: it moved by {moved:.2g} m.")
     gap, name = worst_gap(draped.state)
     below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
-    failure = not_worn(draped.state, task.body)
+    failure = not_worn(draped.state, task.body, task.waistband)
     if gap > mean_edge(draped.state):
         failure = f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape."
     if failure:
@@ -259,8 +259,8 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     return replace(draped, status=status, reason=reason)
 
 
-def not_worn(state: SewingState, body: BodyMesh) -> str:
-    """Why a draped garment is not worn, in a sentence; empty where it is.
+def not_worn(state: SewingState, body: BodyMesh, waistband: bool = False) -> str:
+    """Why a draped garment is not worn, in a sentence; empty where it is. waistband: its upper edge was taken in.
 
     What was placed on the shoulders must stay above the hips, and what was placed on the trunk above the crotch. A
     garment that is too tall for the body closes above its head: hoods and raised arms may reach there, its torso not.
@@ -276,7 +276,8 @@ def not_worn(state: SewingState, body: BodyMesh) -> str:
     least = HIPS * height if on_shoulders else crotch
     top, below = float(at.max()), float(placed.max() - at.max())
     if top < least < placed.max() and below > SLID * height:
-        return f"The garment slid off {body.name}: its top lies {1e3 * below:.0f} mm below its place."
+        remedy = "" if on_shoulders or waistband else " With --waistband its upper edge is taken in."
+        return f"The garment slid off {body.name}: its top lies {1e3 * below:.0f} mm below its place.{remedy}"
     above = float(at[torso(state)].max(initial=0.0)) - height
     if above > 0.0 and np.ptp(placed) > HEADGEAR * height:
         return f"The garment closed above the head of {body.name}: it reaches {1e3 * above:.0f} mm higher."

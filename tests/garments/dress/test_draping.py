@@ -150,6 +150,19 @@ def test_where_the_top_of_a_garment_ends_says_whether_it_is_worn(wearer, placed,
     assert (reason in found) if reason else not found
 
 
+@pytest.mark.parametrize(
+    ("placed", "worn", "waistband", "offered"),
+    [
+        ((0.10, 0.62), (0.01, 0.30), False, True),
+        ((0.10, 0.62), (0.01, 0.30), True, False),
+        ((0.45, 0.85), (0.20, 0.48), False, False),
+    ],
+)
+def test_what_slid_off_the_waist_is_offered_a_waistband(wearer, placed, worn, waistband, offered):
+    state = tube(placed)
+    assert ("--waistband" in not_worn(state.moved_to(tube(worn).positions), wearer, waistband)) == offered
+
+
 @pytest.mark.parametrize(("landmarks", "reason"), [({"crotch": 0.8}, ""), ({"crotch": 0.9}, "slid off"), (None, "")])
 def test_a_body_has_a_crotch_of_its_own_or_none(wearer, landmarks, reason):
     body = replace(wearer)  # without feet: where it has no parts, nothing slides down its legs
