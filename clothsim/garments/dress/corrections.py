@@ -45,11 +45,11 @@ def approached(state: SewingState, body: BodyMesh, surface: BodySurface) -> tupl
     """
     group = rigid_groups(state)
     outward = outward_of_groups(state, body)
-    ahead = [_free_distance(state, group == k, -outward[k], body) for k in range(len(outward))]
+    ahead = [_free_distance(state, group == k, -outward[k], surface) for k in range(len(outward))]
     moved_by = np.zeros(len(outward))
     order = np.argsort(ahead)
     for k in [*order, *order]:  # once more, since a group may have stood before another
-        distance = _free_distance(state, group == k, -outward[k], body) - CLEARANCE
+        distance = _free_distance(state, group == k, -outward[k], surface) - CLEARANCE
         if not LEAST < distance < np.inf:
             continue
         moved = state.moved_to(state.positions - (distance * (group == k))[:, None] * outward[k])
@@ -65,24 +65,25 @@ def _length_of_springs(state: SewingState) -> float:
     return float(sum(state.gaps(seam).sum() for seam in state.mesh.seams))
 
 
-def _free_distance(state: SewingState, chosen: Ints, direction: Floats, body: BodyMesh) -> float:
+def _free_distance(state: SewingState, chosen: Ints, direction: Floats, surface: BodySurface) -> float:
     """Distance [m] that the chosen vertices can move along a direction before they meet the body or the rest; or inf.
 
     Measured at vertices of both sides: rays of the moving ones forward, rays of what they may meet backward.
     """
     inside = chosen[state.triangles[:, 0]]
     own, others = state.triangles[inside], state.triangles[~inside]
-    obstacle = np.concatenate([body.positions, state.positions])
-    faces = np.concatenate([body.triangles, others + len(body.positions)])
-    ahead = first_hits(state.positions[chosen], direction, obstacle, faces)
-    used = np.zeros(len(obstacle), bool)
-    used[faces] = True
-    behind = first_hits(obstacle[used], -direction, state.positions, own)
-    return float(min(ahead.min(initial=np.inf), behind.min(initial=np.inf)))
+    moving = state.positions[chosen]
+    onto_body, _ = surface.exits(moving, np.broadcast_to(direction, moving.shape))
+    onto_rest = first_hits(moving, direction, state.positions, others)
+    met = np.concatenate([surface.positions[np.unique(surface.triangles)], state.positions[np.unique(others)]])
+    behind = first_hits(met, -direction, state.positions, own)
+    return float(min(onto_body.min(initial=np.inf), onto_rest.min(initial=np.inf), behind.min(initial=np.inf)))
 
 
 def first_hits(points: Floats, directions: Floats, positions: Floats, triangles: Ints) -> Floats:
     """Distance to the first triangle that each ray meets, (k,) [m]; inf for none. Unit directions: (3,) or (k, 3)."""
+    if not len(triangles):
+        return np.full(len(points), np.inf)
     tree = igl.AABB()
     tree.init(positions, np.ascontiguousarray(triangles))
     rays = np.ascontiguousarray(np.broadcast_to(directions, points.shape))
