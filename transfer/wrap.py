@@ -1,13 +1,15 @@
-"""Wrap of a body and what it wears: one closed surface at a distance from all of it.
+"""Wrap of garments on a body: one closed surface at a distance from them, and round the body where they end.
 
-The wrap is the level set d = c of the distance d to the body and its garments, negative inside: inside the body by its
-winding number, and inside a garment where the magnitude of its winding number is above one half, so that the space
-under a skirt or a loose shirt is filled up to its openings (Jacobson, Kavan & Sorkine-Hornung 2013). Marching cubes on
-a lattice, evaluated near the surface alone. A level set has an error of the order of the curvature times the square of
-a cell, and sees no sheet thinner than a cell: whether it holds what it should is for the caller to test.
+The wrap is the level set d = c of the distance d to the garments, negative in the space that they enclose: where the
+magnitude of the winding number is above one half, so that the space under a skirt or a loose shirt is filled up to its
+openings (Jacobson, Kavan & Sorkine-Hornung 2013). The body itself is added up to a few cells from them, so that their
+hems are not the edges of a thin sheet. Marching cubes on a lattice, evaluated near the surface alone. A level set has
+an error of the order of the curvature times the square of a cell, and sees no sheet thinner than a cell: whether it
+holds what it should is for the caller to test.
 
-Without garments and distance it is the union of a body's pieces, with holes closed. Gaps between pieces, as at the
-joints of a jointed figure, are bridged by a morphological closing: out by a distance, and back by the same.
+Without garments it is the level set of the body; without distance the union of its pieces, with holes closed. Gaps
+between pieces, as at the joints of a jointed figure, are bridged by a morphological closing: out by a distance, and
+back by the same.
 """
 
 from collections.abc import Sequence
@@ -21,6 +23,8 @@ from transfer.triangle_surface import Floats, Ints, adjacency, edges_of, largest
 
 COARSE = 4
 """Cells of the lattice along a side of those by which the surface is found first."""
+REACH = 3
+"""Cells from the garments up to which the body is part of their wrap."""
 FLAT = 0.1
 """Least magnitude of d - c at a node, as a fraction of a cell: below, triangles would be slivers."""
 
@@ -37,16 +41,16 @@ TriangleMesh = tuple[Floats, Ints]
 
 
 def wrap(surface: BodySurface, garments: Sequence[TriangleMesh], layer: float, cell: float) -> TriangleMesh:
-    """The closed surface round a body and garments, outward; it may have several pieces, none of them a cavity.
+    """The closed surface round garments on a body, outward; it may have several pieces, none of them a cavity.
 
     Parameters
     ----------
     surface : BodySurface
         The body, in any number of pieces that may overlap.
     garments : sequence of TriangleMesh
-        Open surfaces on it.
+        Open surfaces on it; none for the level set of the body.
     layer, cell : float
-        Distance from both, and side of a lattice cell [m].
+        Distance from them, and side of a lattice cell [m].
 
     Returns
     -------
@@ -62,8 +66,11 @@ def wrap(surface: BodySurface, garments: Sequence[TriangleMesh], layer: float, c
 
     def level(points: Floats) -> Floats:
         """Distance of points (k, 3) less that of the wrap, (k,) [m]."""
-        distances = [surface.closest(points).signed_distance, *(shell.distance(points) for shell in shells)]
-        return np.asarray(np.min(distances, axis=0) - layer, np.float64)
+        body = surface.closest(points).signed_distance
+        if not shells:
+            return np.asarray(body - layer, np.float64)
+        garment = np.min([shell.distance(points) for shell in shells], axis=0)
+        return np.asarray(np.minimum(garment - layer, np.maximum(body, garment - REACH * cell)), np.float64)
 
     middles = low + COARSE * cell * (np.argwhere(np.ones(blocks, bool)) + 0.5)
     coarse = level(middles).reshape(blocks)

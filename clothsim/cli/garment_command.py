@@ -280,7 +280,8 @@ def _dress(arguments: argparse.Namespace) -> Report:
 
             def draw_all() -> None:
                 for each in worn.sewn:
-                    on_demand.draw_dress(each)
+                    if each.status != "completed":  # what is worn is drawn once, with all that lies over it
+                        on_demand.draw_dress(each)
                 on_demand.draw_outfit(worn)
 
             trouble = [] if arguments.no_picture else _drawn(directory, [("picture", draw_all)])

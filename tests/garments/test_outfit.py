@@ -14,6 +14,7 @@ from clothsim.garments import outfit
 from clothsim.garments.dress import pipeline
 from clothsim.garments.inputs import is_closed
 from transfer.signed_distance import body_surface
+from transfer.wrap import REACH
 
 SPACING = 0.08
 CELL, LAYER = 0.02, 0.014
@@ -117,12 +118,16 @@ def test_a_garment_that_still_moves_is_sewn_and_worn_below_the_next(place, tmp_p
     assert found.status == read_summary(found.directory / SUMMARY_NAME)["status"] == "sewn"
 
 
-def test_a_wrap_is_closed_and_holds_body_and_garment(place, worn):
-    wrapping = worn.sewn[0].body
+def test_a_wrap_is_closed_and_holds_the_garment_and_adds_nothing_to_the_bare_body(place, worn):
+    wrapping, body = worn.sewn[0].body, worn.body
     outside = body_surface(wrapping.positions, wrapping.triangles)
     assert is_closed(wrapping.triangles)
     slip = clothsim.open_run(place[0] / "slip").positions(-1)
-    for points in (worn.body.positions, slip):
-        assert outside.closest(points).signed_distance.max() < 0
+    assert outside.closest(slip).signed_distance.max() < 0
     assert -outside.closest(slip).signed_distance.min() > LAYER / 2
-    assert wrapping.like is worn.body
+    assert wrapping.like is body
+    levels, own = wrapping.positions[len(body.positions) :] @ body.up, slip @ body.up
+    assert levels.max() < own.max() + (REACH + 1) * CELL
+    assert levels.min() > own.min() - (REACH + 1) * CELL
+    head = body.positions[body.positions @ body.up > 0.9 * (body.positions @ body.up).max()]
+    assert np.abs(outside.closest(head).signed_distance).max() < 1e-9
