@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats
 from clothsim.engine import deformation_gradients, principal_stretches, triangle_planes
@@ -13,14 +14,14 @@ from transfer.body_frame import BodyFrame
 from transfer.errors import TransferError
 from transfer.gradients import doubled_areas
 from transfer.part_warp import heights_onto
-from transfer.triangle_surface import edges_of
+from transfer.triangle_surface import edges_of, vertex_normals
 
 EDGES = (0.75, 1.35)
 """Bounds of the 1st and 99th percentile of the edges' ratios to their lengths as given, the mean scale taken out."""
 DISTORTED = 0.02
 """Largest fraction of triangles with more than twice or less than half of their area, the mean scale taken out."""
 IN_FRONT = 0.5
-"""Least correlation of the vertices' places to the front and to the side on the two bodies."""
+"""Least correlation of the directions, to the front and to the side, in which the nearest skin of both bodies faces."""
 HEM = 0.03
 """Largest shift of the hem, as a fraction of the height of the body."""
 LOWEST = 0.02
@@ -83,8 +84,9 @@ def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: Bo
     with suppress(TransferError):  # one of them is not a standing body
         frames = source.frame, target.frame
     if frames:
-        local = [frame.local(shape) for frame, shape in zip(frames, shapes, strict=True)]
-        front = float(min(np.corrcoef(local[0][:, axis], local[1][:, axis])[0, 1] for axis in (0, 2)))
+        # by the skin and not by the places: of trousers on a body that walks one leg is in front
+        faces = [_facing(body, shape) for body, shape in zip((source, target), shapes, strict=True)]
+        front = float(min(np.corrcoef(faces[0][:, axis], faces[1][:, axis])[0, 1] for axis in (0, 2)))
         # rise of the lowest vertices against the height that they had on their own body, which becomes that of the
         # other by crotch, armpits and neck: a hem above the knees belongs there on longer legs too
         own, worn = (
@@ -146,3 +148,10 @@ def cost_of(garment: Garment, positions: Floats, worn: Floats | None = None) -> 
     low, high = np.percentile(stretches, PERCENTILES)
     moved = np.linalg.norm(positions - (garment.positions if worn is None else worn), axis=1)
     return Distortion(stretches, float(low), float(high), float(moved.max()))
+
+
+def _facing(body: BodyMesh, points: Floats) -> Floats:
+    """Outward normal of the body at its vertex nearest to each point, along left, up and front of the body, (k, 3)."""
+    used = np.unique(body.triangles)
+    normals = vertex_normals(body.positions, body.triangles)[used]
+    return np.asarray(normals[cKDTree(body.positions[used]).query(points)[1]] @ body.frame.axes.T, np.float64)

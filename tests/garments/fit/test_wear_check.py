@@ -39,6 +39,20 @@ def test_each_fault_is_named(change, word):
     assert look.as_dict()["fault"] == look.fault
 
 
+def test_trousers_on_a_body_that_walks_are_not_turned():
+    trousers = Garment("trousers", *GENERATORS["trousers"]())
+    walking = BodyMesh("walking", *GENERATORS["mannequin"](pose="walk"), 1.0, ())
+    worn = trousers.positions + _moved_with(trousers.positions, walking)
+    assert check_wear(trousers, worn, FIGURE, walking).front > 0.8
+    assert check_wear(trousers, worn * [-1, -1, 1], FIGURE, walking).front < 0.0
+
+
+def _moved_with(points, other):
+    """Displacements (k, 3) of the vertices of the mannequin nearest to points, to those of one in another pose."""
+    near = np.linalg.norm(points[:, None] - FIGURE.positions, axis=2).argmin(axis=1)
+    return other.positions[near] - FIGURE.positions[near]
+
+
 def test_a_figure_that_is_no_body_leaves_the_transferred_shape():
     ball = BodyMesh("ball", *GENERATORS["sphere"](subdivisions=2), 1.0, ())
     size = sized(SHIRT, ball, FIGURE, SHIRT.positions, body_surface(FIGURE.positions, FIGURE.triangles), graded=True)
