@@ -282,7 +282,8 @@ def _dress(arguments: argparse.Namespace) -> Report:
                 for each in worn.sewn:
                     if each.status != "completed":  # what is worn is drawn once, with all that lies over it
                         on_demand.draw_dress(each)
-                on_demand.draw_outfit(worn)
+                if worn.worn:
+                    on_demand.draw_outfit(worn)
 
             trouble = [] if arguments.no_picture else _drawn(directory, [("picture", draw_all)])
             status, lines = worn.status, _outfit_verdict(worn)

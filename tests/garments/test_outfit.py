@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from capsule_bodies import person
-from sewing_patterns import panel, specification, stitch
+from sewing_patterns import capsule_skirt
 
 import clothsim
 from clothsim.base.errors import InputError
@@ -21,22 +21,12 @@ CELL, LAYER = 0.02, 0.014
 """Lattice and distance of a wrap for a mesh as coarse [m]."""
 
 
-def skirt(width: float) -> dict:
-    """A skirt of two panels of this width [cm] and 25 cm of length."""
-    front = [[-width / 2, 0], [width / 2, 0], [width / 2, 25], [-width / 2, 25]]
-    panels = {
-        "front": panel(front, translation=[0, 82, 20]),
-        "back": panel([[-x, y] for x, y in front], translation=[0, 82, -20]),
-    }
-    return specification(panels, [stitch(("front", 1), ("back", 3)), stitch(("front", 3), ("back", 1))])
-
-
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     """Folder with two skirts, and a run of the inner one on a person of capsules."""
     folder = tmp_path_factory.mktemp("outfit")
     for name, width in (("slip", 42), ("skirt", 45)):
-        (folder / f"{name}_specification.json").write_text(json.dumps(skirt(width)))
+        (folder / f"{name}_specification.json").write_text(json.dumps(capsule_skirt(width)))
     body = clothsim.Body(*person(0.06), name="person")
     slip = clothsim.dress(folder / "slip_specification.json", body, folder / "slip", size=SPACING)
     assert slip.status == "completed"

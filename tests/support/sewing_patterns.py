@@ -52,3 +52,13 @@ BODIES_OF = dict.fromkeys(("skirt_2_panels", "skirt_4_panels", "tee"), "f_smpl_a
 def body_of(pattern: str) -> str:
     """Name of the shared body that a pattern file was made for."""
     return BODIES_OF.get(pattern.rsplit("/", 1)[-1].removesuffix(".json"), BODY_OF_MOST)
+
+
+def capsule_skirt(width: float) -> dict[str, Any]:
+    """A skirt of two panels of this width [cm] and 25 cm of length, for a person of capsules."""
+    front = [[-width / 2, 0], [width / 2, 0], [width / 2, 25], [-width / 2, 25]]
+    panels = {
+        "front": panel(front, translation=[0, 82, 20]),
+        "back": panel([[-x, y] for x, y in front], translation=[0, 82, -20]),
+    }
+    return specification(panels, [stitch(("front", 1), ("back", 3)), stitch(("front", 3), ("back", 1))])
