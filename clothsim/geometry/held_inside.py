@@ -1,14 +1,41 @@
-"""Pieces of cloth that lie inside a body: contact keeps them there, where it is on."""
+"""Pieces of cloth that lie inside a body: contact keeps them there, where it is on.
+
+The winding number tells whether a body contains a point, exactly for closed surfaces however they overlap.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.jit import kernel
+from clothsim.base.vectors import cross, dot, length, minus, row
 from clothsim.mesh.cloth import Cloth
 from clothsim.mesh.topology import components
-from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
+
+
+@kernel
+def winding_number(point: Floats, positions: Floats, triangles: Ints) -> float:
+    """Return the winding number of `triangles (m, 3)` about `point (3,)`: 1 inside, 0 outside, fractional near holes.
+
+    The sum of the triangles' solid angles over 4 pi (Van Oosterom & Strackee 1983, eq. 8; Jacobson et al. 2013).
+    """
+    at, half = (point[0], point[1], point[2]), 0.0
+    for t in range(len(triangles)):
+        a, b, c = (
+            minus(row(positions, triangles[t, 0]), at),
+            minus(row(positions, triangles[t, 1]), at),
+            minus(row(positions, triangles[t, 2]), at),
+        )
+        la, lb, lc = length(a), length(b), length(c)
+        half += np.arctan2(dot(a, cross(b, c)), la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb)
+    return half / (2 * np.pi)
+
+
+def is_inside(point: Floats, positions: Floats, triangles: Ints) -> bool:
+    """Return True where `point (3,)` is inside a body of either winding."""
+    return abs(winding_number(point, positions, triangles)) > 0.5
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,7 @@
-"""Manifoldness and winding: fins, bow-ties, consistent winding of orientable surfaces, winding numbers.
+"""Manifoldness and winding: fins, bow-ties, consistent winding of orientable surfaces.
 
 Half-edge h = 3 t + k runs from corner k of triangle t to its next corner. No triangle may contain a vertex twice.
-Winding is a flood fill over edges; each component by majority, or away from a body. The winding number tells whether a
-body contains a point, exactly for closed surfaces however they overlap.
+Winding is a flood fill over edges; each component by majority, or away from a body.
 """
 
 import numpy as np
@@ -167,21 +166,3 @@ def facing_away(positions: Floats, triangles: Ints, body: Floats, turned: NDArra
 
 def _swapped(triangles: Ints, chosen: NDArray[np.bool_]) -> Ints:
     return np.where(chosen[:, None], triangles[:, [0, 2, 1]], triangles)
-
-
-def winding_number(point: Floats, positions: Floats, triangles: Ints) -> float:
-    """Return the winding number of `triangles (m, 3)` about `point (3,)`: 1 inside, 0 outside, fractional near holes.
-
-    The sum of the triangles' solid angles over 4 pi (Van Oosterom & Strackee 1983, eq. 8; Jacobson et al. 2013).
-    """
-    a, b, c = (positions[triangles[:, corner]] - point for corner in range(3))
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    ab, bc, ca = (np.einsum("ij,ij->i", one, other) for one, other in ((a, b), (b, c), (c, a)))
-    angles = 2 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
-    return float(angles.sum() / (4 * np.pi))
-
-
-def is_inside(point: Floats, positions: Floats, triangles: Ints) -> bool:
-    """Return True where `point (3,)` is inside a body of either winding."""
-    return abs(winding_number(point, positions, triangles)) > 0.5

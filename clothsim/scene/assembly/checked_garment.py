@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
+from clothsim.geometry.held_inside import is_inside
 from clothsim.geometry.intersection.crossings import Crossing, crossings
 from clothsim.mesh.generators.mannequin.generator import JOINTS, template
 from clothsim.mesh.topology import components
-from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
 
 

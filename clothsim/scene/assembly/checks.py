@@ -7,13 +7,12 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.geometry.held_inside import HeldInside, held_inside
+from clothsim.geometry.held_inside import HeldInside, held_inside, is_inside
 from clothsim.keys.generator_keys import GENERATOR_KEYS, Slab
 from clothsim.keys.key_table import KeyTable
 from clothsim.keys.plausible import doubts, refuse_absurd
 from clothsim.mesh.body import FrameMotion
 from clothsim.mesh.topology import components
-from clothsim.mesh.winding import is_inside
 from clothsim.mesh.world import World
 from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.protocols import ContactGap, is_idle
