@@ -85,8 +85,12 @@ def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: Bo
         frames = source.frame, target.frame
     if frames:
         # by the skin and not by the places: of trousers on a body that walks one leg is in front
-        faces = [_facing(body, shape) for body, shape in zip((source, target), shapes, strict=True)]
-        front = float(min(np.corrcoef(faces[0][:, axis], faces[1][:, axis])[0, 1] for axis in (0, 2)))
+        skin = []
+        for body, shape in zip((source, target), shapes, strict=True):
+            used = np.unique(body.triangles)
+            nearest = used[cKDTree(body.positions[used]).query(shape)[1]]
+            skin.append(vertex_normals(body.positions, body.triangles)[nearest] @ body.frame.axes.T)
+        front = float(min(np.corrcoef(skin[0][:, axis], skin[1][:, axis])[0, 1] for axis in (0, 2)))
         # rise of the lowest vertices against the height that they had on their own body, which becomes that of the
         # other by crotch, armpits and neck: a hem above the knees belongs there on longer legs too
         own, worn = (
@@ -148,10 +152,3 @@ def cost_of(garment: Garment, positions: Floats, worn: Floats | None = None) -> 
     low, high = np.percentile(stretches, PERCENTILES)
     moved = np.linalg.norm(positions - (garment.positions if worn is None else worn), axis=1)
     return Distortion(stretches, float(low), float(high), float(moved.max()))
-
-
-def _facing(body: BodyMesh, points: Floats) -> Floats:
-    """Outward normal of the body at its vertex nearest to each point, along left, up and front of the body, (k, 3)."""
-    used = np.unique(body.triangles)
-    normals = vertex_normals(body.positions, body.triangles)[used]
-    return np.asarray(normals[cKDTree(body.positions[used]).query(points)[1]] @ body.frame.axes.T, np.float64)
