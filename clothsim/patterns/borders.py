@@ -351,7 +351,7 @@ def without_slivers(pattern: Pattern, spacing: float) -> Pattern:
         for stitch in pattern.stitches
         if stitch.first in numbers
     )
-    named = ", ".join(f"{side} ({1e3 * length:.2g} mm)" for side, length in collapsed.items())
+    named = ", ".join(f"{side} ({1e3 * length:.2g} mm)" for side, length in lengths.items() if side in collapsed)
     return replace(pattern, panels=panels, stitches=stitches, notes=(*pattern.notes, f"collapsed: {named}"))
 
 
