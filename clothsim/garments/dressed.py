@@ -1,5 +1,6 @@
 """Dress: a sewing pattern meshed, placed, closed round a body, welded and draped; its result and its files."""
 
+import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,9 +16,9 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.base.inputs import is_number, renamed, shown, with_remedies
 from clothsim.base.process_memory import Stopwatch
-from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
-from clothsim.files import read_pattern
+from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, read_pattern
 from clothsim.garments.dress.closing import stretch_range
 from clothsim.garments.dress.corrections import lifted
 from clothsim.garments.dress.fans import folded_fans
@@ -384,6 +385,7 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     the body's own pose; then also with the limbs out of the way that seams stayed open about.
     """
     make_directory(task.directory)
+    shutil.rmtree(_set_aside(task.directory))  # the runs of an earlier command, or of the coarser mesh
     own = Wearer(task.body, task.surface)
     in_the_way = arms_between(lifted(as_placed(mesh), task.body, task.surface)[0], own)
     posed, change = sewing_pose(own, in_the_way)
@@ -397,9 +399,29 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
             return first
         second, differently = own, "the body in its own pose"
     note = f"sewn again with {differently}: at first, {_reason(first)}"
+    aside = _set_aside(task.directory)
     again = _sewn(task, mesh, second, (*notes, note))
-    wider = worst_gap(again[1].state)[0] > worst_gap(first[1].state)[0]
-    return first if again[1].failure and wider else again
+    worse = bool(again[1].failure) and worst_gap(again[1].state)[0] > worst_gap(first[1].state)[0]
+    if worse:
+        shutil.rmtree(_set_aside(task.directory))
+        for file in aside.iterdir():
+            file.rename(task.directory / file.name)
+    shutil.rmtree(aside)
+    return first if worse else again
+
+
+RUNS = ("close[0-9]*", "return", "shaken", TRAJECTORY_NAME, CHECKPOINT_NAME, RECORD_NAME, SUMMARY_NAME)
+"""Files and folders of the runs of a dressing."""
+
+
+def _set_aside(directory: Path) -> Path:
+    """Move the runs of a dressing into a new folder beside them, and return it."""
+    aside = Path(tempfile.mkdtemp(prefix="attempt-", dir=directory))
+    for name in RUNS:
+        for file in directory.glob(name):
+            if file.is_file() or (file / RECORD_NAME).exists():  # not a folder of the user's
+                file.rename(aside / file.name)
+    return aside
 
 
 def _ended(task: DressTask, sewn: Sewn) -> bool:

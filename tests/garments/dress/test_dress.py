@@ -153,6 +153,8 @@ def test_of_two_poses_in_which_a_garment_fails_the_one_with_the_smaller_gap_is_t
 
     def sewn(task, mesh, on, notes):
         begun = DressState(as_placed(mesh), on, ())
+        (task.directory / "close0").mkdir()
+        (task.directory / "close0" / "record.jsonl").write_text(str(len(failures)))
         x = begun.state.positions + (len(failures) == 1) * farther * np.sign(begun.state.positions * [0, 0, 1])
         return begun, replace(begun, state=begun.state.moved_to(x)).failed(failures.pop(0))
 
@@ -160,9 +162,14 @@ def test_of_two_poses_in_which_a_garment_fails_the_one_with_the_smaller_gap_is_t
     changes = iter(("", "the arms raised"))
     monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, next(changes)))
     mesh = mesh_pattern(pattern_of(skirt()), SPACING)
+    for folder in ("close1", "close2"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "close1" / "record.jsonl").write_text("of an earlier command")
     _, done = dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), mesh, ())
     assert failures == []
     assert done.failure == result
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["close0", "close2"]
+    assert (tmp_path / "close0" / "record.jsonl").read_text() == ("2" if "a" in result.split() else "1")
 
 
 def test_a_pattern_that_has_no_coarser_mesh_is_sewn_on_the_fine_one(body, monkeypatch):
