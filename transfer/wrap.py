@@ -57,7 +57,7 @@ def wrap(surface: BodySurface, garments: Sequence[TriangleMesh], layer: float, c
     TriangleMesh
         Vertices (n, 3) [m] and triangles (m, 3).
     """
-    every = np.concatenate([surface.positions, *(positions for positions, _ in garments)])
+    every = np.concatenate([positions for positions, _ in garments] or [surface.positions])
     room = layer + 2 * COARSE * cell
     low, high = every.min(axis=0) - room, every.max(axis=0) + room
     blocks = np.ceil((high - low) / (COARSE * cell)).astype(np.int64)

@@ -280,8 +280,11 @@ def _dress(arguments: argparse.Namespace) -> Report:
 
             def draw_all() -> None:
                 for each in worn.sewn:
-                    if each.status != "completed":  # what is worn is drawn once, with all that lies over it
+                    if each.status != "completed":
                         on_demand.draw_dress(each)
+                        continue
+                    for name in drawn:  # what is worn is drawn once, with all that lies over it
+                        (each.directory / name).unlink(missing_ok=True)
                 if worn.worn:
                     on_demand.draw_outfit(worn)
 

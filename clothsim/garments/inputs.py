@@ -214,6 +214,8 @@ class BodyMesh:
     @cached_property
     def front(self) -> Floats:
         """Unit direction that it faces, (3,): that of its feet where it is far from the usual one, else the usual."""
+        if self.like is not None:
+            return self.like.front
         usual = usual_front(self.up)
         try:
             front = body_frame(self.positions, self.triangles, self.up).front

@@ -87,7 +87,7 @@ class Outfit:
     worn : tuple of Worn
         Final garments, the innermost first, including those of the run that they were sewn over.
     sewn : tuple of Dress
-        Garments that were sewn, each on the wrap of the garments below it.
+        Garments that were sewn, each on the body and a wrap of the garments below it.
     run : Run or None
         Drape of all garments; None if none was started.
     counts : Counts or None
@@ -319,7 +319,9 @@ def _written(done: Outfit) -> Outfit:
     }
     if done.status == "failed":
         failed = {"cause": "dress", "sentence": done.reason, "element": str(done.counts or ""), "position": None}
-        remedy = "Check the last garment's own folder: its pictures and its summary."
+        last = done.sewn[-1] if done.sewn else None
+        own = last is not None and not last.draped  # else the drape of all failed
+        remedy = f"Look at the pictures and the summary in {last.directory if own else done.directory}."
         entries["failure"] = {**failed, "remedy": remedy, **dict.fromkeys(("step", "time", "dt"))}
     write_summary(file, {**previous, **entries})
     return done
@@ -342,7 +344,7 @@ def wrapped(body: BodyMesh, surface: BodySurface, garments: Sequence[TriangleMes
         if _holds(made, garments):
             return BodyMesh(body.name, *made, body.scale, body.notes, body)
     raise InputError(
-        f"No surface round {body.name} and its {len(garments)} garments holds them all.",
+        f"No surface round the {len(garments)} garments on {body.name} holds them all.",
         "Look for cloth that is far from the body, or intersects it: `clothsim check`.",
     )
 

@@ -12,7 +12,8 @@ from clothsim.base.errors import InputError
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.garments import outfit
 from clothsim.garments.dress import pipeline
-from clothsim.garments.inputs import is_closed
+from clothsim.garments.inputs import BodyMesh, is_closed
+from clothsim.mesh.generators.table import GENERATORS
 from transfer.signed_distance import body_surface
 from transfer.wrap import REACH
 
@@ -106,6 +107,16 @@ def test_a_garment_that_still_moves_is_sewn_and_worn_below_the_next(place, tmp_p
     assert found.run.status == "completed"
     assert found.counts.clean
     assert found.status == read_summary(found.directory / SUMMARY_NAME)["status"] == "sewn"
+
+
+def test_a_body_with_a_wrap_faces_where_the_body_does():
+    turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    positions, triangles = GENERATORS["mannequin"]()
+    trousers, faces = GENERATORS["trousers"](edge=0.04)
+    body = BodyMesh("turned", positions @ turn, triangles, 1.0, ())
+    both = outfit.wrapped(body, body_surface(body.positions, triangles), [(trousers @ turn, faces)])
+    np.testing.assert_allclose(both.front, body.front)
+    np.testing.assert_allclose(np.abs(body.front), [1.0, 0.0, 0.0], atol=0.05)
 
 
 def test_a_wrap_is_closed_and_holds_the_garment_and_adds_nothing_to_the_bare_body(place, worn):

@@ -110,7 +110,7 @@ def best_error(derivative, loss, sizes, enough=1e-6):
     return least
 
 
-def stacked_scene(effects=ELASTIC | CONTACT | FRICTION, turn=0.5, shift=(0.021, 0.013), **solver):
+def stacked_scene(effects=ELASTIC | CONTACT | FRICTION, turn=0.5, shift=(0.021, 0.013), body=(), **solver):
     """Two sheets with nearly parallel edges, one falling on the other, which hangs from its corners."""
     sheet = {key: FALLING[key] for key in ("mesh", "fabric", "youngs_modulus", "bending_stiffness")}
     sheet |= {"size": [0.4, 0.4], "cells": [3, 3]}
@@ -119,7 +119,8 @@ def stacked_scene(effects=ELASTIC | CONTACT | FRICTION, turn=0.5, shift=(0.021, 
     upper |= {"velocity": [0.2, 0.1, -1.0]}
     effects = effects | {"pins": {"select": [0, 3, 12, 15]}}
     solver = {"dt": 0.01, "threads": 1, "tolerance": 1e-5, "unstable_equilibrium": "keep"} | solver
-    return Scene(cloth=[lower, upper], effects=effects, solver=solver, run={"duration": 0.1, "frames_per_second": 25})
+    run = {"duration": 0.1, "frames_per_second": 25}
+    return Scene(cloth=[lower, upper], body=body, effects=effects, solver=solver, run=run)
 
 
 def mollified_pairs(chain):

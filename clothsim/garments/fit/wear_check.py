@@ -9,12 +9,12 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats
 from clothsim.engine import deformation_gradients, principal_stretches, triangle_planes
-from clothsim.garments.inputs import BodyMesh, Garment
+from clothsim.garments.inputs import BodyMesh, Garment, known_surface
 from transfer.body_frame import BodyFrame
 from transfer.errors import TransferError
 from transfer.gradients import doubled_areas
 from transfer.part_warp import heights_onto
-from transfer.triangle_surface import edges_of, vertex_normals
+from transfer.triangle_surface import edges_of
 
 EDGES = (0.75, 1.35)
 """Bounds of the 1st and 99th percentile of the edges' ratios to their lengths as given, the mean scale taken out."""
@@ -41,7 +41,8 @@ class WearCheck:
     distorted : float
         Fraction of triangles of more than twice or less than half of their area, over `scale` squared.
     front : float
-        Least correlation of the places of the vertices to the front and to the side; 1 where a body has no frame.
+        Least correlation of the directions, to the front and to the side, in which the nearest skin of the two bodies
+        faces; 1 where a body has no frame.
     hem : float
         Rise of the hem as a fraction of the height of the body, against its height between the same landmarks (ground,
         crotch, armpits, neck) of its own body; 0 where a body has no frame.
@@ -87,9 +88,10 @@ def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: Bo
         # by the skin and not by the places: of trousers on a body that walks one leg is in front
         skin = []
         for body, shape in zip((source, target), shapes, strict=True):
-            used = np.unique(body.triangles)
-            nearest = used[cKDTree(body.positions[used]).query(shape)[1]]
-            skin.append(vertex_normals(body.positions, body.triangles)[nearest] @ body.frame.axes.T)
+            surface = known_surface(body.positions, body.triangles)  # its triangles are turned outward
+            outer = np.unique(surface.triangles[surface.outer])
+            nearest = outer[cKDTree(body.positions[outer]).query(shape)[1]]
+            skin.append(surface.vertex_normals[nearest] @ body.frame.axes.T)
         front = float(min(np.corrcoef(skin[0][:, axis], skin[1][:, axis])[0, 1] for axis in (0, 2)))
         # rise of the lowest vertices against the height that they had on their own body, which becomes that of the
         # other by crotch, armpits and neck: a hem above the knees belongs there on longer legs too

@@ -119,7 +119,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
             stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt, step.contact_time)
         bound = replace(self, stiffness=stiffness)
-        start = self._read(step.positions)
+        start = self.candidates.surface.read(step.positions)
         known = self._evaluations.known(start)
         if known is not None:  # it holds for any stiffness
             bound._evaluations.remember(start, known)
@@ -128,10 +128,6 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
     def reads_beyond(self, n: int) -> bool:
         """False for contact of cloths alone, whose rows are the first."""
         return self.candidates.surface.n_read > n
-
-    def _read(self, x: Floats) -> Floats:
-        """The rows of x that hold all that may touch: a view."""
-        return x[: self.candidates.surface.n_read]
 
     def value(self, x: Floats) -> float:
         """Barrier energy [J]; +inf where a pair touches."""
@@ -166,7 +162,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
         surface = self.candidates.surface
         if not surface.is_self_contact:
             return np.zeros((0, 4), np.int64)  # the vertices of bodies are not unknowns
-        x, dx = self._read(x), self._read(dx)
+        x, dx = surface.read(x), surface.read(dx)
         relative = dx - dx[surface.rows].mean(axis=0)
         length = lengths(relative)[:, None]
         length_in_d_hat, max_pairs = PREDICTION_LENGTH, MAX_PREDICTED_PAIRS * len(surface.rows)
@@ -223,7 +219,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
 
     def distinct(self, x: Floats) -> Pairs:
         """Pairs of distinct closest features at x."""
-        known = self._evaluations.known(self._read(x))
+        known = self._evaluations.known(self.candidates.surface.read(x))
         return self._distinct(x, self.candidates.active(x)) if known is None else known.pairs
 
     def _distinct(self, x: Floats, active: Pairs) -> Pairs:
@@ -260,7 +256,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
 
         Those of the start of the step, which its certificate asks for at its end, and of the last two positions.
         """
-        found = self._evaluations.at(self._read(x), self._evaluate)
+        found = self._evaluations.at(self.candidates.surface.read(x), self._evaluate)
         if isinstance(self.candidates, Candidates):
             self.candidates.pairs = found.count
         return found

@@ -110,7 +110,7 @@ class Candidates:
 
     def _active_pairs(self, x: Floats) -> ActivePairs:
         """Active set at x, counted; cached for the last positions, as both ends of a step are asked for in turns."""
-        found = self._active.at(x[: self.surface.n_read], self._find_active)
+        found = self._active.at(self.surface.read(x), self._find_active)
         self.pairs = len(found.pairs)
         return found
 
@@ -122,7 +122,7 @@ class Candidates:
 
     def within(self, x: Floats, distance: float) -> Pairs:
         """Pairs closer than `distance` [m] at x, at most activation_distance + skin."""
-        x = x[: self.surface.n_read]
+        x = self.surface.read(x)
         displacement = self._ensure_covers(x, x, distance)
         pairs = self._pairs
         if not len(pairs):
@@ -143,7 +143,7 @@ class Candidates:
 
         Pairs with g(x) >= `within` [m] do not count.
         """
-        x, dx = x[: self.surface.n_read], dx[: self.surface.n_read]
+        x, dx = self.surface.read(x), self.surface.read(dx)
         change, end = 0.0, x + dx
         for positions in (end, x):
             active = self.active(positions)
@@ -168,7 +168,7 @@ class Candidates:
         The listed pairs bound the path that is searched for the others. 0 where x + dx is not finite.
         """
         start, ccd_seconds = thread_time(), self.seconds["CCD"]
-        x, dx = x[: self.surface.n_read], dx[: self.surface.n_read]
+        x, dx = self.surface.read(x), self.surface.read(dx)
         listed, displacement, requested = self._pairs, None, most
         after, finite = path_end(x, dx, most)
         if not finite:

@@ -298,8 +298,8 @@ class CandidateSearch:
             Their distances at the start of the path [m].
         """
         surface = self.surface
-        before, after = before[: surface.n_read], after[: surface.n_read]
-        only = None if only is None else only[: surface.n_read]
+        before, after = surface.read(before), surface.read(after)
+        only = None if only is None else surface.read(only)
         relative_end = after
         if surface.is_self_contact and only is None:  # a common translation changes no distance
             common = (after - before)[surface.rows].mean(axis=0)

@@ -151,6 +151,10 @@ class ContactSurface:
         """Number of the first rows of x that hold all that collide: beside a body those of cloths are a tenth of x."""
         return int(self.rows.max(initial=-1)) + 1
 
+    def read(self, x: Floats) -> Floats:
+        """Those rows of x: a view."""
+        return x[: self.n_read]
+
     @property
     def n_first(self) -> int:
         """Number of the first `rows` that are of the first group alone, each pair having one side there; else all."""

@@ -40,6 +40,16 @@ def test_each_fault_is_named(change, word):
     assert look.as_dict()["fault"] == look.fault
 
 
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_body_whose_triangles_are_turned_inward_wears_as_another(every):
+    """every: second triangle turned, or all."""
+    inward = FIGURE.triangles.copy()
+    inward[::every] = inward[::every, ::-1]
+    look = check_wear(SHIRT, SHIRT.positions, FIGURE, BodyMesh("inward", FIGURE.positions, inward, 1.0, ()))
+    assert look.fault == ""
+    assert look.front == pytest.approx(1.0)
+
+
 def test_trousers_on_a_body_that_walks_are_not_turned():
     trousers = Garment("trousers", *GENERATORS["trousers"](edge=0.04))
     walking = BodyMesh("walking", *GENERATORS["mannequin"](pose="walk"), 1.0, ())
