@@ -19,11 +19,11 @@ from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, read_pattern
-from clothsim.garments.dress.closing import flounces_past_a_leg, stretch_range
+from clothsim.garments.dress.closing import stretch_range
 from clothsim.garments.dress.corrections import lifted
 from clothsim.garments.dress.fans import folded_fans
 from clothsim.garments.dress.grading import Grading, graded
-from clothsim.garments.dress.limbs import Wearer, limbs_between, sewing_pose
+from clothsim.garments.dress.limbs import Wearer, sewing_pose
 from clothsim.garments.dress.measurements import measurement_entries
 from clothsim.garments.dress.pipeline import STAGES, DressState, DressTask
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
@@ -381,16 +381,13 @@ def _placed_mesh(
 def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> Sewn:
     """The garment as placed and after all stages, in the better of two poses where the first fails.
 
-    First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), and the
-    legs parted where wide flounces of both reach past the other, else in the body's own pose; then also with the limbs
-    out of the way that seams stayed open about.
+    First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
+    the body's own pose; then also with the limbs out of the way that seams stayed open about.
     """
     make_directory(task.directory)
     shutil.rmtree(_set_aside(task.directory))  # the runs of an earlier command, or of the coarser mesh
     own = Wearer(task.body, task.surface)
-    as_lifted = lifted(as_placed(mesh), task.body, task.surface)[0]
-    legs = limbs_between(as_lifted, flounces_past_a_leg(as_lifted, task.surface), own, 0.0)
-    in_the_way = (*arms_between(as_lifted, own), *(limb for limb in legs if "leg" in limb))
+    in_the_way = arms_between(lifted(as_placed(mesh), task.body, task.surface)[0], own)
     posed, change = sewing_pose(own, in_the_way)
     raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
     first = _sewn(task, mesh, posed, (*notes, raised) if change else notes)

@@ -154,7 +154,12 @@ def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]
     A flounce cut as an arc has its ends before and behind the legs: it is sewn to its skirt first. Where a tight cuff
     began closed round its leg there is friction: it would slide to where the leg is thinner, and pull the garment off.
     """
-    within, below, onto = _in_order(state)
+    seams = [state.mesh.seams[k] for k in state.open_seams]
+    order = [order_of(seam, state) for seam in seams]
+    within, below, onto = (
+        tuple(seam for seam, place in zip(seams, order, strict=True) if place in places)
+        for places in ((DART, WITHIN), (BELOW,), (ONTO,))
+    )
     ends = _ends_to_sew_later(state, within, below, surface)
     within = tuple(seam for seam in within if seam not in ends)
     planned = (
@@ -164,26 +169,6 @@ def sewing_phases(state: SewingState, surface: BodySurface) -> list[SewingPhase]
         SewingPhase(onto, within + ends + below, hold=True, patient=True),
     )
     return [replace(phase, friction=bool(state.tight)) for phase in planned if phase.closing]
-
-
-def flounces_past_a_leg(state: SewingState, surface: BodySurface) -> tuple[MeshedSeam, ...]:
-    """Ends of two wide flounces or more that reach past another leg; none where there is one.
-
-    Closed between legs that stand together, one would take the cloth of the other between its sides.
-    """
-    within, below, _ = _in_order(state)
-    ends = _ends_to_sew_later(state, within, below, surface)
-    return ends if len({frozenset(_panels_of(seam)) for seam in ends}) > 1 else ()
-
-
-def _in_order(state: SewingState) -> tuple[tuple[MeshedSeam, ...], ...]:
-    """Open seams: darts and those within, those below, those onto the torso."""
-    seams = [state.mesh.seams[k] for k in state.open_seams]
-    order = [order_of(seam, state) for seam in seams]
-    return tuple(
-        tuple(seam for seam, place in zip(seams, order, strict=True) if place in places)
-        for places in ((DART, WITHIN), (BELOW,), (ONTO,))
-    )
 
 
 MOST = 0.5
