@@ -319,9 +319,8 @@ def _written(done: Outfit) -> Outfit:
     }
     if done.status == "failed":
         failed = {"cause": "dress", "sentence": done.reason, "element": str(done.counts or ""), "position": None}
-        last = done.sewn[-1] if done.sewn else None
-        own = last is not None and not last.draped  # else the drape of all failed
-        remedy = f"Look at the pictures and the summary in {last.directory if own else done.directory}."
+        alone = [each.directory for each in done.sewn[-1:] if not each.draped]  # else the drape of all failed
+        remedy = f"Look at the pictures and the summary in {(*alone, done.directory)[0]}."
         entries["failure"] = {**failed, "remedy": remedy, **dict.fromkeys(("step", "time", "dt"))}
     write_summary(file, {**previous, **entries})
     return done
