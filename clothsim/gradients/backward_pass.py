@@ -38,7 +38,7 @@ class RememberedPairs(Candidates):
 
     def remember(self, x: Floats, keys: Ints) -> None:
         """Take the pairs with given keys for the active set at x."""
-        self._active.at(self.surface.read(x), lambda x: ActivePairs(self.search.of_keys(keys)))
+        self._active.at(self.read(x), lambda x: ActivePairs(self.search.of_keys(keys)))
 
 
 def with_remembered_pairs(integrator: Integrator) -> Integrator:

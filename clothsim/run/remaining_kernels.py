@@ -61,6 +61,10 @@ class _GivenPairs(Candidates):
     def __init__(self) -> None:
         """No surface, as nothing is searched."""
 
+    def read(self, x: Floats) -> Floats:
+        """All rows."""
+        return x
+
     def active(self, x: Floats) -> Pairs:
         elements = np.array([[3, 0, 1, 2], [0, 1, 3, 4]])
         return Pairs(elements, np.ones(2), np.array([0.0, 1.0]), np.arange(2), n_points=1)

@@ -119,7 +119,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
             kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
             stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt, step.contact_time)
         bound = replace(self, stiffness=stiffness)
-        start = self.candidates.surface.read(step.positions)
+        start = self.candidates.read(step.positions)
         known = self._evaluations.known(start)
         if known is not None:  # it holds for any stiffness
             bound._evaluations.remember(start, known)
@@ -219,7 +219,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
 
     def distinct(self, x: Floats) -> Pairs:
         """Pairs of distinct closest features at x."""
-        known = self._evaluations.known(self.candidates.surface.read(x))
+        known = self._evaluations.known(self.candidates.read(x))
         return self._distinct(x, self.candidates.active(x)) if known is None else known.pairs
 
     def _distinct(self, x: Floats, active: Pairs) -> Pairs:
@@ -256,7 +256,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Ene
 
         Those of the start of the step, which its certificate asks for at its end, and of the last two positions.
         """
-        found = self._evaluations.at(self.candidates.surface.read(x), self._evaluate)
+        found = self._evaluations.at(self.candidates.read(x), self._evaluate)
         if isinstance(self.candidates, Candidates):
             self.candidates.pairs = found.count
         return found

@@ -108,9 +108,13 @@ class Candidates:
         """Active set at x: the pairs closer than the activation distance."""
         return self._active_pairs(x).pairs
 
+    def read(self, x: Floats) -> Floats:
+        """The rows of x that hold all that may touch: a view."""
+        return self.surface.read(x)
+
     def _active_pairs(self, x: Floats) -> ActivePairs:
         """Active set at x, counted; cached for the last positions, as both ends of a step are asked for in turns."""
-        found = self._active.at(self.surface.read(x), self._find_active)
+        found = self._active.at(self.read(x), self._find_active)
         self.pairs = len(found.pairs)
         return found
 
@@ -122,7 +126,7 @@ class Candidates:
 
     def within(self, x: Floats, distance: float) -> Pairs:
         """Pairs closer than `distance` [m] at x, at most activation_distance + skin."""
-        x = self.surface.read(x)
+        x = self.read(x)
         displacement = self._ensure_covers(x, x, distance)
         pairs = self._pairs
         if not len(pairs):
@@ -143,7 +147,7 @@ class Candidates:
 
         Pairs with g(x) >= `within` [m] do not count.
         """
-        x, dx = self.surface.read(x), self.surface.read(dx)
+        x, dx = self.read(x), self.read(dx)
         change, end = 0.0, x + dx
         for positions in (end, x):
             active = self.active(positions)
@@ -168,7 +172,7 @@ class Candidates:
         The listed pairs bound the path that is searched for the others. 0 where x + dx is not finite.
         """
         start, ccd_seconds = thread_time(), self.seconds["CCD"]
-        x, dx = self.surface.read(x), self.surface.read(dx)
+        x, dx = self.read(x), self.read(dx)
         listed, displacement, requested = self._pairs, None, most
         after, finite = path_end(x, dx, most)
         if not finite:
