@@ -32,5 +32,7 @@ def test_pictures_of_a_first_garment_that_fails_are_drawn(words, tmp_path, capsy
 
 
 def test_all_garments_are_drawn_together_once(words, tmp_path):
-    assert main(words) == 0
+    (tmp_path / "out" / "slip").mkdir(parents=True)
+    (tmp_path / "out" / "slip" / "placed.png").write_bytes(b"of a garment that failed")
+    assert main([*words, "--overwrite"]) == 0
     assert pictures(tmp_path / "out") == ["worn.png"]
