@@ -263,7 +263,7 @@ def read_body_mesh(
         if not scene.bodies:
             raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
         first, notes = body_mesh(scene)
-        return BodyMesh(first.name, first.positions, first.triangles, 1.0, notes)
+        return _facing_outward(BodyMesh(first.name, first.positions, first.triangles, 1.0, notes))
     named = [group] if isinstance(group, str) else list(group or ())
     whole = read_mesh(file, parts=named)
     if named:
@@ -304,13 +304,22 @@ def _in_metres(file: Path, mesh: MeshFile, scale: float | None, option: str) -> 
         factor = UNITS[unit]
         guess = "" if unit == "m" else f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
     notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *([guess] if guess else [])))
-    return BodyMesh(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
+    return _facing_outward(BodyMesh(file.name, factor * mesh.positions, mesh.triangles, factor, notes))
 
 
 def as_body_mesh(body: Any) -> BodyMesh:
     """The body of a `clothsim.Body` or a mesh object, in metres. InputError for faults that no body may have."""
     made, notes = body_mesh(body if isinstance(body, Body) else Body(body))
-    return BodyMesh(made.name, made.positions, made.triangles, 1.0, notes)
+    return _facing_outward(BodyMesh(made.name, made.positions, made.triangles, 1.0, notes))
+
+
+def _facing_outward(body: BodyMesh) -> BodyMesh:
+    """The body, with its triangles turned where it encloses a negative volume: they face inwards, as after mirroring."""
+    corners = body.positions[body.triangles] - body.positions[body.triangles.ravel()].mean(axis=0)
+    if np.linalg.det(corners).sum() >= 0.0:
+        return body
+    note = f"{body.name}: its triangles face inwards: they are turned"
+    return replace(body, triangles=body.triangles[:, ::-1].copy(), notes=(*body.notes, note))
 
 
 def garment_of(cloth: Any, weld: float) -> Garment:

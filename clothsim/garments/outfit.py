@@ -20,7 +20,8 @@ from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import example_file, intersecting_pairs, refuse_earlier_run
-from clothsim.garments.dress.pipeline import FRICTION, unrest
+from clothsim.files import read_pattern
+from clothsim.garments.dress.pipeline import FRICTION, fallen, not_worn, unrest
 from clothsim.garments.dressed import PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface
 from clothsim.garments.penetration import Counts, count_penetrations
@@ -169,6 +170,10 @@ def outfit(
         if not isinstance(each, str | Path | Pattern):
             raise InputError(f"A pattern is of the type {type(each).__name__}.", "Give files or Patterns.")
     patterns = [example_file(pattern, "_specification.json", PATTERN_FILE) for pattern in listed]
+    reading = {key: settings[key] for key in ("rotation_order", "seams") if key in settings}
+    for pattern in patterns:
+        if not isinstance(pattern, Pattern):
+            read_pattern(pattern, **reading)  # an error now, not after the garments below are sewn
     body, worn = _wearer(on, over, scale, body_group)
     names = _names(patterns, [each.name for each in worn])
     if output is None:
@@ -202,18 +207,15 @@ def outfit(
         return _written(replace(end, run=run, reason=f"In the drape of all: {run.reason}"))
     counts = count_penetrations(run.positions(-1), run.triangles, surface)
     last = tuple(each.moved_to(run[-1].positions[each.name]) for each in worn)
-    sank = SANK * float(np.ptp(body.positions @ body.up))
-    notes += [
-        f"{before.name} sank by {1e3 * down:.0f} mm when all garments were draped"
-        for before, after in zip(worn, last, strict=True)
-        if (down := float((before.positions @ body.up).max() - (after.positions @ body.up).max())) > sank
-    ]
+    notes += _sinking(worn, last, body)
     names_of_all, moving = ", ".join(each.name for each in worn), unrest(run, body.name)
     status, reason = "completed", f"{len(worn)} garments rest on {body.name}: {names_of_all}."
     if moving:
         status, reason = "sewn", f"{len(worn)} garments are {moving}: {names_of_all}."
     if not counts.clean:
         status, reason = "failed", f"The drape of all ended with {counts}, {counts.where}."
+    elif fault := _not_worn(worn, last, sewn, body, settings.get("waistband", False)):
+        status, reason = "failed", f"In the drape of all: {fault}"
     return _written(replace(end, status=status, reason=reason, worn=last, run=run, counts=counts, notes=tuple(notes)))
 
 
@@ -297,6 +299,30 @@ def draped_together(
         cloth=[each.cloth for each in worn], body=Body(body.positions, body.triangles, name="body")
     )
     return simulate_stage(scene, folder, named_stage("drape of all garments", listener), announce, ends)
+
+
+def _sinking(worn: Sequence[Worn], last: Sequence[Worn], body: BodyMesh) -> list[str]:
+    """Notes of the garments whose tops came down in the drape of all."""
+    least = SANK * float(np.ptp(body.positions @ body.up))
+    return [
+        f"{before.name} sank by {1e3 * down:.0f} mm when all garments were draped"
+        for before, after in zip(worn, last, strict=True)
+        if (down := float((before.positions @ body.up).max() - (after.positions @ body.up).max())) > least
+    ]
+
+
+def _not_worn(
+    worn: Sequence[Worn], last: Sequence[Worn], sewn: Sequence[Dress], body: BodyMesh, waistband: bool
+) -> str:
+    """Why a garment is not worn after the drape of all, in a sentence with its name; empty where all are."""
+    states = {each.directory.name: each.state for each in sewn}
+    for before, after in zip(worn, last, strict=True):
+        fault = fallen(before.positions, after.positions, body)
+        if not fault and before.name in states:
+            fault = not_worn(states[before.name].moved_to(after.positions), body, waistband)
+        if fault:
+            return f"{before.name}: {fault}"
+    return ""
 
 
 def _written(done: Outfit) -> Outfit:

@@ -7,10 +7,12 @@ import pytest
 from fitting_cases import capsule_figure, in_file, moebius_strip, tube_garment
 from tangles import joined
 
+from clothsim import Body
 from clothsim.base.errors import InputError
 from clothsim.garments import inputs
-from clothsim.garments.inputs import is_closed, known_surface, read_body_mesh, read_garment, worn_in_scene
+from clothsim.garments.inputs import as_body_mesh, is_closed, known_surface, read_body_mesh, read_garment, worn_in_scene
 from clothsim.mesh.generators.shapes import capsule, rectangle, slab, sphere, tube
+from transfer.triangle_surface import triangle_normals
 
 CAPSULE = capsule(radius=0.2, height=1.7, segments=12)
 SCENE = """
@@ -228,3 +230,12 @@ def test_the_surface_of_a_body_is_found_once():
     found = known_surface(positions, triangles)
     assert known_surface(positions.copy(), triangles.copy()) is found
     assert known_surface(2.0 * positions, triangles) is not found
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_body_that_faces_inwards_is_turned_with_a_note(tmp_path, turned):
+    positions, triangles = CAPSULE
+    given = triangles[:, ::-1] if turned else triangles
+    for body in (as_body_mesh(Body(positions, given)), read_body_mesh(in_file(tmp_path, "body.obj", positions, given))):
+        assert triangle_normals(body.positions, body.triangles)[np.argmax(positions[triangles].mean(axis=1)[:, 0]), 0] > 0
+        assert any("inwards" in note for note in body.notes) is turned

@@ -1,6 +1,7 @@
 """Outfits: two skirts one over the other, the wrap between them, and what cannot be sewn over."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,6 +96,66 @@ def test_bad_outfits_are_refused(place, tmp_path):
     for given in (None, slip, str(slip), [slip, 3]):
         with pytest.raises(InputError, match="pattern"):
             clothsim.outfit(given, body)
+
+
+def test_a_pattern_that_cannot_be_read_is_refused_before_the_first_is_sewn(place, tmp_path):
+    folder, body = place
+    empty = tmp_path / "empty_specification.json"
+    empty.write_text("{}")
+    with pytest.raises(InputError, match="empty_specification"):
+        clothsim.outfit([folder / "slip_specification.json", empty], body, tmp_path / "out", size=SPACING)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("drop", "fault"), [(0.0, ""), (2.0, "skirt: The garment falls off the body: it moved by 2")])
+def test_a_garment_that_falls_off_in_the_drape_of_all_has_failed(place, worn, tmp_path, monkeypatch, drop, fault):
+    """The drape of the outfit once more, its skirt lower by `drop` [m]."""
+    folder, _ = place
+    draped = worn.run[-1].positions
+    draped["skirt"] = draped["skirt"] - [0.0, drop, 0.0]
+    monkeypatch.setattr(outfit, "CELL", CELL)
+    monkeypatch.setattr(outfit, "LAYER", LAYER)
+
+    class Fallen:
+        status, triangles, directory, summary = "completed", worn.run.triangles, tmp_path, worn.run.summary
+
+        def positions(self, frame):
+            return np.concatenate([*draped.values()])
+
+        def __getitem__(self, frame):
+            return SimpleNamespace(positions=draped)
+
+    def draped_again(*given):
+        write_summary(tmp_path / SUMMARY_NAME, worn.run.summary)
+        return Fallen()
+
+    monkeypatch.setattr(outfit, "draped_together", draped_again)
+    pattern = folder / "skirt_specification.json"
+    done = clothsim.outfit([pattern], output=tmp_path, over=folder / "slip", size=SPACING, overwrite=True)
+    assert (done.status, fault in done.reason) == ("failed" if fault else "completed", True)
+
+
+@pytest.mark.parametrize("reach", [0.0, 0.3])
+def test_a_wrap_with_a_triangle_through_its_outside_does_not_hold_the_garment(monkeypatch, reach):
+    """Two balls apart, and a strip whose ends lie within them: no vertex is outside, its middle is."""
+    positions, triangles = GENERATORS["sphere"](radius=1.0, subdivisions=2)
+    body = BodyMesh("ball", positions + [0.0, 5.0, 0.0], triangles, 1.0, ())
+    shells = []
+
+    def shell(surface, garments, layer, cell):
+        apart = [0.0, 0.0, 0.0] if shells else [1.0, 0.0, 0.0]
+        shells.append(apart)
+        if not any(apart):
+            return 3.0 * positions, triangles
+        both = np.concatenate([0.5 * positions - apart, 0.5 * positions + apart])
+        return both, np.concatenate([triangles, triangles + len(positions)])
+
+    monkeypatch.setattr(outfit, "wrap", shell)
+    x = 1.0 if reach else -0.9
+    strip = np.array([[-1.0, 0.0, 0.0], [x, 0.05, 0.0], [x, -0.05, 0.0]]), np.array([[0, 1, 2]])
+    made = outfit.wrapped(body, body_surface(body.positions, triangles), [strip])
+    assert len(shells) == (2 if reach else 1)
+    assert made.like is body
 
 
 def test_a_garment_that_still_moves_is_sewn_and_worn_below_the_next(place, tmp_path, monkeypatch):

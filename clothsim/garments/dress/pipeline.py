@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from clothsim import Body, Run
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.base.text import length_text
 from clothsim.garments.dress.closing import close, torso
@@ -236,14 +237,11 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     counts = draped.stages[-1].counts
     if not counts.clean:
         return draped.failed(f"The drape ended with {counts}, {counts.where}.")
-    levels = draped.state.positions @ task.body.up
-    moved = float(np.abs(levels - done.state.positions @ task.body.up).max())
-    height = float(np.ptp(task.body.positions @ task.body.up))
-    if moved > 0.5 * height:
-        return draped.failed(f"The garment falls off {task.body.name}: it moved by {moved:.2g} m.")
     gap, name = worst_gap(draped.state)
-    below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
-    failure = not_worn(draped.state, task.body, task.waistband)
+    height = float(np.ptp(task.body.positions @ task.body.up))
+    below = float((draped.state.mesh.positions @ task.body.up).max() - (draped.state.positions @ task.body.up).max())
+    failure = fallen(done.state.positions, draped.state.positions, task.body)
+    failure = failure or not_worn(draped.state, task.body, task.waistband)
     if gap > mean_edge(draped.state):
         failure = f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape."
     if failure:
@@ -257,6 +255,14 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     draped = replace(draped, notes=(*draped.notes, *at_rest), tight=tight)
     status, reason = end_of_drape(draped.state, run, task.body.name)
     return replace(draped, status=status, reason=reason)
+
+
+def fallen(before: Floats, after: Floats, body: BodyMesh) -> str:
+    """That a garment, positions (n, 3) [m] before and after a drape, fell off, in a sentence; empty where not."""
+    moved = float(np.abs((after - before) @ body.up).max())
+    if moved <= 0.5 * float(np.ptp(body.positions @ body.up)):
+        return ""
+    return f"The garment falls off {body.name}: it moved by {moved:.2g} m."
 
 
 def not_worn(state: SewingState, body: BodyMesh, waistband: bool = False) -> str:

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
-from contacts import body_surface, jittered, self_surface, sheet_on_ball, two_sheets
+from contacts import ball, body_surface, jittered, self_surface, sheet_on_ball, two_sheets
 
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.mesh.world import make_world
 from clothsim.physics.contact.barrier_kernels import pairs_within
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.ccd import edge_edge_limit, point_triangle_limit
 from clothsim.physics.contact.filter import follows_path
+from clothsim.physics.contact.surface import cloth_surface
 
 D_HAT = 0.05
 
@@ -411,3 +413,19 @@ def test_both_ends_of_a_step_are_asked_for_in_turns_and_measured_once(kind, monk
         assert candidates.pairs == len(fresh.active(moved)) > 5
         assert candidates.minimum_gap(moved) == fresh.minimum_gap(moved)
     assert len(measured) == 2
+
+
+def test_rows_of_a_body_are_not_read_by_contact_of_the_cloth_with_itself():
+    alone = two_sheets()
+    beside = make_world(alone.cloths, [ball((0.0, 0.0, 5.0))])
+    surface, x = cloth_surface(beside), beside.start()
+    assert surface.n_read == alone.n_cloth < len(x)
+    candidates, other = Candidates(surface, D_HAT, 0.01), x.copy()
+    other[surface.n_read :] = np.nan
+    found = candidates.active(x)
+    assert candidates.active(other) is found
+    assert described(found) == all_pairs(*self_surface(alone))
+    dx = np.zeros_like(x)
+    dx[: len(dx) // 8] = [0.0, 0.0, 0.1]
+    limits = [candidates.step_limit(x, dx), candidates.step_limit(other, dx)]
+    assert limits[0] == limits[1] < 1.0
