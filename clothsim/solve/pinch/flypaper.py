@@ -151,6 +151,8 @@ SAME_PINCH = 4.0
 """Distance within which a vertex is held by the part that carries its neighbour, in median cloth edges."""
 MUCH_MORE = 1.5
 """Ratio of the displacements of two parts in a step from which on they are not alike."""
+OWN_PART = 2.0
+"""Ratio of the distances of two parts at the start of the run from which on a vertex is of the nearer one."""
 OWN_PATCH = 2.5
 """Radius of the patch about a supporting triangle with which contact goes on, in longest cloth edges."""
 FACES_AWAY = -0.3
@@ -166,9 +168,10 @@ def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
 def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, known: Flypapered) -> Flypapered:
     """Carry the vertices of a pinch from where they are.
 
-    The vertex in the narrowest gap is held by the part that moves less against the whole cloth, of two alike by the
-    one that it is closer to, and those about it by the same part: cloth on two parts would be torn where they
-    slide along one another.
+    A vertex is held by the part that was much nearer to it at the start of the run: the side of a shirt by the trunk,
+    also where an arm turns back and the two move alike. Else the vertex in the narrowest gap is held by the part that
+    moves less against the whole cloth, of two alike by the one that it is closer to, and those about it by the same
+    part: cloth on two parts would be torn where they slide along one another.
 
     Parameters
     ----------
@@ -194,12 +197,17 @@ def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, 
     sides = (found.near, found.near_weights), (found.far, found.far_weights)
     slow, fast = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in sides)
     takes_near = slow <= MUCH_MORE * fast  # the nearer part moves less against the cloth, or about as much
+    begun = world.start()
+    points = (np.einsum("kc,kcd->kd", w, begun[rows]) for rows, w in sides)
+    from_near, from_far = (np.linalg.norm(begun[found.vertices] - point, axis=1) for point in points)
+    is_of_near, is_of_far = OWN_PART * from_near <= from_far, OWN_PART * from_far <= from_near
+    takes_near = (takes_near | is_of_near) & ~is_of_far
     for _ in range(len(at)):
         rank = np.where(left, distance, np.inf)
         k = int(rank.argmin())
         if not rank[k] <= reach:
             k = int(np.where(left, found.gaps, np.inf).argmin())
-        else:
+        elif not (is_of_near[k] or is_of_far[k]):
             takes_near[k] = near[k] @ along[k] >= far[k] @ along[k]
         left[k] = False
         normal = near[k] if takes_near[k] else far[k]

@@ -78,3 +78,19 @@ def test_the_neighbour_of_a_vertex_is_held_by_the_same_part_wherever_the_scene_i
     assert made.vertices.tolist() == [6, 7]
     assert made.triangles.tolist() == np.concatenate([below, below]).tolist()
     assert made.far.tolist() == np.concatenate([above, above]).tolist()
+
+
+@pytest.mark.parametrize(("upper", "of_lower"), [(0.01, False), (0.018, False), (0.022, True), (0.3, True)])
+def test_a_vertex_is_held_by_the_part_that_was_much_nearer_at_the_start_of_the_run(upper, of_lower):
+    """The upper plate has come closer than the lower one, which was 10 mm away at the start; neither moves now."""
+    flat, faces = grid(1, 1)
+    sheet = cloth(*grid(4, 4))
+    bodies = [make_body(name, flat + [0, 0, z], faces) for name, z in (("lower", -0.01), ("upper", upper))]
+    world = make_world([sheet], bodies)
+    x = world.start()
+    below, above = (rows.start + faces[:1] for rows in world.body_slices)
+    x[above, 2] = 0.005
+    on_edge = 0.5 * np.isin(faces[:1], faces[1])  # the middle of the plate, where the two triangles meet
+    found = PinchedVertices(np.array([12]), above[:, ::-1], on_edge[:, ::-1], below, on_edge, np.array([0.001]))
+    made = with_supports(world, x, x.copy(), found, NONE_FLYPAPERED)
+    assert made.triangles.tolist() == (below if of_lower else above[:, ::-1]).tolist()
