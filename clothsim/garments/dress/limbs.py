@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from clothsim.base.arrays import Floats
@@ -146,14 +147,19 @@ def _side_of_legs(body: BodyMesh, local: Floats) -> Floats:
     """1 for each vertex of the left, -1 for one of the right: a thigh may reach across the middle of the body.
 
     The legs are two pieces of the body below its crotch, or up to a few millimetres lower where its mesh is coarse.
+    What else is there, such as a wrap of trousers, is of the nearer one.
     """
     side = np.asarray(np.sign(local[:, 0]), np.float64)
     feet = [np.argmin(np.where(side == sign, local[:, 1], np.inf)) for sign in (1, -1)]
     for level in SPLIT * body.parts.landmarks["crotch"]:
-        label = components(body.triangles[(local[:, 1] < level)[body.triangles].all(axis=1)], len(local))
+        below = local[:, 1] < level
+        label = components(body.triangles[below[body.triangles].all(axis=1)], len(local))
         if label[feet[0]] != label[feet[1]]:
             for foot, sign in zip(feet, (1, -1), strict=True):
                 side[label == label[foot]] = sign
+            of_legs = np.isin(label, label[feet])
+            others = np.flatnonzero(below & ~of_legs)
+            side[others] = side[of_legs][cKDTree(local[of_legs]).query(local[others])[1]]
             break
     return side
 

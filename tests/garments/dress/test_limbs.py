@@ -126,6 +126,25 @@ def test_each_leg_is_turned_to_its_side_where_the_legs_join_below_the_crotch(wea
     assert not len(intersecting_pairs(posed.way[0], body.triangles))
 
 
+def test_a_wrap_of_a_leg_moves_with_it_where_the_leg_reaches_across_the_middle(wearer):
+    """Both legs lean to the right, so that half of the left one is there; a sleeve round it is a piece of its own."""
+    own, positions = wearer.body, wearer.body.positions.copy()
+    crotch = own.parts.landmarks["crotch"]
+    depth = np.sin(np.pi * np.clip(positions[:, 1] / crotch, 0.0, 1.0))
+    left = (positions[:, 0] > 0) & (positions[:, 1] < 0.8 * crotch)
+    positions[:, 0] -= 0.15 * depth
+    faces = own.triangles[left[own.triangles].all(axis=1)]
+    rows, triangles = np.unique(faces, return_inverse=True)
+    both = np.concatenate([positions, positions[rows] * [1.0, 1.0, 1.05]])
+    joined = np.concatenate([own.triangles, triangles.reshape(-1, 3) + len(positions)])
+    body = BodyMesh("wrapped", both, joined, 1.0, (), own)
+    assert (both[len(positions) :, 0] < 0).any()
+    posed, _ = sewing_pose(Wearer(body, body_surface(both, joined)), ["left leg"])
+    shift = posed.way[0] - posed.way[-1]
+    assert np.abs(shift[len(positions) :] - shift[rows]).max() < 5e-3
+    assert (shift[len(positions) :, 0] >= 0).all()
+
+
 def test_nothing_helps_where_no_limb_is_between(wearer):
     assert sewing_pose(wearer, []) == (wearer, "")
 
