@@ -19,6 +19,9 @@ from transfer.signed_distance import BodySurface
 
 ON_ARC = 0.01
 """Distance from a circle within which an edge lies on it, and by which the panel may reach inside it [m]."""
+NEAR_ARC = 0.3
+"""Distance of an edge from the circle of another within which one circle is laid through both, as a fraction of its
+radius: the arcs of a graded waist have centres of their own."""
 LEAST_TURN, MOST_TURN = np.radians(170.0), np.radians(355.0)
 """Angles of the inner edge between which a fan is folded [rad]; farther round, its sides overlap in the pattern."""
 FACING = 0.9
@@ -66,16 +69,31 @@ def fan_of(mesh: PatternMesh, name: str) -> Fan | None:
         for side, other in (seam.stitch.sides, seam.stitch.sides[::-1])
         if side.panel == name != other.panel
     ]
-    found = [fan for rows in sewn if len(rows) > 2 and (fan := _fan_about(points, rows, sewn)) is not None]
-    return max(found, key=lambda fan: fan.turn, default=None)
+    return widest_fan(points, sewn)
+
+
+def widest_fan(points: Floats, sewn: list[Ints]) -> Fan | None:
+    """The panel, vertices (k, 2) [m], round a circle through one edge or several; the one that turns most."""
+    found = []
+    for rows in (each for each in sewn if len(each) > 2):
+        centre, radius = _circle(points[rows])
+        off = [np.abs(np.linalg.norm(points[each] - centre, axis=1) - radius).max() for each in sewn]
+        also = (each for each, by in zip(sewn, off, strict=True) if by <= NEAR_ARC * radius)
+        near = np.unique(np.concatenate([rows, *also]))
+        found += [_fan_about(points, chosen, sewn) for chosen in (rows, near)]
+    return max((fan for fan in found if fan is not None), key=lambda fan: fan.turn, default=None)
+
+
+def _circle(line: Floats) -> tuple[Floats, float]:
+    """Centre (2,) and radius of the circle through points (k, 2), by least squares [m]."""
+    columns = np.column_stack([2 * line, np.ones(len(line))])
+    x, y, power = np.linalg.lstsq(columns, (line**2).sum(axis=1), rcond=None)[0]
+    return np.array([x, y]), float(np.sqrt(max(power + x * x + y * y, 0.0)))
 
 
 def _fan_about(points: Floats, rows: Ints, sewn: list[Ints]) -> Fan | None:
-    """The panel round the circle of one edge, with the other edges on it; None where that is no inner edge."""
-    line = points[rows]
-    columns = np.column_stack([2 * line, np.ones(len(line))])
-    x, y, power = np.linalg.lstsq(columns, (line**2).sum(axis=1), rcond=None)[0]
-    centre, radius = np.array([x, y]), float(np.sqrt(max(power + x * x + y * y, 0.0)))
+    """The panel round the circle of some of its vertices, with the edges on it; None where that is no inner edge."""
+    centre, radius = _circle(points[rows])
     away = points - centre
     distance = np.linalg.norm(away, axis=1)
     if distance.min() < radius - ON_ARC or np.ptp(distance[rows]) > ON_ARC:

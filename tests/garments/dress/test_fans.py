@@ -6,7 +6,7 @@ from sewing_patterns import panel, specification, stitch
 
 from clothsim.engine import intersecting_pairs
 from clothsim.garments.dress import fans
-from clothsim.garments.dress.fans import fan_of, folded_fans
+from clothsim.garments.dress.fans import fan_of, folded_fans, widest_fan
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.rings import arms_between
 from clothsim.garments.dress.sewing_state import as_placed, crosses_body
@@ -88,6 +88,17 @@ def test_a_fan_is_measured_from_its_inner_edge():
     assert np.isclose(found.distance.max() - found.radius, 0.5, rtol=1e-9)
     assert np.isclose(np.abs(found.angle).max(), np.radians(150), rtol=1e-9)
     assert fan_of(mesh, "band_front") is None
+
+
+@pytest.mark.parametrize(("apart", "turn"), [(0.0, 300.0), (0.012, 300.0), (0.06, 150.0)])
+def test_a_fan_whose_inner_edge_is_two_arcs_is_measured_from_both(apart, turn):
+    """As of a graded waist: the centres of the halves lie apart [m]; halves that lie far apart are no one edge."""
+    angles = np.radians(np.linspace(0, 150, 40))
+    halves = [np.column_stack([sign * np.sin(angles), -np.cos(angles)]) for sign in (1, -1)]
+    inner = [0.085 * half + [sign * apart / 2, 0.0] for sign, half in zip((1, -1), halves, strict=True)]
+    points = np.concatenate([*inner, *(half * 0.5 for half in halves)])
+    found = widest_fan(points, [np.arange(40), np.arange(40, 80)])
+    assert np.degrees(found.turn) == pytest.approx(turn, rel=0.03)
 
 
 @pytest.mark.parametrize("degrees", [60, 120])
