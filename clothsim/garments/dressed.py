@@ -382,7 +382,7 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     """The garment as placed and after all stages, in the better of two poses where the first fails.
 
     First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
-    the body's own pose; then also with the limbs out of the way that seams stayed open about.
+    the body's own pose; then also with the limbs out of the way that seams stayed open about, or the arms where only cloth is between.
     """
     make_directory(task.directory)
     shutil.rmtree(_set_aside(task.directory))  # the runs of an earlier command, or of the coarser mesh
@@ -393,7 +393,7 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     first = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
     if _ended(task, first):
         return first
-    second, differently = sewing_pose(own, (*in_the_way, *first[1].between))
+    second, differently = sewing_pose(own, (*in_the_way, *(first[1].between or ARMS)))
     if differently == change:
         if not change:
             return first
@@ -410,6 +410,8 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     return first if worse else again
 
 
+ARMS = ("left arm", "right arm")
+"""Limbs that are moved out of the way where only cloth is between the sides of a seam: it may hang over them."""
 RUNS = ("close[0-9]*", "return", "shaken", TRAJECTORY_NAME, CHECKPOINT_NAME, RECORD_NAME, SUMMARY_NAME)
 """Files and folders of the runs of a dressing."""
 
