@@ -21,7 +21,7 @@ from clothsim.garments.fit.pieces import UNDIVIDED, Division, divided
 from transfer.body_frame import BodyFrame, body_frame, legs_score
 from transfer.body_parts import BodyParts, body_parts
 from transfer.errors import TransferError
-from transfer.signed_distance import body_surface
+from transfer.signed_distance import body_surface, turned_outward
 from transfer.wrap import union
 
 known_surface = known_for_arrays(body_surface)
@@ -314,12 +314,16 @@ def as_body_mesh(body: Any) -> BodyMesh:
 
 
 def _facing_outward(body: BodyMesh) -> BodyMesh:
-    """The body, with its triangles turned where it encloses a negative volume: they face inwards, as after mirroring."""
-    corners = body.positions[body.triangles] - body.positions[body.triangles.ravel()].mean(axis=0)
-    if np.linalg.det(corners).sum() >= 0.0:
+    """The body, with the triangles turned that face inwards, as after mirroring, or otherwise than their neighbours."""
+    try:
+        triangles = turned_outward(body.positions, body.triangles)
+    except TransferError:  # it encloses no volume: what needs one refuses it
         return body
-    note = f"{body.name}: its triangles face inwards: they are turned"
-    return replace(body, triangles=body.triangles[:, ::-1].copy(), notes=(*body.notes, note))
+    turned = int((triangles != body.triangles).any(axis=1).sum())
+    if not turned:
+        return body
+    note = f"{body.name}: {turned:,} of {len(triangles):,} triangles faced inwards: they are turned"
+    return replace(body, triangles=triangles, notes=(*body.notes, note))
 
 
 def garment_of(cloth: Any, weld: float) -> Garment:
@@ -395,7 +399,7 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, BodyMesh]:
     original = original_of_scene(scene.cloths[0], scene.directory, len(cloth.positions))
     notes = (*built.notes, *remarks)
     garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, notes, sewn=True, original=original)
-    return garment, BodyMesh(body.name, body.positions + origin, body.triangles, 1.0, ())
+    return garment, _facing_outward(BodyMesh(body.name, body.positions + origin, body.triangles, 1.0, ()))
 
 
 def _largest_piece(file: Path, mesh: MeshFile) -> tuple[MeshFile, int]:

@@ -21,7 +21,7 @@ from clothsim.base.file_writing import make_directory
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import example_file, intersecting_pairs, refuse_earlier_run
 from clothsim.files import read_pattern
-from clothsim.garments.dress.pipeline import FRICTION, fallen, not_worn, unrest
+from clothsim.garments.dress.pipeline import FRICTION, fallen, not_worn, slid_off, unrest
 from clothsim.garments.dressed import PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface
 from clothsim.garments.penetration import Counts, count_penetrations
@@ -214,7 +214,7 @@ def outfit(
         status, reason = "sewn", f"{len(worn)} garments are {moving}: {names_of_all}."
     if not counts.clean:
         status, reason = "failed", f"The drape of all ended with {counts}, {counts.where}."
-    elif fault := _not_worn(worn, last, sewn, body, settings.get("waistband", False)):
+    elif fault := _not_worn(worn, last, sewn, body, settings):
         status, reason = "failed", f"In the drape of all: {fault}"
     return _written(replace(end, status=status, reason=reason, worn=last, run=run, counts=counts, notes=tuple(notes)))
 
@@ -312,14 +312,17 @@ def _sinking(worn: Sequence[Worn], last: Sequence[Worn], body: BodyMesh) -> list
 
 
 def _not_worn(
-    worn: Sequence[Worn], last: Sequence[Worn], sewn: Sequence[Dress], body: BodyMesh, waistband: bool
+    worn: Sequence[Worn], last: Sequence[Worn], sewn: Sequence[Dress], body: BodyMesh, settings: Mapping[str, Any]
 ) -> str:
     """Why a garment is not worn after the drape of all, in a sentence with its name; empty where all are."""
+    waistband = bool(settings.get("waistband", settings.get("hold", False)))
     states = {each.directory.name: each.state for each in sewn}
     for before, after in zip(worn, last, strict=True):
         fault = fallen(before.positions, after.positions, body)
-        if not fault and before.name in states:
-            fault = not_worn(states[before.name].moved_to(after.positions), body, waistband)
+        if before.name in states:
+            fault = fault or not_worn(states[before.name].moved_to(after.positions), body, waistband)
+        else:  # it was worn where it was
+            fault = fault or slid_off(before.positions, after.positions, body, waistband)
         if fault:
             return f"{before.name}: {fault}"
     return ""

@@ -27,6 +27,7 @@ from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
 from clothsim.mesh.generators.mannequin.generator import JOINTS, PARENTS, joint
 from clothsim.mesh.generators.table import GENERATORS
 from tests.benchmarks.bodies_table import BODIES, body_named
+from transfer.signed_distance import body_surface
 
 LEAD_IN, SECONDS = 0.7, 2.0
 RATE = 50
@@ -109,6 +110,14 @@ def frames_of(character: Character, clip: str, inward: float) -> Floats:
     return np.stack(found)
 
 
+def depth_of_arms(character: Character, frames: Floats) -> float:
+    """Largest depth of the forearms within the rest of the body [m]; 0 where they stay outside of it."""
+    columns = [joint(f"{side}_{name}") for side in ("left", "right") for name in ("elbow", "wrist")]
+    arms = character.weights[:, columns].sum(axis=1) > 0.99
+    rest = character.triangles[~arms[character.triangles].any(axis=1)]
+    return max(0.0, *(-body_surface(x, rest).closest(x[arms]).signed_distance.min() for x in frames))
+
+
 def walked(name: str, clip: str, inward: float, edge: float, output: Path) -> dict[str, Any]:
     """Measures of a walk of a body in a fitted shirt."""
     given = body_named(name)
@@ -117,12 +126,13 @@ def walked(name: str, clip: str, inward: float, edge: float, output: Path) -> di
     standing = clothsim.Body(character.positions, character.triangles, name=name)
     fit = clothsim.fit(shirt, standing, clothsim.Body(*GENERATORS["mannequin"]()), output / "fit", overwrite=True)
     rest = read_mesh(fit.directory / "garment_rest.obj")
+    moved = frames_of(character, clip, inward)
     scene = clothsim.Scene(
         cloth=clothsim.Cloth(fit.positions, rest.triangles, rest=rest.positions, name="shirt"),
         body=clothsim.Body(
             character.positions,
             character.triangles,
-            frames=frames_of(character, clip, inward),
+            frames=moved,
             frames_per_second=RATE,
             name=name,
         ),
@@ -143,7 +153,8 @@ def walked(name: str, clip: str, inward: float, edge: float, output: Path) -> di
         "status": run.status,
         "reason": run.reason,
         "vertices": len(fit.positions),
-        "steps": len(run.record()) - 1,
+        "steps": len(run.record()),
+        "depth": depth_of_arms(character, moved),
         "seconds_simulated": float(run.times[-1]),
         "cpu_seconds": seconds,
         "cpu_seconds_a_second": seconds / float(run.times[-1]),
@@ -161,7 +172,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, help="directory of the fit and the run")
     arguments = parser.parse_args()
     row = walked(arguments.body, arguments.clip, np.radians(arguments.inward), arguments.edge, arguments.output)
-    (arguments.output / f"{arguments.body}.json").write_text(json.dumps(row, indent=1) + "\n")
+    (arguments.output / f"{arguments.body}_{arguments.clip.replace(':', '_')}_{arguments.inward:g}.json").write_text(json.dumps(row, indent=1) + "\n")
     print(json.dumps(row, indent=1))
 
 

@@ -232,10 +232,41 @@ def test_the_surface_of_a_body_is_found_once():
     assert known_surface(2.0 * positions, triangles) is not found
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_body_that_faces_inwards_is_turned_with_a_note(tmp_path, turned):
+HALF = (CAPSULE[0], CAPSULE[1][(CAPSULE[0][CAPSULE[1], 0] < 0.05).all(axis=1)])
+"""An open body: the sign of a volume about a point that is far away is that of its hole."""
+
+
+@pytest.mark.parametrize("mesh", [CAPSULE, HALF], ids=["closed", "open"])
+@pytest.mark.parametrize("turned", ["none", "all", "every third"])
+@pytest.mark.parametrize("shift", [0.0, -30.0])
+def test_triangles_of_a_body_that_face_inwards_are_turned_with_a_note(tmp_path, mesh, turned, shift):
+    positions, triangles = mesh[0] + [shift, 0.0, 0.0], mesh[1].copy()
+    chosen = {"none": slice(0, 0), "all": slice(None), "every third": slice(None, None, 3)}[turned]
+    triangles[chosen] = triangles[chosen, ::-1]
+    file = in_file(tmp_path, "body.obj", positions, triangles)
+    for body in (as_body_mesh(Body(positions, triangles)), read_body_mesh(file)):
+        np.testing.assert_allclose(
+            triangle_normals(body.positions, body.triangles), triangle_normals(positions, mesh[1]), atol=1e-4
+        )
+        assert any("inwards" in note for note in body.notes) is (turned != "none")
+
+
+def test_of_two_bodies_in_one_the_one_that_faces_inwards_is_turned():
     positions, triangles = CAPSULE
-    given = triangles[:, ::-1] if turned else triangles
-    for body in (as_body_mesh(Body(positions, given)), read_body_mesh(in_file(tmp_path, "body.obj", positions, given))):
-        assert triangle_normals(body.positions, body.triangles)[np.argmax(positions[triangles].mean(axis=1)[:, 0]), 0] > 0
-        assert any("inwards" in note for note in body.notes) is turned
+    both = np.concatenate([positions, positions + [1.0, 0.0, 0.0]])
+    given = np.concatenate([triangles, triangles[:, ::-1] + len(positions)])
+    body = as_body_mesh(Body(both, given))
+    assert np.array_equal(np.sort(body.triangles), np.sort(given))
+    assert np.array_equal(body.triangles[: len(triangles)], triangles)
+    assert (body.triangles[len(triangles) :] != given[len(triangles) :]).any(axis=1).all()
+
+
+def test_the_body_of_a_scene_is_turned_as_one_to_fit_to_and_as_one_to_fit_from(tmp_path):
+    inward = in_file(tmp_path, "body.obj", CAPSULE[0], CAPSULE[1][:, ::-1])
+    shape = 'mesh = "capsule"\nradius = 0.2\nheight = 1.7\nsegments = 12'
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.replace(shape, f'mesh = "{inward}"'))
+    for body in (read_body_mesh(scene), worn_in_scene(scene)[1]):
+        assert any("inwards" in note for note in body.notes)
+        outward = triangle_normals(*CAPSULE)
+        np.testing.assert_allclose(triangle_normals(body.positions, body.triangles), outward, atol=1e-4)

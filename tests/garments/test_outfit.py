@@ -14,6 +14,7 @@ from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.garments import outfit
 from clothsim.garments.dress import pipeline
 from clothsim.garments.inputs import BodyMesh, is_closed
+from clothsim.garments.penetration import Counts
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.signed_distance import body_surface
 from transfer.wrap import REACH
@@ -107,12 +108,20 @@ def test_a_pattern_that_cannot_be_read_is_refused_before_the_first_is_sewn(place
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("drop", "fault"), [(0.0, ""), (2.0, "skirt: The garment falls off the body: it moved by 2")])
-def test_a_garment_that_falls_off_in_the_drape_of_all_has_failed(place, worn, tmp_path, monkeypatch, drop, fault):
-    """The drape of the outfit once more, its skirt lower by `drop` [m]."""
+@pytest.mark.parametrize(
+    ("name", "drop", "crotch", "fault"),
+    [
+        ("skirt", 0.0, 0.0, ""),
+        ("skirt", 2.0, 0.0, "skirt: The garment falls off the body: it moved by 2"),
+        ("skirt", 0.5, 0.9, "skirt: The garment slid off"),
+        ("slip", 0.5, 0.9, "slip: The garment slid off"),
+    ],
+)
+def test_what_falls_or_slides_off_in_the_drape_of_all_has_failed(place, worn, tmp_path, monkeypatch, name, drop, crotch, fault):
+    """The drape of the outfit once more, a garment lower by `drop` [m]; crotch: its height above the ground [m]."""
     folder, _ = place
     draped = worn.run[-1].positions
-    draped["skirt"] = draped["skirt"] - [0.0, drop, 0.0]
+    draped[name] = draped[name] - drop * worn.body.up
     monkeypatch.setattr(outfit, "CELL", CELL)
     monkeypatch.setattr(outfit, "LAYER", LAYER)
 
@@ -125,14 +134,17 @@ def test_a_garment_that_falls_off_in_the_drape_of_all_has_failed(place, worn, tm
         def __getitem__(self, frame):
             return SimpleNamespace(positions=draped)
 
-    def draped_again(*given):
+    def draped_again(garments, body, *given):
         write_summary(tmp_path / SUMMARY_NAME, worn.run.summary)
+        if crotch:
+            body.__dict__["parts"] = SimpleNamespace(landmarks={"crotch": crotch})
         return Fallen()
 
     monkeypatch.setattr(outfit, "draped_together", draped_again)
+    monkeypatch.setattr(outfit, "count_penetrations", lambda *given: Counts(0, 0.0, 0, 0, None))
     pattern = folder / "skirt_specification.json"
     done = clothsim.outfit([pattern], output=tmp_path, over=folder / "slip", size=SPACING, overwrite=True)
-    assert (done.status, fault in done.reason) == ("failed" if fault else "completed", True)
+    assert (done.status, fault in done.reason) == ("failed" if fault else "completed", True), done.reason
 
 
 @pytest.mark.parametrize("reach", [0.0, 0.3])

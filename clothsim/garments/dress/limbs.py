@@ -121,6 +121,8 @@ SPLIT = np.linspace(1.0, 0.85, 30)
 """Levels at which the legs are tried to be two pieces of the body, as fractions of the height of its crotch."""
 
 
+LEG = 0.8
+"""Height to which a piece of a leg reaches, at least, as a fraction of that at which the legs are cut off."""
 ROOM = 0.003
 """Distance between the thighs in which cloth can lie, as a fraction of the body's height: 5 mm."""
 THIN = 0.015
@@ -147,14 +149,17 @@ def _side_of_legs(body: BodyMesh, local: Floats) -> Floats:
     """1 for each vertex of the left, -1 for one of the right: a thigh may reach across the middle of the body.
 
     The legs are two pieces of the body below its crotch, or up to a few millimetres lower where its mesh is coarse.
-    What else is there, such as a wrap of trousers, is of the nearer one.
+    What else is there, such as a shoe or a wrap of trousers, is of the nearer one.
     """
     side = np.asarray(np.sign(local[:, 0]), np.float64)
-    feet = [np.argmin(np.where(side == sign, local[:, 1], np.inf)) for sign in (1, -1)]
     for level in SPLIT * body.parts.landmarks["crotch"]:
         below = local[:, 1] < level
         label = components(body.triangles[below[body.triangles].all(axis=1)], len(local))
-        if label[feet[0]] != label[feet[1]]:
+        top = np.zeros(label.max() + 1)
+        np.maximum.at(top, label[below], local[below, 1])
+        long = below & (top[label] > LEG * level)
+        feet = [np.argmin(np.where(long & (side == sign), local[:, 1], np.inf)) for sign in (1, -1)]
+        if long[feet].all() and label[feet[0]] != label[feet[1]]:
             for foot, sign in zip(feet, (1, -1), strict=True):
                 side[label == label[foot]] = sign
             of_legs = np.isin(label, label[feet])

@@ -258,34 +258,42 @@ def _drape(task: DressTask, done: DressState) -> DressState:
 
 
 def fallen(before: Floats, after: Floats, body: BodyMesh) -> str:
-    """That a garment, positions (n, 3) [m] before and after a drape, fell off, in a sentence; empty where not."""
+    """The sentence that a garment, positions (n, 3) [m] before and after a drape, fell off; empty where it did not."""
     moved = float(np.abs((after - before) @ body.up).max())
     if moved <= 0.5 * float(np.ptp(body.positions @ body.up)):
         return ""
     return f"The garment falls off {body.name}: it moved by {moved:.2g} m."
 
 
-def not_worn(state: SewingState, body: BodyMesh, waistband: bool = False) -> str:
-    """Why a draped garment is not worn, in a sentence; empty where it is. waistband: its upper edge was taken in.
+def slid_off(placed: Floats, worn: Floats, body: BodyMesh, waistband: bool) -> str:
+    """The sentence that a garment slid off, from positions (n, 3) [m] to others; empty where it did not.
 
-    What was placed on the shoulders must stay above the hips, and what was placed on the trunk above the crotch. A
-    garment that is too tall for the body closes above its head: hoods and raised arms may reach there, its torso not.
+    What was placed on the shoulders must stay above the hips, and what was placed on the trunk above the crotch.
     """
     levels = body.positions @ body.up
     floor, height = float(levels.min()), float(np.ptp(levels))
-    placed, at = (positions @ body.up - floor for positions in (state.mesh.positions, state.positions))
-    on_shoulders = hangs_on_shoulders(state.mesh.positions, body, level=CHEST)
+    on_shoulders = hangs_on_shoulders(placed, body, level=CHEST)
     try:
         crotch = body.parts.landmarks["crotch"]
     except TransferError:  # it has no legs that a garment could fall down
         crotch = 0.0
-    least = HIPS * height if on_shoulders else crotch
-    top, below = float(at.max()), float(placed.max() - at.max())
-    if top < least < placed.max() and below > SLID * height:
-        remedy = "" if on_shoulders or waistband else " With --waistband its upper edge is taken in."
-        return f"The garment slid off {body.name}: its top lies {1e3 * below:.0f} mm below its place.{remedy}"
-    above = float(at[torso(state)].max(initial=0.0)) - height
-    if above > 0.0 and np.ptp(placed) > HEADGEAR * height:
+    before, top = (float((positions @ body.up).max()) - floor for positions in (placed, worn))
+    if not (top < (HIPS * height if on_shoulders else crotch) < before and before - top > SLID * height):
+        return ""
+    remedy = "" if on_shoulders or waistband else " With --waistband its upper edge is taken in."
+    return f"The garment slid off {body.name}: its top lies {1e3 * (before - top):.0f} mm below its place.{remedy}"
+
+
+def not_worn(state: SewingState, body: BodyMesh, waistband: bool = False) -> str:
+    """Why a draped garment is not worn, in a sentence; empty where it is. waistband: its upper edge was taken in.
+
+    A garment that is too tall for the body closes above its head: hoods and raised arms may reach there, its torso not.
+    """
+    if slid := slid_off(state.mesh.positions, state.positions, body, waistband):
+        return slid
+    levels = body.positions @ body.up
+    above = float((state.positions @ body.up)[torso(state)].max(initial=-np.inf) - levels.max())
+    if above > 0.0 and np.ptp(state.mesh.positions @ body.up) > HEADGEAR * np.ptp(levels):
         return f"The garment closed above the head of {body.name}: it reaches {1e3 * above:.0f} mm higher."
     if not surrounds(state.positions, state.triangles, body):
         return f"The garment surrounds no part of {body.name}."

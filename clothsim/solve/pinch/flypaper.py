@@ -152,7 +152,7 @@ SAME_PINCH = 4.0
 MUCH_MORE = 1.5
 """Ratio of the displacements of two parts in a step from which on they are not alike."""
 OWN_PART = 2.0
-"""Ratio of the distances of two parts at the start of the run from which on a vertex is of the nearer one."""
+"""Ratio of the distances of two points at the start of the run from which on a vertex is of the part of the nearer."""
 OWN_PATCH = 2.5
 """Radius of the patch about a supporting triangle with which contact goes on, in longest cloth edges."""
 FACES_AWAY = -0.3
@@ -168,10 +168,11 @@ def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
 def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, known: Flypapered) -> Flypapered:
     """Carry the vertices of a pinch from where they are.
 
-    A vertex is held by the part that was much nearer to it at the start of the run: the side of a shirt by the trunk,
-    also where an arm turns back and the two move alike. Else the vertex in the narrowest gap is held by the part that
-    moves less against the whole cloth, of two alike by the one that it is closer to, and those about it by the same
-    part: cloth on two parts would be torn where they slide along one another.
+    Of the two points between which a vertex is pinched, one may have been much nearer to it at the start of the run:
+    its part holds the vertex. So the trunk holds the side of a shirt, also where an arm turns back and both move alike.
+    Among other vertices, that in the narrowest gap is held by the part that moves less against the whole cloth; where
+    both move about alike, by the closer one. Those about it are held by the same part: cloth on two parts would be torn
+    where they slide along one another.
 
     Parameters
     ----------
@@ -198,6 +199,8 @@ def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, 
     slow, fast = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in sides)
     takes_near = slow <= MUCH_MORE * fast  # the nearer part moves less against the cloth, or about as much
     begun = world.start()
+    for body, rows in zip(world.bodies, world.body_slices, strict=True):
+        begun[rows] = body.positions  # also where a body is moved by hand
     points = (np.einsum("kc,kcd->kd", w, begun[rows]) for rows, w in sides)
     from_near, from_far = (np.linalg.norm(begun[found.vertices] - point, axis=1) for point in points)
     is_of_near, is_of_far = OWN_PART * from_near <= from_far, OWN_PART * from_far <= from_near

@@ -1,8 +1,8 @@
 """Pinch policy "carry": cloth between two closing parts of bodies follows one of them until the pinch opens.
 
 After Baraff, Witkin & Kass 2003, "Untangling cloth", section on pinches (flypapering). Before each step the vertices
-about which a gap between opposing body surfaces will close are found (`pinch_gaps`); each is fixed to a triangle of the
-part that it is closer to (`flypaper`), as a Dirichlet condition of the step, and its contact with the other part is
+about which a gap between opposing body surfaces will close are found (`pinch_gaps`); each is fixed to a triangle of one
+of the two parts (`flypaper.with_supports`), as a Dirichlet condition of the step, and its contact with the other part is
 excluded (`contact.candidate_subsets`). Where the pinch has opened they are raised until nothing intersects, then
 released.
 """

@@ -13,7 +13,7 @@ from sewing_patterns import panel, specification
 
 from clothsim.garments.dress import pipeline
 from clothsim.garments.dress.limbs import Wearer
-from clothsim.garments.dress.pipeline import DressState, DressTask, _drape, drape_sewn, end_of_drape, not_worn
+from clothsim.garments.dress.pipeline import DressState, DressTask, _drape, drape_sewn, end_of_drape, fallen, not_worn
 from clothsim.garments.dress.placement import hangs_on_shoulders, surrounds
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh
@@ -148,6 +148,13 @@ def test_where_the_top_of_a_garment_ends_says_whether_it_is_worn(wearer, placed,
     state = tube(placed)
     found = not_worn(state.moved_to(tube(worn).positions), wearer)
     assert (reason in found) if reason else not found
+
+
+@pytest.mark.parametrize(("share", "falls"), [(0.4, False), (0.49, False), (0.51, True), (-0.6, True)])
+def test_what_moves_by_more_than_half_of_the_height_falls_off(wearer, share, falls):
+    worn = tube((0.10, 0.62)).positions
+    moved = worn - [0.0, share * np.ptp(wearer.positions[:, 1]), 0.0]
+    assert ("falls off" in fallen(worn, moved, wearer)) is falls
 
 
 @pytest.mark.parametrize(

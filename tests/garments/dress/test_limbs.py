@@ -145,6 +145,22 @@ def test_a_wrap_of_a_leg_moves_with_it_where_the_leg_reaches_across_the_middle(w
     assert (shift[len(positions) :, 0] >= 0).all()
 
 
+def test_a_shoe_that_is_a_piece_of_its_own_is_no_leg(wearer):
+    own = wearer.body
+    crotch = own.parts.landmarks["crotch"]
+    foot = (own.positions[:, 0] > 0) & (own.positions[:, 1] < 0.12 * crotch)
+    of_foot = foot[own.triangles].all(axis=1)
+    rows, faces = np.unique(own.triangles[of_foot], return_inverse=True)
+    positions = np.concatenate([own.positions, own.positions[rows] - [0.0, 2e-3, 0.0]])
+    triangles = np.concatenate([own.triangles[~of_foot], faces.reshape(-1, 3) + len(own.positions)])
+    shod = BodyMesh("shod", positions, triangles, 1.0, (), own)
+    way = sewing_pose(Wearer(shod, wearer.surface), ["left leg"])[0].way
+    bare = sewing_pose(wearer, ["left leg"])[0].way
+    expected = np.concatenate([bare[0] - bare[-1], (bare[0] - bare[-1])[rows]])
+    used = np.unique(triangles)
+    assert np.abs(way[0] - way[-1] - expected)[used].max() < 2e-3
+
+
 def test_nothing_helps_where_no_limb_is_between(wearer):
     assert sewing_pose(wearer, []) == (wearer, "")
 

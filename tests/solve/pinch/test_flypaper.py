@@ -1,10 +1,12 @@
 """Patches about supporting triangles, and which of two parts holds a vertex of a pinch."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from meshes import cloth, grid
 
-from clothsim.mesh.body import make_body
+from clothsim.mesh.body import LaterMotion, make_body, rigid_motion
 from clothsim.mesh.world import make_world
 from clothsim.solve.pinch.flypaper import NONE_FLYPAPERED, OWN_PATCH, attached, own_rows, with_supports
 from clothsim.solve.pinch.pinch_gaps import PinchedVertices
@@ -80,17 +82,44 @@ def test_the_neighbour_of_a_vertex_is_held_by_the_same_part_wherever_the_scene_i
     assert made.far.tolist() == np.concatenate([above, above]).tolist()
 
 
-@pytest.mark.parametrize(("upper", "of_lower"), [(0.01, False), (0.018, False), (0.022, True), (0.3, True)])
-def test_a_vertex_is_held_by_the_part_that_was_much_nearer_at_the_start_of_the_run(upper, of_lower):
-    """The upper plate has come closer than the lower one, which was 10 mm away at the start; neither moves now."""
+def between_plates(upper: float, moved_by_hand: bool = False):
+    """A sheet 10 mm above a lower plate at the start, `upper` [m] below another, and where that is 5 mm above it now."""
     flat, faces = grid(1, 1)
-    sheet = cloth(*grid(4, 4))
     bodies = [make_body(name, flat + [0, 0, z], faces) for name, z in (("lower", -0.01), ("upper", upper))]
-    world = make_world([sheet], bodies)
-    x = world.start()
+    if moved_by_hand:
+        bodies[1] = replace(bodies[1], motion=LaterMotion(flat + [0, 0, 0.005], rigid_motion(), 0.5))
+    world = make_world([cloth(*grid(4, 4))], bodies)
     below, above = (rows.start + faces[:1] for rows in world.body_slices)
+    x = world.start()
     x[above, 2] = 0.005
     on_edge = 0.5 * np.isin(faces[:1], faces[1])  # the middle of the plate, where the two triangles meet
-    found = PinchedVertices(np.array([12]), above[:, ::-1], on_edge[:, ::-1], below, on_edge, np.array([0.001]))
+    return world, x, (below, on_edge), (above[:, ::-1], on_edge[:, ::-1])
+
+
+@pytest.mark.parametrize("moved_by_hand", [False, True])
+@pytest.mark.parametrize(("upper", "of_lower"), [(0.01, False), (0.018, False), (0.022, True), (0.3, True)])
+def test_a_vertex_is_held_by_the_part_that_was_much_nearer_at_the_start_of_the_run(upper, of_lower, moved_by_hand):
+    """The upper plate has come closer than the lower one; neither moves now."""
+    world, x, lower, higher = between_plates(upper, moved_by_hand)
+    found = PinchedVertices(np.array([12]), *higher, *lower, np.array([0.001]))
     made = with_supports(world, x, x.copy(), found, NONE_FLYPAPERED)
-    assert made.triangles.tolist() == (below if of_lower else above[:, ::-1]).tolist()
+    assert made.triangles.tolist() == (lower if of_lower else higher)[0].tolist()
+
+
+@pytest.mark.parametrize(("upper", "of_lower"), [(0.01, False), (0.3, True)])
+def test_the_part_that_was_much_nearer_holds_a_vertex_also_where_it_moves_more(upper, of_lower):
+    world, x, lower, higher = between_plates(upper)
+    end = x.copy()
+    end[lower[0], 0] += 0.02
+    found = PinchedVertices(np.array([12]), *lower, *higher, np.array([0.001]))
+    made = with_supports(world, x, end, found, NONE_FLYPAPERED)
+    assert made.triangles.tolist() == (lower if of_lower else higher)[0].tolist()
+
+
+@pytest.mark.parametrize(("upper", "of_lower"), [(0.01, False), (0.3, True)])
+def test_a_neighbour_that_is_carried_decides_only_where_no_part_was_much_nearer(upper, of_lower):
+    world, x, lower, higher = between_plates(upper)
+    beside = attached(x, np.array([7]), higher, lower)
+    found = PinchedVertices(np.array([12]), *lower, *higher, np.array([0.001]))
+    made = with_supports(world, x, x.copy(), found, beside)
+    assert made.triangles[made.vertices == 12].tolist() == (lower if of_lower else higher)[0].tolist()
