@@ -382,7 +382,8 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     """The garment as placed and after all stages, in the better of two poses where the first fails.
 
     First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
-    the body's own pose; then also with the limbs out of the way that seams stayed open about, or the arms where only cloth is between.
+    the body's own pose; then also with the limbs out of the way that seams stayed open about, or the arms where only
+    cloth is between.
     """
     make_directory(task.directory)
     shutil.rmtree(_set_aside(task.directory))  # the runs of an earlier command, or of the coarser mesh

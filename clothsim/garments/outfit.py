@@ -161,19 +161,7 @@ def outfit(
     >>> clothsim.outfit(["trousers.json", "shirt.json"], on="body.obj", output="worn").status  # doctest: +SKIP
     'completed'
     """
-    if isinstance(patterns, str | Path | Pattern):
-        raise InputError("patterns is one pattern.", "Give a list, the innermost garment first: [trousers, shirt].")
-    if not isinstance(patterns, Iterable):
-        raise InputError(f"patterns is of the type {type(patterns).__name__}.", "Give a list of files or Patterns.")
-    listed = list(patterns)
-    for each in listed:
-        if not isinstance(each, str | Path | Pattern):
-            raise InputError(f"A pattern is of the type {type(each).__name__}.", "Give files or Patterns.")
-    patterns = [example_file(pattern, "_specification.json", PATTERN_FILE) for pattern in listed]
-    reading = {key: settings[key] for key in ("rotation_order", "seams") if key in settings}
-    for pattern in patterns:
-        if not isinstance(pattern, Pattern):
-            read_pattern(pattern, **reading)  # an error now, not after the garments below are sewn
+    patterns = _patterns(patterns, settings)
     body, worn = _wearer(on, over, scale, body_group)
     names = _names(patterns, [each.name for each in worn])
     if output is None:
@@ -205,18 +193,25 @@ def outfit(
         return _written(replace(end, reason=f"The drape of all could not start: {error.sentence}"))
     if run.status != "completed":
         return _written(replace(end, run=run, reason=f"In the drape of all: {run.reason}"))
-    counts = count_penetrations(run.positions(-1), run.triangles, surface)
-    last = tuple(each.moved_to(run[-1].positions[each.name]) for each in worn)
-    notes += _sinking(worn, last, body)
-    names_of_all, moving = ", ".join(each.name for each in worn), unrest(run, body.name)
-    status, reason = "completed", f"{len(worn)} garments rest on {body.name}: {names_of_all}."
-    if moving:
-        status, reason = "sewn", f"{len(worn)} garments are {moving}: {names_of_all}."
-    if not counts.clean:
-        status, reason = "failed", f"The drape of all ended with {counts}, {counts.where}."
-    elif fault := _not_worn(worn, last, sewn, body, settings):
-        status, reason = "failed", f"In the drape of all: {fault}"
-    return _written(replace(end, status=status, reason=reason, worn=last, run=run, counts=counts, notes=tuple(notes)))
+    return _written(_judged(end, run, surface, settings))
+
+
+def _patterns(patterns: Sequence[str | Path | Pattern], settings: Mapping[str, Any]) -> list[Path | Pattern]:
+    """Files of patterns, and those in memory. InputError for one that cannot be read, before the first is sewn."""
+    if isinstance(patterns, str | Path | Pattern):
+        raise InputError("patterns is one pattern.", "Give a list, the innermost garment first: [trousers, shirt].")
+    if not isinstance(patterns, Iterable):
+        raise InputError(f"patterns is of the type {type(patterns).__name__}.", "Give a list of files or Patterns.")
+    listed = list(patterns)
+    for each in listed:
+        if not isinstance(each, str | Path | Pattern):
+            raise InputError(f"A pattern is of the type {type(each).__name__}.", "Give files or Patterns.")
+    found = [example_file(each, "_specification.json", PATTERN_FILE) for each in listed]
+    reading = {key: settings[key] for key in ("rotation_order", "seams") if key in settings}
+    for each in found:
+        if not isinstance(each, Pattern):
+            read_pattern(each, **reading)
+    return found
 
 
 def _wearer(
@@ -301,14 +296,27 @@ def draped_together(
     return simulate_stage(scene, folder, named_stage("drape of all garments", listener), announce, ends)
 
 
-def _sinking(worn: Sequence[Worn], last: Sequence[Worn], body: BodyMesh) -> list[str]:
-    """Notes of the garments whose tops came down in the drape of all."""
+def _judged(end: Outfit, run: Run, surface: BodySurface, settings: Mapping[str, Any]) -> Outfit:
+    """The outfit after a drape of all that completed: intersections, garments that are not worn, motion."""
+    worn, body = end.worn, end.body
+    counts = count_penetrations(run.positions(-1), run.triangles, surface)
+    last = tuple(each.moved_to(run[-1].positions[each.name]) for each in worn)
     least = SANK * float(np.ptp(body.positions @ body.up))
-    return [
+    sinking = [
         f"{before.name} sank by {1e3 * down:.0f} mm when all garments were draped"
         for before, after in zip(worn, last, strict=True)
         if (down := float((before.positions @ body.up).max() - (after.positions @ body.up).max())) > least
     ]
+    names, moving = ", ".join(each.name for each in worn), unrest(run, body.name)
+    status, reason = "completed", f"{len(worn)} garments rest on {body.name}: {names}."
+    if moving:
+        status, reason = "sewn", f"{len(worn)} garments are {moving}: {names}."
+    if not counts.clean:
+        status, reason = "failed", f"The drape of all ended with {counts}, {counts.where}."
+    elif fault := _not_worn(worn, last, end.sewn, body, settings):
+        status, reason = "failed", f"In the drape of all: {fault}"
+    notes = (*end.notes, *sinking)
+    return replace(end, status=status, reason=reason, worn=last, run=run, counts=counts, notes=notes)
 
 
 def _not_worn(

@@ -172,7 +172,8 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, help="directory of the fit and the run")
     arguments = parser.parse_args()
     row = walked(arguments.body, arguments.clip, np.radians(arguments.inward), arguments.edge, arguments.output)
-    (arguments.output / f"{arguments.body}_{arguments.clip.replace(':', '_')}_{arguments.inward:g}.json").write_text(json.dumps(row, indent=1) + "\n")
+    name = f"{arguments.body}_{arguments.clip.replace(':', '_')}_{arguments.inward:g}.json"
+    (arguments.output / name).write_text(json.dumps(row, indent=1) + "\n")
     print(json.dumps(row, indent=1))
 
 

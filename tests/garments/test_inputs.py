@@ -253,7 +253,7 @@ def test_triangles_of_a_body_that_face_inwards_are_turned_with_a_note(tmp_path, 
 
 def test_of_two_bodies_in_one_the_one_that_faces_inwards_is_turned():
     positions, triangles = CAPSULE
-    both = np.concatenate([positions, positions + [1.0, 0.0, 0.0]])
+    both = np.concatenate([positions, positions + np.array([1.0, 0.0, 0.0])])
     given = np.concatenate([triangles, triangles[:, ::-1] + len(positions)])
     body = as_body_mesh(Body(both, given))
     assert np.array_equal(np.sort(body.triangles), np.sort(given))

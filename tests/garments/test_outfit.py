@@ -117,7 +117,9 @@ def test_a_pattern_that_cannot_be_read_is_refused_before_the_first_is_sewn(place
         ("slip", 0.5, 0.9, "slip: The garment slid off"),
     ],
 )
-def test_what_falls_or_slides_off_in_the_drape_of_all_has_failed(place, worn, tmp_path, monkeypatch, name, drop, crotch, fault):
+def test_what_falls_or_slides_off_in_the_drape_of_all_has_failed(
+    place, worn, tmp_path, monkeypatch, name, drop, crotch, fault
+):
     """The drape of the outfit once more, a garment lower by `drop` [m]; crotch: its height above the ground [m]."""
     folder, _ = place
     draped = worn.run[-1].positions
@@ -151,7 +153,7 @@ def test_what_falls_or_slides_off_in_the_drape_of_all_has_failed(place, worn, tm
 def test_a_wrap_with_a_triangle_through_its_outside_does_not_hold_the_garment(monkeypatch, reach):
     """Two balls apart, and a strip whose ends lie within them: no vertex is outside, its middle is."""
     positions, triangles = GENERATORS["sphere"](radius=1.0, subdivisions=2)
-    body = BodyMesh("ball", positions + [0.0, 5.0, 0.0], triangles, 1.0, ())
+    body = BodyMesh("ball", positions + np.array([0.0, 5.0, 0.0]), triangles, 1.0, ())
     shells = []
 
     def shell(surface, garments, layer, cell):

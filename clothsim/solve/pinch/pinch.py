@@ -2,7 +2,7 @@
 
 After Baraff, Witkin & Kass 2003, "Untangling cloth", section on pinches (flypapering). Before each step the vertices
 about which a gap between opposing body surfaces will close are found (`pinch_gaps`); each is fixed to a triangle of one
-of the two parts (`flypaper.with_supports`), as a Dirichlet condition of the step, and its contact with the other part is
+of the two parts (`flypaper.with_supports`), as a Dirichlet condition of the step, and its contact with the other is
 excluded (`contact.candidate_subsets`). Where the pinch has opened they are raised until nothing intersects, then
 released.
 """

@@ -83,11 +83,12 @@ def test_the_neighbour_of_a_vertex_is_held_by_the_same_part_wherever_the_scene_i
 
 
 def between_plates(upper: float, moved_by_hand: bool = False):
-    """A sheet 10 mm above a lower plate at the start, `upper` [m] below another, and where that is 5 mm above it now."""
+    """A sheet 10 mm above a lower plate at the start and `upper` [m] below another, which is 5 mm above it now."""
     flat, faces = grid(1, 1)
-    bodies = [make_body(name, flat + [0, 0, z], faces) for name, z in (("lower", -0.01), ("upper", upper))]
+    up = np.array([0.0, 0.0, 1.0])
+    bodies = [make_body(name, flat + z * up, faces) for name, z in (("lower", -0.01), ("upper", upper))]
     if moved_by_hand:
-        bodies[1] = replace(bodies[1], motion=LaterMotion(flat + [0, 0, 0.005], rigid_motion(), 0.5))
+        bodies[1] = replace(bodies[1], motion=LaterMotion(flat + 0.005 * up, rigid_motion(), 0.5))
     world = make_world([cloth(*grid(4, 4))], bodies)
     below, above = (rows.start + faces[:1] for rows in world.body_slices)
     x = world.start()
