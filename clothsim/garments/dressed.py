@@ -394,7 +394,8 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     first = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
     if _ended(task, first):
         return first
-    second, differently = sewing_pose(own, (*in_the_way, *(first[1].between or ARMS)))
+    cloth_between = () if first[1].run else ARMS  # not where it was sewn, and slid off in its drape
+    second, differently = sewing_pose(own, (*in_the_way, *(first[1].between or cloth_between)))
     if differently == change:
         if not change:
             return first
