@@ -23,12 +23,12 @@ from clothsim.garments.dress.closing import stretch_range
 from clothsim.garments.dress.corrections import lifted
 from clothsim.garments.dress.fans import folded_fans
 from clothsim.garments.dress.grading import Grading, graded
-from clothsim.garments.dress.limbs import Wearer, sewing_pose
+from clothsim.garments.dress.limbs import Wearer, legs_beside, sewing_pose
 from clothsim.garments.dress.measurements import measurement_entries
 from clothsim.garments.dress.pipeline import STAGES, DressState, DressTask
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
 from clothsim.garments.dress.rings import arms_between, lowered_to_crotch
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed, worst_gap
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.fit.moving_body import BODY, REST, START
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface, read_body_mesh, stands
 from clothsim.garments.penetration import Counts
@@ -360,7 +360,7 @@ def _sewn_at(task: DressTask, pattern: Pattern, size: float, origin: str, coarse
             notes = (*notes, f"not sewn on a coarser mesh: {error.sentence}")
         else:
             first = _sewn_in_poses(replace(task, halvings=halvings), mesh, (*mesh_notes, *notes))
-            if _ended(task, first):
+            if not first[1].failure or process_time() >= task.ends:
                 return first
             notes = (*notes, f"sewn again on the finer mesh: on the coarser one, {_reason(first)}")
     mesh, mesh_notes = _placed_mesh(task, pattern, size, origin, 0)
@@ -379,11 +379,11 @@ def _placed_mesh(
 
 
 def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> Sewn:
-    """The garment as placed and after all stages, in the better of two poses where the first fails.
+    """The garment as placed and after all stages; in the better of two poses, where it fails or springs hold seams.
 
     First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
     the body's own pose; then also with the limbs out of the way that seams stayed open about, or the arms where only
-    cloth is between.
+    cloth is between, or the legs where springs hold a seam beside them.
     """
     make_directory(task.directory)
     shutil.rmtree(_set_aside(task.directory))  # the runs of an earlier command, or of the coarser mesh
@@ -392,18 +392,21 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     posed, change = sewing_pose(own, in_the_way)
     raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
     first = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
-    if _ended(task, first):
+    failure = first[1].failure
+    limbs = first[1].between if failure else legs_beside(first[1].state, task.body)
+    if process_time() >= task.ends or not (failure or limbs):
         return first
-    cloth_between = () if first[1].run else ARMS  # not where it was sewn, and slid off in its drape
-    second, differently = sewing_pose(own, (*in_the_way, *(first[1].between or cloth_between)))
+    if failure and not limbs and first[1].run is None:  # else it was sewn, and slid off in its drape
+        limbs = ARMS
+    second, differently = sewing_pose(own, (*in_the_way, *limbs))
     if differently == change:
-        if not change:
+        if not (change and failure):
             return first
         second, differently = own, "the body in its own pose"
     note = f"sewn again with {differently}: at first, {_reason(first)}"
     aside = _set_aside(task.directory)
     again = _sewn(task, mesh, second, (*notes, note))
-    worse = bool(again[1].failure) and worst_gap(again[1].state)[0] > worst_gap(first[1].state)[0]
+    worse = again[1].what_is_left > first[1].what_is_left
     if worse:
         shutil.rmtree(_set_aside(task.directory))
         for file in aside.iterdir():
@@ -426,11 +429,6 @@ def _set_aside(directory: Path) -> Path:
             if file.is_file() or (file / RECORD_NAME).exists():  # not a folder of the user's
                 file.rename(aside / file.name)
     return aside
-
-
-def _ended(task: DressTask, sewn: Sewn) -> bool:
-    """True if there is no need, or no budget, to sew a garment again."""
-    return not sewn[1].failure or process_time() >= task.ends
 
 
 def _reason(sewn: Sewn) -> str:

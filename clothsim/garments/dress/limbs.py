@@ -67,6 +67,16 @@ def limbs_between(state: SewingState, seams: Iterable[MeshedSeam], wearer: Weare
     return tuple(str(found[k]) for k in np.argsort(-counts, kind="stable"))
 
 
+def legs_beside(state: SewingState, body: BodyMesh) -> tuple[str, ...]:
+    """The legs where springs hold a seam that reaches below the crotch: wide cloth lies in folds between them."""
+    try:
+        crotch = float((body.positions @ body.up).min()) + body.parts.landmarks["crotch"]
+    except TransferError:  # it has no legs
+        return ()
+    low = [(state.positions[state.pairs(state.mesh.seams[k])] @ body.up < crotch).any() for k in state.open_seams]
+    return ("left leg", "right leg") if any(low) else ()
+
+
 SECTORS = 24
 """Directions from the axis of the body, or of a leg, in all of which a line round it lies."""
 

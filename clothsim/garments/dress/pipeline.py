@@ -112,6 +112,12 @@ class DressState:
         """Reason for a failure; empty while nothing failed."""
         return self.reason if self.status == "failed" else ""
 
+    @property
+    def what_is_left(self) -> tuple[bool, bool, float]:
+        """Whether it failed and whether it does not rest; its widest gap [m] if it failed, else its open seams."""
+        gap = worst_gap(self.state)[0] if self.failure else len(self.state.open_seams)
+        return bool(self.failure), self.status != "completed", gap
+
     def failed(self, reason: str) -> "DressState":
         """Copy that failed for a reason; as it is for none."""
         return replace(self, status="failed", reason=reason) if reason else self

@@ -13,6 +13,7 @@ from clothsim.garments.dress.limbs import (
     Wearer,
     form_a_tube,
     goes_round,
+    legs_beside,
     limb_names,
     limbs_between,
     sewing_pose,
@@ -159,6 +160,15 @@ def test_a_shoe_that_is_a_piece_of_its_own_is_no_leg(wearer):
     expected = np.concatenate([bare[0] - bare[-1], (bare[0] - bare[-1])[rows]])
     used = np.unique(triangles)
     assert np.abs(way[0] - way[-1] - expected)[used].max() < 2e-3
+
+
+@pytest.mark.parametrize(("low", "high", "beside"), [(0.2, 0.5, True), (0.6, 0.95, True), (0.9, 1.2, False)])
+def test_springs_of_a_seam_below_the_crotch_are_beside_the_legs(wearer, low, high, beside):
+    state = as_placed(tube(0.3, low, high).mesh)
+    crotch = wearer.body.parts.landmarks["crotch"]
+    assert 0.6 < crotch < 0.9
+    assert bool(legs_beside(state, wearer.body)) is beside
+    assert legs_beside(state.weld(range(len(state.mesh.seams))), wearer.body) == ()
 
 
 def test_nothing_helps_where_no_limb_is_between(wearer):

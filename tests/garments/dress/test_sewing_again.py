@@ -125,6 +125,41 @@ def test_a_garment_that_was_sewn_and_slid_off_is_not_sewn_again(body, tmp_path, 
     assert len(tries) == number
 
 
+@pytest.mark.parametrize(
+    ("open_seams", "status", "number", "result"),
+    [
+        ((2, 1), "completed", 2, 1),
+        ((2, 0), "completed", 2, 0),
+        ((1, 2), "completed", 2, 1),
+        ((2, 0), "sewn", 2, 2),
+        ((2, 0), "failed", 2, 2),
+        ((0, 0), "completed", 1, 0),
+    ],
+)
+def test_where_springs_hold_a_seam_beside_the_legs_the_better_of_two_poses_is_the_result(
+    body, tmp_path, monkeypatch, open_seams, status, number, result
+):
+    """open_seams: of the garment in both poses, all beside the legs; status: that of the second."""
+    wearer = Wearer(body, body_surface(body.positions, body.triangles))
+    begun = DressState(as_placed(mesh_pattern(PATTERN, SPACING)), wearer, (), run=SimpleNamespace())
+    tries = []
+
+    def sewn(*given):
+        left = open_seams[len(tries)]
+        state = begun.state.weld(range(2 - left)) if left < 2 else begun.state
+        tries.append(given)
+        return begun, replace(begun, state=state, status="completed" if len(tries) == 1 else status)
+
+    monkeypatch.setattr(dressed_module, "_sewn", sewn)
+    monkeypatch.setattr(dressed_module, "legs_beside", lambda state, body: ("left leg",) * bool(state.open_seams))
+    monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, "legs parted" * bool(limbs)))
+    _, done = dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
+    assert (len(tries), len(done.state.open_seams)) == (number, result)
+    tries.clear()
+    dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path, ends=0.0), begun.state.mesh, ())
+    assert len(tries) == 1  # the budget is spent
+
+
 def test_a_pattern_that_has_no_coarser_mesh_is_sewn_on_the_fine_one(body, monkeypatch):
     tasks = sewn_by(monkeypatch, {})
     made = dressed_module.mesh_pattern
