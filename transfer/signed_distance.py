@@ -173,7 +173,7 @@ def body_surface(positions: ArrayLike, triangles: ArrayLike) -> BodySurface:
     """
     points, given = as_surface("body", positions, triangles)
     os.environ.setdefault("IGL_NUM_THREADS", str(min(THREADS, os.cpu_count() or 1)))
-    faces = turned_outward(points, given)
+    faces = _turned_outward(points, given)
     normals = triangle_normals(points, faces)
     size = float(np.linalg.norm(np.ptp(points[faces.ravel()], axis=0)))
     above = points[faces].mean(axis=1) + SKIN * size * normals
@@ -202,11 +202,8 @@ def barycentric(corners: Floats, points: Floats) -> Floats:
     return np.column_stack([1 - v - w, v, w])
 
 
-def turned_outward(points: Floats, given: Ints) -> Ints:
-    """Triangles (m, 3) oriented consistently in each component, with positive volume where it encloses one.
-
-    points (n, 3) [m]. TransferError where no component encloses a volume.
-    """
+def _turned_outward(points: Floats, given: Ints) -> Ints:
+    """Triangles (m, 3) oriented consistently in each component, with positive volume."""
     faces, pieces = igl.bfs_orient(given)
     faces, pieces = np.ascontiguousarray(faces, np.int64), np.asarray(pieces).ravel()
     corners = points[faces]
@@ -216,11 +213,10 @@ def turned_outward(points: Floats, given: Ints) -> Ints:
     count = np.bincount(pieces)
     centre = np.column_stack([np.bincount(pieces, middles[:, k]) for k in range(3)]) / count[:, None]
     volume = np.bincount(pieces, ((middles - centre[pieces]) * doubled).sum(axis=1) / 6)
-    least = HOLLOW * area**1.5 / (6 * np.sqrt(np.pi))
-    if not (np.abs(volume) > least).any():
+    if not (np.abs(volume) > HOLLOW * area**1.5 / (6 * np.sqrt(np.pi))).any():
         raise TransferError(
             "The body encloses no volume: it is a flat sheet.", "Give a closed body; small holes are allowed."
         )
-    inward = (volume < -least)[pieces]
+    inward = (volume < 0)[pieces]
     faces[inward] = faces[inward][:, [0, 2, 1]]
     return faces

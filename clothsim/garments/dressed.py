@@ -392,27 +392,31 @@ def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -
     posed, change = sewing_pose(own, in_the_way)
     raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
     first = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
-    failure = first[1].failure
-    limbs = first[1].between if failure else legs_beside(first[1].state, task.body)
-    if process_time() >= task.ends or not (failure or limbs):
+    done = first[1]
+    unsewn = bool(done.failure) and done.run is None  # else it was sewn, and may have slid off in its drape
+    limbs = (done.between if done.failure else ()) or legs_beside(done.state, task.body) or (ARMS if unsewn else ())
+    if process_time() >= task.ends or not limbs:
         return first
-    if failure and not limbs and first[1].run is None:  # else it was sewn, and slid off in its drape
-        limbs = ARMS
     second, differently = sewing_pose(own, (*in_the_way, *limbs))
     if differently == change:
-        if not (change and failure):
+        if not (change and unsewn):
             return first
         second, differently = own, "the body in its own pose"
     note = f"sewn again with {differently}: at first, {_reason(first)}"
     aside = _set_aside(task.directory)
-    again = _sewn(task, mesh, second, (*notes, note))
-    worse = again[1].what_is_left > first[1].what_is_left
+    again = None
+    try:
+        again = _sewn(task, mesh, second, (*notes, note))
+    finally:
+        worse = again is None or again[1].what_is_left > done.what_is_left
+        if worse:
+            shutil.rmtree(_set_aside(task.directory))
+            for file in aside.iterdir():
+                file.rename(task.directory / file.name)
+        shutil.rmtree(aside)
     if worse:
-        shutil.rmtree(_set_aside(task.directory))
-        for file in aside.iterdir():
-            file.rename(task.directory / file.name)
-    shutil.rmtree(aside)
-    return first if worse else again
+        return first[0], replace(done, notes=(*done.notes, f"sewn again with {differently}, which was no better"))
+    return again
 
 
 ARMS = ("left arm", "right arm")
@@ -432,7 +436,7 @@ def _set_aside(directory: Path) -> Path:
 
 
 def _reason(sewn: Sewn) -> str:
-    """Why a garment failed, to follow a colon."""
+    """Why a garment failed, or how it was sewn, to follow a colon."""
     return f"{sewn[1].reason[:1].lower()}{sewn[1].reason[1:]}"
 
 

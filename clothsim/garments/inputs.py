@@ -21,7 +21,7 @@ from clothsim.garments.fit.pieces import UNDIVIDED, Division, divided
 from transfer.body_frame import BodyFrame, body_frame, legs_score
 from transfer.body_parts import BodyParts, body_parts
 from transfer.errors import TransferError
-from transfer.signed_distance import body_surface, turned_outward
+from transfer.signed_distance import body_surface
 from transfer.wrap import union
 
 known_surface = known_for_arrays(body_surface)
@@ -285,6 +285,10 @@ def read_body_mesh(
     return replace(body, notes=(*body.notes, fault)) if fault else body
 
 
+ROUND_OFF = 1e-9
+"""Volume of a body below which its sign is of round-off, as a fraction of that of all its tetrahedra."""
+
+
 def _extent(mesh: MeshFile) -> float:
     """Largest extent of the triangles, in the mesh's units."""
     return float(np.ptp(mesh.positions[mesh.triangles.ravel()], axis=0).max())
@@ -314,16 +318,16 @@ def as_body_mesh(body: Any) -> BodyMesh:
 
 
 def _facing_outward(body: BodyMesh) -> BodyMesh:
-    """The body, with the triangles turned that face inwards, as after mirroring, or otherwise than their neighbours."""
-    try:
-        triangles = turned_outward(body.positions, body.triangles)
-    except TransferError:  # it encloses no volume: what needs one refuses it
+    """The body, with all triangles turned where it encloses a negative volume: they face inwards, as after mirroring.
+
+    Not by pieces: of a body whose vertices are not welded they are open, and a hollow body has an inner surface.
+    """
+    corners = body.positions[body.triangles] - body.positions[body.triangles.ravel()].mean(axis=0)
+    volumes = np.linalg.det(corners)
+    if volumes.sum() >= -ROUND_OFF * np.abs(volumes).sum():
         return body
-    turned = int((triangles != body.triangles).any(axis=1).sum())
-    if not turned:
-        return body
-    note = f"{body.name}: {turned:,} of {len(triangles):,} triangles faced inwards: they are turned"
-    return replace(body, triangles=triangles, notes=(*body.notes, note))
+    note = f"{body.name}: its triangles face inwards: they are turned"
+    return replace(body, triangles=body.triangles[:, ::-1].copy(), notes=(*body.notes, note))
 
 
 def garment_of(cloth: Any, weld: float) -> Garment:

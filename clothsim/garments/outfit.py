@@ -329,8 +329,8 @@ def _not_worn(
         fault = fallen(before.positions, after.positions, body)
         if before.name in states:
             fault = fault or not_worn(states[before.name].moved_to(after.positions), body, waistband)
-        else:  # it was worn where it was
-            fault = fault or slid_off(before.positions, after.positions, body, waistband)
+        else:  # of an earlier run: worn where it was, and no waistband can be put in
+            fault = fault or slid_off(before.positions, after.positions, body, waistband=True)
         if fault:
             return f"{before.name}: {fault}"
     return ""

@@ -237,28 +237,30 @@ HALF = (CAPSULE[0], CAPSULE[1][(CAPSULE[0][CAPSULE[1], 0] < 0.05).all(axis=1)])
 
 
 @pytest.mark.parametrize("mesh", [CAPSULE, HALF], ids=["closed", "open"])
-@pytest.mark.parametrize("turned", ["none", "all", "every third"])
+@pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("shift", [0.0, -30.0])
 def test_triangles_of_a_body_that_face_inwards_are_turned_with_a_note(tmp_path, mesh, turned, shift):
     positions, triangles = mesh[0] + [shift, 0.0, 0.0], mesh[1].copy()
-    chosen = {"none": slice(0, 0), "all": slice(None), "every third": slice(None, None, 3)}[turned]
-    triangles[chosen] = triangles[chosen, ::-1]
+    triangles = triangles[:, ::-1] if turned else triangles
     file = in_file(tmp_path, "body.obj", positions, triangles)
     for body in (as_body_mesh(Body(positions, triangles)), read_body_mesh(file)):
         np.testing.assert_allclose(
             triangle_normals(body.positions, body.triangles), triangle_normals(positions, mesh[1]), atol=1e-4
         )
-        assert any("inwards" in note for note in body.notes) is (turned != "none")
+        assert any("inwards" in note for note in body.notes) is turned
 
 
-def test_of_two_bodies_in_one_the_one_that_faces_inwards_is_turned():
+def test_pieces_that_face_otherwise_are_left():
+    """Of two people one that faces inwards, an inner surface, and a sphere whose triangles share no vertices."""
     positions, triangles = CAPSULE
-    both = np.concatenate([positions, positions + np.array([1.0, 0.0, 0.0])])
-    given = np.concatenate([triangles, triangles[:, ::-1] + len(positions)])
-    body = as_body_mesh(Body(both, given))
-    assert np.array_equal(np.sort(body.triangles), np.sort(given))
-    assert np.array_equal(body.triangles[: len(triangles)], triangles)
-    assert (body.triangles[len(triangles) :] != given[len(triangles) :]).any(axis=1).all()
+    beside = np.concatenate([positions, positions + np.array([1.0, 0.0, 0.0])])
+    hollow = np.concatenate([positions, 0.5 * positions])
+    inward = np.concatenate([triangles, triangles[:, ::-1] + len(positions)])
+    apart = positions[triangles].reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
+    for mesh in ((beside, inward), (hollow, inward), apart):
+        body = as_body_mesh(Body(*mesh))
+        assert np.array_equal(body.triangles, mesh[1])
+        assert not any("inwards" in note for note in body.notes)
 
 
 def test_the_body_of_a_scene_is_turned_as_one_to_fit_to_and_as_one_to_fit_from(tmp_path):

@@ -113,10 +113,10 @@ class DressState:
         return self.reason if self.status == "failed" else ""
 
     @property
-    def what_is_left(self) -> tuple[bool, bool, float]:
-        """Whether it failed and whether it does not rest; its widest gap [m] if it failed, else its open seams."""
-        gap = worst_gap(self.state)[0] if self.failure else len(self.state.open_seams)
-        return bool(self.failure), self.status != "completed", gap
+    def what_is_left(self) -> tuple[bool, bool, int, float]:
+        """Whether it failed, whether it does not rest, its open seams unless it failed, and its widest gap [m]."""
+        open_seams = 0 if self.failure else len(self.state.open_seams)
+        return bool(self.failure), self.status != "completed", open_seams, worst_gap(self.state)[0]
 
     def failed(self, reason: str) -> "DressState":
         """Copy that failed for a reason; as it is for none."""

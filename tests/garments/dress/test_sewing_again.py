@@ -113,13 +113,16 @@ def test_of_two_poses_in_which_a_garment_fails_the_one_with_the_smaller_gap_is_t
     assert (tmp_path / "close0" / "record.jsonl").read_text() == ("2" if "a" in result.split() else "1")
 
 
+@pytest.mark.parametrize("raised", [False, True])
 @pytest.mark.parametrize(("run", "number"), [(None, 2), (SimpleNamespace(status="completed"), 1)])
-def test_a_garment_that_was_sewn_and_slid_off_is_not_sewn_again(body, tmp_path, monkeypatch, run, number):
+def test_a_garment_that_was_sewn_and_slid_off_is_not_sewn_again(body, tmp_path, monkeypatch, run, number, raised):
+    """raised: the arms, at the first try."""
     wearer = Wearer(body, body_surface(body.positions, body.triangles))
     begun = DressState(as_placed(mesh_pattern(PATTERN, SPACING)), wearer, ())
     failed = replace(begun, run=run).failed("The garment slid off, or a seam stays open.")
     tries = []
     monkeypatch.setattr(dressed_module, "_sewn", lambda *given: tries.append(given) or (begun, failed))
+    monkeypatch.setattr(dressed_module, "arms_between", lambda state, own: ("left hand",) * raised)
     monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, "the arms raised" * bool(limbs)))
     dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
     assert len(tries) == number
@@ -155,9 +158,41 @@ def test_where_springs_hold_a_seam_beside_the_legs_the_better_of_two_poses_is_th
     monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, "legs parted" * bool(limbs)))
     _, done = dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
     assert (len(tries), len(done.state.open_seams)) == (number, result)
+    kept = number == 2 and result == open_seams[0]
+    assert any("no better" in note for note in done.notes) is kept
     tries.clear()
     dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path, ends=0.0), begun.state.mesh, ())
     assert len(tries) == 1  # the budget is spent
+
+
+def test_less_is_left_of_a_garment_that_is_sewn_at_rest_and_welded(body):
+    begun = DressState(as_placed(mesh_pattern(PATTERN, SPACING)), Wearer(body, body_surface(*person(0.05))), ())
+    wider = replace(begun, state=begun.state.moved_to(1.1 * begun.state.positions))
+    welded = replace(begun, state=begun.state.weld((0,)))
+    order = [welded, begun, wider, replace(welded, status="sewn"), begun.failed("A seam."), wider.failed("A seam.")]
+    assert [each.what_is_left for each in order] == sorted(each.what_is_left for each in order)
+    assert len({each.what_is_left for each in order}) == len(order)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, InputError("A seam is of no length.")])
+def test_the_runs_of_the_first_try_stay_where_the_second_ends_with_an_error(body, tmp_path, monkeypatch, error):
+    wearer = Wearer(body, body_surface(body.positions, body.triangles))
+    begun = DressState(as_placed(mesh_pattern(PATTERN, SPACING)), wearer, (), run=SimpleNamespace())
+
+    def sewn(task, mesh, on, notes):
+        (task.directory / "close0").mkdir()
+        (task.directory / "close0" / "record.jsonl").write_text(str(len(notes)))
+        if notes:
+            raise error
+        return begun, begun
+
+    monkeypatch.setattr(dressed_module, "_sewn", sewn)
+    monkeypatch.setattr(dressed_module, "legs_beside", lambda state, body: ("left leg",))
+    monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, "legs parted" * bool(limbs)))
+    with pytest.raises(error if isinstance(error, type) else type(error)):
+        dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
+    assert [file.name for file in tmp_path.iterdir()] == ["close0"]
+    assert (tmp_path / "close0" / "record.jsonl").read_text() == "0"
 
 
 def test_a_pattern_that_has_no_coarser_mesh_is_sewn_on_the_fine_one(body, monkeypatch):
