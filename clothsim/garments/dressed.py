@@ -379,7 +379,7 @@ def _placed_mesh(
 
 
 def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> Sewn:
-    """The garment as placed and after all stages; in the better of two poses, where it fails or springs hold seams.
+    """The garment as placed and after all stages; the better of two attempts where not every seam is welded.
 
     First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
     the body's own pose; then also with the limbs out of the way that seams stayed open about, or the arms where only

@@ -142,7 +142,7 @@ def test_a_garment_that_was_sewn_and_slid_off_is_not_sewn_again(body, tmp_path, 
 def test_where_springs_hold_a_seam_beside_the_legs_the_better_of_two_poses_is_the_result(
     body, tmp_path, monkeypatch, open_seams, status, number, result
 ):
-    """open_seams: of the garment in both poses, all beside the legs; status: that of the second."""
+    """open_seams: numbers of them after either attempt, all beside the legs; status: that of the second."""
     wearer = Wearer(body, body_surface(body.positions, body.triangles))
     begun = DressState(as_placed(mesh_pattern(PATTERN, SPACING)), wearer, (), run=SimpleNamespace())
     tries = []
