@@ -151,7 +151,7 @@ def write_results(done: "Dress", name: str, size: float, watch: Stopwatch) -> No
         "stages": [stage.as_dict() for stage in done.stages],
         "seams": seam_entries(done.state),
         "pattern": name,
-        "measurements": measurement_entries(done.state, done.body.like or done.body, done.fabrics),
+        "measurements": measurement_entries(done.state, done.body.bare, done.fabrics),
         "grading": None if done.grading is None else done.grading.as_dict(),
         "tight": tight_entries(done.tight),
         "vertices": len(done.state.positions),
@@ -351,7 +351,7 @@ def _sewn_at(task: DressTask, pattern: Pattern, size: float, origin: str, coarse
     InputError for a pattern that cannot be meshed.
     """
     size = as_positive("The size of the mesh", size)
-    coarsest = COARSEST * float(np.ptp(task.body.positions @ task.body.up))
+    coarsest = COARSEST * task.body.height
     halvings = max(0, int(np.log2(coarsest) - np.log2(size))) if coarse else 0
     if halvings:
         try:

@@ -211,6 +211,27 @@ class BodyMesh:
                 return np.eye(3)[1 + int(np.argmax(scores))]
         return np.eye(3)[1 if extent[1] >= extent[2] else 2]
 
+    @property
+    def bare(self) -> "BodyMesh":
+        """The body without the wrap of what it wears: hems may hang below its soles, and skirts reach past its arms."""
+        return self if self.like is None else self.like
+
+    @cached_property
+    def floor(self) -> float:
+        """Level of the lowest vertex of the bare body along `up` [m]."""
+        return float((self.bare.positions @ self.up).min())
+
+    @cached_property
+    def height(self) -> float:
+        """Extent of the bare body along `up` [m]."""
+        return float(np.ptp(self.bare.positions @ self.up))
+
+    @cached_property
+    def middle(self) -> Floats:
+        """Middle of the bounding box of the bare body, (3,) [m]."""
+        positions = self.bare.positions
+        return np.asarray((positions.min(axis=0) + positions.max(axis=0)) / 2, np.float64)
+
     @cached_property
     def front(self) -> Floats:
         """Unit direction that it faces, (3,): that of its feet where it is far from the usual one, else the usual."""

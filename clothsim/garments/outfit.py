@@ -21,7 +21,7 @@ from clothsim.base.file_writing import make_directory
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import example_file, intersecting_pairs, refuse_earlier_run
 from clothsim.files import read_pattern
-from clothsim.garments.dress.pipeline import FRICTION, fallen, not_worn, slid_off, unrest
+from clothsim.garments.dress.pipeline import FRICTION, SANK, descent_of_top, fallen, not_worn, slid_off, unrest
 from clothsim.garments.dressed import PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface
 from clothsim.garments.penetration import Counts, count_penetrations
@@ -38,9 +38,6 @@ ROUNDS = 5
 """Bound on the wraps that are tried."""
 SAME = 1e-6
 """Largest distance of corresponding vertices of one body in two files [m]."""
-SANK = 0.03
-"""Descent of the top of a garment in the drape of all, as a fraction of the body's height, beyond which a note says
-so."""
 
 
 @dataclass(frozen=True)
@@ -301,11 +298,10 @@ def _judged(end: Outfit, run: Run, surface: BodySurface, settings: Mapping[str, 
     worn, body = end.worn, end.body
     counts = count_penetrations(run.positions(-1), run.triangles, surface)
     last = tuple(each.moved_to(run[-1].positions[each.name]) for each in worn)
-    least = SANK * float(np.ptp(body.positions @ body.up))
     sinking = [
         f"{before.name} sank by {1e3 * down:.0f} mm when all garments were draped"
         for before, after in zip(worn, last, strict=True)
-        if (down := float((before.positions @ body.up).max() - (after.positions @ body.up).max())) > least
+        if (down := descent_of_top(before.positions, after.positions, body.up)) > SANK * body.height
     ]
     names, moving = ", ".join(each.name for each in worn), unrest(run, body.name)
     status, reason = "completed", f"{len(worn)} garments rest on {body.name}: {names}."

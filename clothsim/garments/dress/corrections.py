@@ -20,7 +20,7 @@ from clothsim.base.text import many
 from clothsim.base.triangles import area_vectors
 from clothsim.engine import components, intersecting_pairs
 from clothsim.garments.dress.closing import is_on_top
-from clothsim.garments.dress.placement import CHEST, SHOULDERS, arm_line, hangs_on_shoulders, is_of_arm, middle_of
+from clothsim.garments.dress.placement import CHEST, SHOULDERS, arm_line, hangs_on_shoulders, is_of_arm
 from clothsim.garments.dress.rings import open_pairs_by_seam, rings, vertices_of
 from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body, crosses_body
 from clothsim.garments.inputs import BodyMesh
@@ -109,9 +109,8 @@ def separated(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple
     is placed inside them, move upward.
     """
     of_panel = rigid_groups(state)
-    levels = body.positions @ body.up
     middle = np.bincount(of_panel, state.positions @ body.up) / np.bincount(of_panel)
-    above = middle > levels.min() + SHOULDERS * np.ptp(levels)
+    above = middle > body.floor + SHOULDERS * body.height
     found: dict[int, str] = {}
     for name, rows in state.mesh.vertices.items():
         found.setdefault(int(of_panel[state.number[rows.start]]), name)
@@ -208,7 +207,6 @@ def rigid_groups(state: SewingState) -> Ints:
 def outward_of_groups(state: SewingState, body: BodyMesh) -> Floats:
     """Unit normal of each group, horizontal where it can be, on the side away from the body's axis, (g, 3)."""
     label = rigid_groups(state)
-    middle = (body.positions.max(axis=0) + body.positions.min(axis=0)) / 2
     found = []
     for group in range(label.max() + 1):
         faces = state.triangles[label[state.triangles[:, 0]] == group]
@@ -217,7 +215,7 @@ def outward_of_groups(state: SewingState, body: BodyMesh) -> Floats:
         flat = normal - (normal @ body.up) * body.up
         normal = flat if np.linalg.norm(flat) > 0.3 * np.linalg.norm(normal) else normal
         normal = normal / np.linalg.norm(normal)
-        away = corners.mean(axis=(0, 1)) - middle
+        away = corners.mean(axis=(0, 1)) - body.middle
         found.append(normal if normal @ away >= 0 else -normal)
     return np.array(found)
 
@@ -282,7 +280,7 @@ def sleeves_cleared(state: SewingState, body: BodyMesh, surface: BodySurface) ->
     By the least distance at which the fewest springs of the torso run through its panels;
     sleeves that are welded to other panels stay.
     """
-    right, middle = np.cross(body.up, body.front), middle_of(body)
+    right, middle = np.cross(body.up, body.front), body.middle
     panels = state.mesh.pattern.panels
     found: list[Ints] = [np.zeros((0, 2), np.int64)]
     for k in state.open_seams:

@@ -11,7 +11,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.garments.dress.closing import MOST
-from clothsim.garments.dress.placement import CHEST, is_of_arm, middle_of
+from clothsim.garments.dress.placement import CHEST, is_of_arm
 from clothsim.garments.dress.sewing_state import crosses_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import PatternMesh
@@ -116,8 +116,7 @@ def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tupl
     is sewn to something above the chest is a collar.
     """
     fans: dict[str, Fan] = {}
-    middle = middle_of(body)
-    highest = float((body.positions @ body.up).min() + CHEST * np.ptp(body.positions @ body.up))
+    highest = body.floor + CHEST * body.height
     for name, panel in mesh.pattern.panels.items():
         points = mesh.positions[mesh.vertices[name]]
         normal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2]
@@ -127,7 +126,7 @@ def folded_fans(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tupl
     folded, notes = mesh.positions.copy(), []
     for name, fan in fans.items():
         rows = mesh.vertices[name]
-        folded[rows] = _on_cone(fan, mesh.positions[rows], _level(mesh, name, fan, body), middle, body)
+        folded[rows] = _on_cone(fan, mesh.positions[rows], _level(mesh, name, fan, body), body)
     crossing = dict.fromkeys(fans, np.zeros(3, np.int64))
     for seam in mesh.seams:
         if (pair := {side.panel for side in seam.stitch.sides}) <= fans.keys():
@@ -154,13 +153,13 @@ def _level(mesh: PatternMesh, name: str, fan: Fan, body: BodyMesh) -> float:
     return min(heights) - BELOW
 
 
-def _on_cone(fan: Fan, placed: Floats, level: float, middle: Floats, body: BodyMesh) -> Floats:
+def _on_cone(fan: Fan, placed: Floats, level: float, body: BodyMesh) -> Floats:
     """Vertices of a fan in waves on a half cone, (k, 3) [m], before or behind the body as they were placed.
 
     The upper edge is a half circle of its own length. Below it, waves across the cone take up what the fan is longer
     than the cone is round.
     """
-    facing = body.front * np.sign((placed - middle).mean(axis=0) @ body.front)
+    facing = body.front * np.sign((placed - body.middle).mean(axis=0) @ body.front)
     right = np.cross(body.up, body.front)
     side = np.sign(np.sum(fan.angle * ((placed - placed.mean(axis=0)) @ right)))
     fraction = 2 * fan.angle / fan.turn
@@ -173,5 +172,5 @@ def _on_cone(fan: Fan, placed: Floats, level: float, middle: Floats, body: BodyM
     out = np.sin(along)[:, None] * right + np.cos(along)[:, None] * facing
     reach = radius + height * np.cos(SLOPE)
     upright = level - down * np.cos(SLOPE) + height * np.sin(SLOPE)
-    axis = (placed.mean(axis=0) @ facing) * facing + (middle @ right) * right
+    axis = (placed.mean(axis=0) @ facing) * facing + (body.middle @ right) * right
     return np.asarray(axis + reach[:, None] * out + upright[:, None] * body.up, np.float64)

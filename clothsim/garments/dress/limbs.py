@@ -70,7 +70,7 @@ def limbs_between(state: SewingState, seams: Iterable[MeshedSeam], wearer: Weare
 def legs_beside(state: SewingState, body: BodyMesh) -> tuple[str, ...]:
     """The legs where springs hold a seam that reaches below the crotch: wide cloth lies in folds between them."""
     try:
-        crotch = float((body.positions @ body.up).min()) + body.parts.landmarks["crotch"]
+        crotch = body.floor + body.parts.landmarks["crotch"]
     except TransferError:  # it has no legs
         return ()
     low = [(state.positions[state.pairs(state.mesh.seams[k])] @ body.up < crotch).any() for k in state.open_seams]

@@ -118,8 +118,7 @@ def across(body: BodyMesh) -> list[int]:
 
 def axis_of(body: BodyMesh) -> Floats:
     """Vertical line through the middle of the bounding box, (2,) [m]."""
-    flat = body.positions[:, across(body)]
-    return np.asarray((flat.min(axis=0) + flat.max(axis=0)) / 2, np.float64)
+    return body.middle[across(body)]
 
 
 LEVELS = {"chest": np.array([0.72]), "waist": np.arange(0.58, 0.685, 0.01), "hip": np.arange(0.46, 0.555, 0.01)}
@@ -173,8 +172,7 @@ class LevelGirths:
 
 def girths(state: SewingState, body: BodyMesh) -> list[LevelGirths]:
     """Girths at chest, waist and hip where the garment reaches, and at its hem."""
-    levels, worn = body.positions @ body.up, state.positions @ body.up
-    low, high, garment_high = (float(value) for value in (levels.min(), levels.max(), worn.max()))
+    low, high, garment_high = body.floor, body.floor + body.height, float((state.positions @ body.up).max())
     torso = _torso_triangles(state)
     length, hem, loop = _hem(state, body)
     found = []
@@ -263,7 +261,7 @@ def _girth_of_legs(body: BodyMesh, level: float, hem: Floats) -> float:
     0 below the feet.
     """
     points, label = _section_loops(body, level)
-    reach, axis = ASIDE * float(np.ptp(body.positions @ body.up)), axis_of(body)
+    reach, axis = ASIDE * body.height, axis_of(body)
     legs = [points[label == name] for name in np.unique(label)]
     legs = [leg for leg in legs if np.linalg.norm(leg.mean(axis=0) - axis) < reach]
     outline = _convex_hull(hem)

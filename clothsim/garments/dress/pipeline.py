@@ -244,15 +244,14 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     if not counts.clean:
         return draped.failed(f"The drape ended with {counts}, {counts.where}.")
     gap, name = worst_gap(draped.state)
-    height = float(np.ptp(task.body.positions @ task.body.up))
-    below = float((draped.state.mesh.positions @ task.body.up).max() - (draped.state.positions @ task.body.up).max())
+    below = descent_of_top(draped.state.mesh.positions, draped.state.positions, task.body.up)
     failure = fallen(done.state.positions, draped.state.positions, task.body)
     failure = failure or not_worn(draped.state, task.body, task.waistband)
     if gap > mean_edge(draped.state):
         failure = f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape."
     if failure:
         return draped.failed(failure)
-    if below > SLID * height:
+    if below > SLID * task.body.height:
         note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
         draped = replace(draped, notes=(*draped.notes, note))
     every = np.arange(len(draped.state.triangles))
@@ -263,10 +262,15 @@ def _drape(task: DressTask, done: DressState) -> DressState:
     return replace(draped, status=status, reason=reason)
 
 
+def descent_of_top(before: Floats, after: Floats, up: Floats) -> float:
+    """How much lower the highest point of a garment lies, from positions (n, 3) [m] to others [m]."""
+    return float((before @ up).max() - (after @ up).max())
+
+
 def fallen(before: Floats, after: Floats, body: BodyMesh) -> str:
     """The sentence that a garment, positions (n, 3) [m] before and after a drape, fell off; empty where it did not."""
     moved = float(np.abs((after - before) @ body.up).max())
-    if moved <= 0.5 * float(np.ptp(body.positions @ body.up)):
+    if moved <= 0.5 * body.height:
         return ""
     return f"The garment falls off {body.name}: it moved by {moved:.2g} m."
 
@@ -276,18 +280,17 @@ def slid_off(placed: Floats, worn: Floats, body: BodyMesh, waistband: bool) -> s
 
     What was placed on the shoulders must stay above the hips, and what was placed on the trunk above the crotch.
     """
-    levels = body.positions @ body.up
-    floor, height = float(levels.min()), float(np.ptp(levels))
     on_shoulders = hangs_on_shoulders(placed, body, level=CHEST)
     try:
         crotch = body.parts.landmarks["crotch"]
     except TransferError:  # it has no legs that a garment could fall down
         crotch = 0.0
-    before, top = (float((positions @ body.up).max()) - floor for positions in (placed, worn))
-    if not (top < (HIPS * height if on_shoulders else crotch) < before and before - top > SLID * height):
+    before, top = (float((positions @ body.up).max()) - body.floor for positions in (placed, worn))
+    lowest, down = HIPS * body.height if on_shoulders else crotch, descent_of_top(placed, worn, body.up)
+    if not (top < lowest < before and down > SLID * body.height):
         return ""
     remedy = "" if on_shoulders or waistband else " With --waistband its upper edge is taken in."
-    return f"The garment slid off {body.name}: its top lies {1e3 * (before - top):.0f} mm below its place.{remedy}"
+    return f"The garment slid off {body.name}: its top lies {1e3 * down:.0f} mm below its place.{remedy}"
 
 
 def not_worn(state: SewingState, body: BodyMesh, waistband: bool = False) -> str:
@@ -297,9 +300,9 @@ def not_worn(state: SewingState, body: BodyMesh, waistband: bool = False) -> str
     """
     if slid := slid_off(state.mesh.positions, state.positions, body, waistband):
         return slid
-    levels = body.positions @ body.up
-    above = float((state.positions @ body.up)[torso(state)].max(initial=-np.inf) - levels.max())
-    if above > 0.0 and np.ptp(state.mesh.positions @ body.up) > HEADGEAR * np.ptp(levels):
+    highest = float((state.positions @ body.up)[torso(state)].max(initial=-np.inf))
+    above = highest - body.floor - body.height
+    if above > 0.0 and np.ptp(state.mesh.positions @ body.up) > HEADGEAR * body.height:
         return f"The garment closed above the head of {body.name}: it reaches {1e3 * above:.0f} mm higher."
     if not surrounds(state.positions, state.triangles, body):
         return f"The garment surrounds no part of {body.name}."
@@ -370,8 +373,8 @@ def drape_sewn(state: SewingState, task: DressTask) -> Run:
     if hangs_on_shoulders(state.positions, body):
         first = named_stage("shake down, before the drape", task.progress)
         shaken = _drape_with_friction(state, task, task.directory / "shaken", SLIPPERY, first)
-        sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
-        if shaken.status == "completed" and sank < SANK * np.ptp(body.positions @ body.up):
+        sank = descent_of_top(state.positions, shaken.positions(-1), body.up)
+        if shaken.status == "completed" and sank < SANK * body.height:
             state = state.moved_to(shaken.positions(-1))
     last = named_stage("drape, the last stage", task.progress)
     return _drape_with_friction(state, task, task.directory, FRICTION, last)

@@ -26,7 +26,7 @@ FARTHEST = 1e5
 
 def refuse_unsuitable(body: BodyMesh) -> None:
     """InputError for a body of no person's size, or so far away that contact would lose its digits."""
-    extent, farthest = float(np.ptp(body.positions @ body.up)), float(np.abs(body.positions).max())
+    extent, farthest = body.height, float(np.abs(body.positions).max())
     if not farthest <= FARTHEST:
         raise InputError(f"{body.name} has a vertex {farthest:.3g} m from the origin.", "Move it to the origin.")
     if not SHORTEST <= extent <= TALLEST:
@@ -74,13 +74,10 @@ def placed_on(mesh: PatternMesh, body: BodyMesh, origin: str = "auto") -> tuple[
     lowest = float(mesh.positions[:, 1].min())
     if chosen == "waist" and origin == "auto":
         notes.append(f"panels lie {-lowest:.2f} m below y = 0: read as made round the waist (origin = waist)")
-    levels = body.positions @ body.up
-    level = float(levels.min()) + height_of_origin(body, chosen)
-    across = np.eye(3)[[k for k in range(3) if body.up[k] == 0]]
-    middles = [float((points.min() + points.max()) / 2) for points in (body.positions @ axis for axis in across)]
-    shift = level * body.up
-    if np.linalg.norm(middles) > ASIDE:
-        shift = shift + middles[0] * across[0] + middles[1] * across[1]
+    shift = (body.floor + height_of_origin(body, chosen)) * body.up
+    aside = body.middle - (body.middle @ body.up) * body.up
+    if np.linalg.norm(aside) > ASIDE:
+        shift = shift + aside
         notes.append("the body is away from the vertical axis: the pattern follows it")
     positions = mesh.positions if body.up[1] else mesh.positions[:, [0, 2, 1]] * [1, -1, 1]  # y to z about the x axis
     front = body.front
@@ -103,7 +100,7 @@ def chosen_origin(heights: Floats, origin: str) -> str:
 
 def height_of_origin(body: BodyMesh, origin: str) -> float:
     """Height of the origin of a pattern, "floor" or "waist", above the floor of a body [m]."""
-    return ORIGIN_HEIGHT * float(np.ptp(body.positions @ body.up)) if origin == "waist" else 0.0
+    return ORIGIN_HEIGHT * body.height if origin == "waist" else 0.0
 
 
 ARM_WORDS = ("sleeve", "cuff", "arm")
@@ -130,7 +127,7 @@ def turned_to_arms(mesh: PatternMesh, body: BodyMesh) -> tuple[PatternMesh, tupl
     with other panels to the middle of their free edges.
     """
     right = np.cross(body.up, body.front)
-    middle = middle_of(body)
+    middle = body.middle
     positions, notes = mesh.positions.copy(), []
     for side in (1.0, -1.0):
         names = [
@@ -185,18 +182,14 @@ def _find_ends(mesh: PatternMesh, names: list[str]) -> tuple[Floats, Floats] | N
 
 def arm_line(body: BodyMesh, outward: Floats, middle: Floats) -> Arm | None:
     """Line through the vertices of a body beyond its torso on the side `outward`; None where the arm hangs down."""
-    reach = (body.positions - middle) @ outward
-    chosen = body.positions[reach > BEYOND * reach.max()]
+    positions = body.bare.positions
+    reach = (positions - middle) @ outward
+    chosen = positions[reach > BEYOND * reach.max()]
     centre = chosen.mean(axis=0)
     direction = np.linalg.svd(chosen - centre, full_matrices=False)[2][0]
     direction = direction if direction @ outward > 0 else -direction
     tip = float(((chosen - centre) @ direction).max())
     return Arm(centre, direction, tip) if direction @ outward > np.cos(np.radians(75)) else None
-
-
-def middle_of(body: BodyMesh) -> Floats:
-    """Middle of the bounding box of a body, (3,) [m]."""
-    return np.asarray((body.positions.min(axis=0) + body.positions.max(axis=0)) / 2, np.float64)
 
 
 SHOULDERS = 0.8
@@ -209,8 +202,7 @@ CHEST = 0.7
 
 def hangs_on_shoulders(positions: Floats, body: BodyMesh, level: float = SHOULDERS) -> bool:
     """True where a garment reaches over the level of the shoulders of its body, or over another one."""
-    levels = body.positions @ body.up
-    return bool((positions @ body.up).max() > levels.min() + level * np.ptp(levels))
+    return bool((positions @ body.up).max() > body.floor + level * body.height)
 
 
 SECTIONS = 24
@@ -263,7 +255,7 @@ def turned_to_legs(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> t
     """
     front = body.front
     right = np.cross(body.up, front)
-    middle = middle_of(body)
+    middle = body.middle
     positions, notes = mesh.positions.copy(), []
     for side in (1.0, -1.0):
         place = {
@@ -322,10 +314,9 @@ def _angle_to_leg(points: Floats, crotch: Floats, body: BodyMesh, outward: Float
     up = body.up
     lowest = float((points @ up).min())
     hem = points[points @ up < lowest + HEM].mean(axis=0)
-    levels = body.positions @ up
-    if lowest > levels.min() + LOW_LEVEL * np.ptp(levels):
+    if lowest > body.floor + LOW_LEVEL * body.height:
         return 0.0
-    slice_ = (np.abs(levels - hem @ up) < HEM) & ((body.positions - middle_of(body)) @ outward > 0)
+    slice_ = (np.abs(body.positions @ up - hem @ up) < HEM) & ((body.positions - body.middle) @ outward > 0)
     if not slice_.any():
         return 0.0
     reach = body.positions[slice_] @ outward

@@ -14,7 +14,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.triangles import unique_edges
 from clothsim.garments.dress.closing import MOST, WITHIN, is_on_top, order_of
 from clothsim.garments.dress.limbs import SIDES, Wearer, limb_names, limbs_between
-from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_arm, middle_of
+from clothsim.garments.dress.placement import CHEST, hangs_on_shoulders, is_of_arm
 from clothsim.garments.dress.sewing_state import SewingState, as_placed, crosses_body
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import penetrations
@@ -80,7 +80,7 @@ def centred(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str,
     legs and the trunk equally far on both sides, those of a trouser leg this leg, and none is below the floor.
     """
     front = body.front
-    right, middle = np.cross(body.up, front), middle_of(body)
+    right, middle = np.cross(body.up, front), body.middle
     limbs = limb_names(body)
     trunk = body.positions[~(np.char.endswith(limbs, "arm") | np.char.endswith(limbs, "hand"))]
     pieces = rings(state, body)
@@ -189,7 +189,7 @@ def closed_round_legs(state: SewingState, body: BodyMesh, surface: BodySurface) 
     These are tubes of a front and a back below trousers that are narrower than the leg at most of their heights. One
     for which there is no room stays as it is.
     """
-    right, middle = np.cross(body.up, body.front), middle_of(body)
+    right, middle = np.cross(body.up, body.front), body.middle
     notes = []
     for names in sorted(_on_trouser_legs(state, rings(state, body), body)):
         ends, own = state.positions[open_pairs_of(state, names)], state.positions[vertices_of(state, names)]
@@ -290,7 +290,7 @@ def lowered_to_crotch(mesh: PatternMesh, body: BodyMesh, crotch: float = np.inf)
         if hangs_on_shoulders(mesh.positions[vertices_of(state, sewn)], body, level=CHEST):
             continue
         # strings of the inseams: from front to back, in the inner half of the trousers' width
-        right, middle = np.cross(body.up, body.front), middle_of(body)
+        right, middle = np.cross(body.up, body.front), body.middle
         ends = state.positions[open_pairs_of(state, names)]
         ahead, aside = (ends - middle) @ body.front, np.abs((ends.mean(axis=1) - middle) @ right)
         width = float(np.abs((state.positions[vertices_of(state, names)] - middle) @ right).max())

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from sewing_patterns import skirt
 
 from clothsim.garments import inputs
-from clothsim.garments.dress.placement import placed_on, turn_to_front
+from clothsim.garments.dress.placement import arm_line, placed_on, turn_to_front
 from clothsim.garments.inputs import BodyMesh, usual_front
 from clothsim.garments.pictures import view_of
 from clothsim.mesh.generators.table import GENERATORS
@@ -52,3 +52,18 @@ def test_the_turn_takes_the_usual_front_to_the_given_one(up):
     body = BodyMesh("box", np.eye(3) + 5 * np.outer([0, 0, 1], axis), np.array([[0, 1, 2]]), 1.0, ())
     front = Rotation.from_rotvec(2.1 * axis).apply(usual_front(axis))
     assert np.allclose(turn_to_front(body, front).apply(usual_front(axis)), front)
+
+
+def test_a_pattern_stands_on_the_floor_of_a_body_whose_clothes_hang_below_its_soles(mannequin):
+    hem = mannequin.positions - 0.12 * mannequin.up
+    both = np.concatenate([mannequin.positions, hem, hem + np.cross(mannequin.up, mannequin.front)])
+    dressed = BodyMesh("dressed", both, mannequin.triangles, 1.0, (), mannequin)
+    assert np.ptp(both @ dressed.up) > mannequin.height + 0.1
+    mesh = mesh_pattern(pattern_of(skirt()), 0.05)
+    for origin in ("floor", "waist"):
+        alone, above = (placed_on(mesh, body, origin)[0].positions for body in (mannequin, dressed))
+        np.testing.assert_array_equal(above, alone)
+    assert (dressed.floor, dressed.height) == (mannequin.floor, mannequin.height)
+    right = np.cross(mannequin.up, mannequin.front)
+    own, other = (arm_line(body, right, mannequin.middle) for body in (mannequin, dressed))
+    np.testing.assert_array_equal(other.point, own.point)
