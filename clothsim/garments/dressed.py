@@ -194,7 +194,11 @@ def sewn_obj(state: SewingState) -> str:
     return "\n".join(lines) + "\n"
 
 
-@renamed(cut_for="made_for", hold="waistband")
+EARLIER_NAMES = {"cut_for": "made_for", "hold": "waistband"}
+"""Keywords of `dress` that have another name now."""
+
+
+@renamed(**EARLIER_NAMES)
 @with_remedies()
 def dress(
     pattern: str | Path | Pattern,

@@ -18,11 +18,12 @@ from clothsim import Body, Cloth, Pattern, Run, open_run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory
+from clothsim.base.inputs import renamed
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import example_file, intersecting_pairs, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.pipeline import FRICTION, SANK, descent_of_top, fallen, not_worn, slid_off, unrest
-from clothsim.garments.dressed import PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
+from clothsim.garments.dressed import EARLIER_NAMES, PATTERN_FILE, Dress, body_of_wearer, dress, short_name, surface_of
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface
 from clothsim.garments.penetration import Counts, count_penetrations
 from clothsim.garments.stages import Announcement, Listener, StageCallback, dress_drape, named_stage, simulate_stage
@@ -105,6 +106,7 @@ class Outfit:
     notes: tuple[str, ...]
 
 
+@renamed(**EARLIER_NAMES)
 def outfit(
     patterns: Sequence[str | Path | Pattern],
     on: str | Path | Any = None,
@@ -319,7 +321,7 @@ def _not_worn(
     worn: Sequence[Worn], last: Sequence[Worn], sewn: Sequence[Dress], body: BodyMesh, settings: Mapping[str, Any]
 ) -> str:
     """Why a garment is not worn after the drape of all, in a sentence with its name; empty where all are."""
-    waistband = bool(settings.get("waistband", settings.get("hold", False)))
+    waistband = bool(settings.get("waistband", False))
     states = {each.directory.name: each.state for each in sewn}
     for before, after in zip(worn, last, strict=True):
         fault = fallen(before.positions, after.positions, body)

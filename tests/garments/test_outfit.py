@@ -94,6 +94,8 @@ def test_bad_outfits_are_refused(place, tmp_path):
         clothsim.outfit([], body)
     with pytest.raises(InputError, match="no run directory"):
         clothsim.outfit([skirt], over=tmp_path / "nowhere")
+    with pytest.raises(InputError, match="hold is now waistband"):
+        clothsim.outfit([slip], body, hold=True, waistband=True)
     for given in (None, slip, str(slip), [slip, 3]):
         with pytest.raises(InputError, match="pattern"):
             clothsim.outfit(given, body)

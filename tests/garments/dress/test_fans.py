@@ -96,8 +96,9 @@ def test_a_fan_whose_inner_edge_is_two_arcs_is_measured_from_both(apart, turn):
     angles = np.radians(np.linspace(0, 150, 40))
     halves = [np.column_stack([sign * np.sin(angles), -np.cos(angles)]) for sign in (1, -1)]
     inner = [0.085 * half + [sign * apart / 2, 0.0] for sign, half in zip((1, -1), halves, strict=True)]
-    points = np.concatenate([*inner, *(half * 0.5 for half in halves)])
-    found = widest_fan(points, [np.arange(40), np.arange(40, 80)])
+    sides = [np.linspace(line[-1], 0.5 * half[-1], 9) for line, half in zip(inner, halves, strict=True)]
+    points = np.concatenate([*inner, *sides, *(half * 0.5 for half in halves)])
+    found = widest_fan(points, np.split(np.arange(98), [40, 80, 89]))
     assert np.degrees(found.turn) == pytest.approx(turn, rel=0.03)
 
 

@@ -146,17 +146,22 @@ def test_a_wrap_of_a_leg_moves_with_it_where_the_leg_reaches_across_the_middle(w
     assert (shift[len(positions) :, 0] >= 0).all()
 
 
-def test_a_shoe_that_is_a_piece_of_its_own_is_no_leg(wearer):
-    own = wearer.body
-    crotch = own.parts.landmarks["crotch"]
+@pytest.mark.parametrize("lean", [0.0, 0.15])
+def test_a_shoe_that_is_a_piece_of_its_own_is_no_leg(wearer, lean):
+    """lean: distance by which both thighs lean to the right [m]; from 0.1 on, the left one reaches across."""
+    own, crotch = wearer.body, wearer.body.parts.landmarks["crotch"]
     foot = (own.positions[:, 0] > 0) & (own.positions[:, 1] < 0.12 * crotch)
     of_foot = foot[own.triangles].all(axis=1)
     rows, faces = np.unique(own.triangles[of_foot], return_inverse=True)
-    positions = np.concatenate([own.positions, own.positions[rows] - [0.0, 2e-3, 0.0]])
+    depth = np.clip((own.positions[:, 1] / crotch - 0.2) / 0.6, 0.0, 1.0)
+    leaning = own.positions - lean * np.outer(np.sin(np.pi * depth), [1.0, 0.0, 0.0])
+    positions = np.concatenate([leaning, leaning[rows] - [0.0, 2e-3, 0.0]])
     triangles = np.concatenate([own.triangles[~of_foot], faces.reshape(-1, 3) + len(own.positions)])
     shod = BodyMesh("shod", positions, triangles, 1.0, (), own)
     way = sewing_pose(Wearer(shod, wearer.surface), ["left leg"])[0].way
-    bare = sewing_pose(wearer, ["left leg"])[0].way
+    alone = replace(own, positions=leaning)
+    alone.__dict__["parts"] = own.parts
+    bare = sewing_pose(Wearer(alone, wearer.surface), ["left leg"])[0].way
     expected = np.concatenate([bare[0] - bare[-1], (bare[0] - bare[-1])[rows]])
     used = np.unique(triangles)
     assert np.abs(way[0] - way[-1] - expected)[used].max() < 2e-3
