@@ -58,11 +58,17 @@ def limb_names(body: BodyMesh) -> np.ndarray:
 
 
 def limbs_between(state: SewingState, seams: Iterable[MeshedSeam], wearer: Wearer, farther: float) -> tuple[str, ...]:
-    """Limbs that strings of some seams run through, longer than `farther` [m], those that most run through first."""
+    """Limbs that strings of some seams run through, longer than `farther` [m], those that most run through first.
+
+    Of the wrap of what a body wears already: "clothes on the left arm".
+    """
     pairs = np.concatenate([np.zeros((0, 2), np.int64), *(state.pairs(seam) for seam in seams)])
     ends = state.positions[pairs[state.distances(pairs) > farther]]
     hit = body_hits(ends, wearer.surface) if len(ends) else np.zeros(0, np.int64)
-    names = limb_names(wearer.body)[wearer.body.triangles[hit[hit >= 0], 0]]
+    body = wearer.body
+    vertices = body.triangles[hit[hit >= 0], 0]
+    limbs = limb_names(body)[vertices]
+    names = np.where(vertices < len(body.bare.positions), limbs, np.char.add("clothes on the ", limbs))
     found, counts = np.unique(names, return_counts=True)
     return tuple(str(found[k]) for k in np.argsort(-counts, kind="stable"))
 

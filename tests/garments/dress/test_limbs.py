@@ -66,6 +66,11 @@ def test_what_is_between_the_sides_of_a_seam_is_named(wearer):
     (found,) = limbs_between(state, state.mesh.seams, wearer, 0.0)
     assert found.endswith("leg")
     assert limbs_between(state, state.mesh.seams, wearer, 1.0) == ()  # no string is as long
+    shell = body.positions + 0.007 * wearer.surface.vertex_normals
+    both = np.concatenate([body.positions, shell])
+    joined = np.concatenate([body.triangles, body.triangles + len(shell)])
+    dressed = Wearer(BodyMesh("dressed", both, joined, 1.0, (), body), body_surface(both, joined))
+    assert limbs_between(state, state.mesh.seams, dressed, 0.0) == (f"clothes on the {found}",)
     clear = as_placed(two_panels(150, 100))
     assert limbs_between(clear, clear.mesh.seams, wearer, 0.0) == ()
 
