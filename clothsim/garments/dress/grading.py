@@ -110,7 +110,7 @@ def sizes_between(source: BodyMesh, target: BodyMesh, given: Mapping[str, float]
             )
         as_positive(f"The factor {name}", factor)
     parts, partings = [], []
-    for body in (source, target):
+    for body in (source.bare, target.bare):
         try:
             parts.append(body.parts)
             partings.append(height_of_parting(body))
