@@ -14,7 +14,7 @@ from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.memo import known_for_arrays
-from clothsim.base.triangles import distinct_edges, half_edges
+from clothsim.base.triangles import distinct_edges, half_edges, vertex_normals
 from clothsim.engine import body_mesh, build, cloth_mesh, components, example_file, refuse_unwearable, worn_shape
 from clothsim.files import MeshFile, moved_obj, read_clothes, read_mesh
 from clothsim.garments.fit.pieces import UNDIVIDED, Division, divided
@@ -132,6 +132,8 @@ ASIDE_DEGREES = 20.0
 """Angle from the usual direction up to which a body counts as facing it: feet turned out do not turn a garment."""
 LONG = 0.5
 """Least extent of a body candidate as a fraction of the file's extent."""
+NEAR = 64
+"""Vertices of a body near one of its wrap, among which one that faces to the same side is looked for."""
 CELL = 0.006
 """Cell of the lattice on which a body in pieces is wrapped, as a fraction of its largest extent: a centimetre."""
 
@@ -184,9 +186,22 @@ class BodyMesh:
         """Frame, trunk, arms and legs. TransferError where it is not a standing body."""
         like = self.closed if self.like is None else self.like
         if like is not self:
-            nearest = cKDTree(like.positions).query(self.positions)[1]
-            return replace(like.parts, hands=like.parts.hands[:, nearest])
+            return replace(like.parts, hands=like.parts.hands[:, self._nearest_that_face_alike(like)])
         return body_parts(self.positions, self.triangles)
+
+    def _nearest_that_face_alike(self, like: "BodyMesh") -> Ints:
+        """The nearest vertex of `like` of each of its own, (n,), of those near by that face to the same side.
+
+        What lies on the trunk under a hanging arm may be nearer to the arm.
+        """
+        tree = cKDTree(like.positions)
+        nearest = tree.query(self.positions)[1]
+        own, other = (vertex_normals(body.positions, body.triangles) for body in (self, like))
+        turned = np.flatnonzero(np.einsum("ij,ij->i", own, other[nearest]) < 0)
+        near = tree.query(self.positions[turned], k=range(1, min(NEAR, len(like.positions)) + 1))[1]
+        alike = np.einsum("ij,ikj->ik", own[turned], other[near]) > 0
+        nearest[turned] = near[np.arange(len(turned)), alike.argmax(axis=1)]  # the first: the nearest
+        return np.asarray(nearest, np.int64)
 
     @cached_property
     def frame(self) -> BodyFrame:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from capsule_bodies import signed_volume
+from scipy.spatial import cKDTree
 from sewing_patterns import panel, specification, stitch
 from sewn_tubes import tube
 
@@ -19,6 +20,7 @@ from clothsim.garments.dress.limbs import (
     sewing_pose,
 )
 from clothsim.garments.dress.pipeline import DressTask, returned_body
+from clothsim.garments.dress.placement import arm_line
 from clothsim.garments.dress.sewing_state import Fabrics, as_placed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import count_penetrations
@@ -193,3 +195,34 @@ def test_a_garment_goes_back_with_the_body(wearer, tmp_path):
     run = returned_body(state, posed, task)
     assert run.status == "completed"
     assert count_penetrations(run.positions(-1), state.triangles, wearer.surface).clean
+
+
+def test_cloth_on_the_trunk_beside_a_hanging_arm_is_of_the_trunk():
+    """Three quarters of the way from the trunk to an arm it is nearer to that, but faces it."""
+    positions, triangles = GENERATORS["mannequin"](pose="arms_down")
+    own = BodyMesh("mannequin", positions, triangles, 1.0, ())
+    names = limb_names(own)
+    arms = positions[np.char.endswith(names, " arm")]
+    distance, nearest = cKDTree(arms).query(positions)
+    beside = (names == "torso") & (distance < 0.07) & (positions @ own.up < 0.7 * own.height)
+    rows, faces = np.unique(triangles[beside[triangles].all(axis=1)], return_inverse=True)
+    shell = positions[rows] + 0.75 * (arms[nearest[rows]] - positions[rows])
+    both = np.concatenate([positions, shell])
+    joined = np.concatenate([triangles, faces.reshape(-1, 3) + len(positions)])
+    dressed = BodyMesh("dressed", both, joined, 1.0, (), own)
+    assert len(rows) > 20
+    assert set(limb_names(dressed)[len(positions) :]) == {"torso"}
+    assert np.array_equal(limb_names(dressed)[: len(positions)], names)
+
+
+def test_the_arms_of_a_dressed_body_are_raised_with_what_it_wears(wearer):
+    own = wearer.body
+    both = np.concatenate([own.positions, own.positions + 0.007 * wearer.surface.vertex_normals])
+    joined = np.concatenate([own.triangles, own.triangles + len(own.positions)])
+    dressed = BodyMesh("dressed", both, joined, 1.0, (), own)
+    posed, bare = (sewing_pose(each, ["left arm"])[0].body for each in (wearer._replace(body=dressed), wearer))
+    np.testing.assert_allclose(posed.bare.positions, bare.positions, atol=1e-12)
+    right = np.cross(own.up, own.front)
+    lines = [arm_line(body, right, body.middle) for body in (posed, bare)]
+    np.testing.assert_allclose(lines[0].direction, lines[1].direction, atol=1e-9)
+    assert abs(lines[0].direction @ own.up) < 0.3
