@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from clothsim.base.arrays import Floats
 from clothsim.engine import components
 from clothsim.garments.dress.sewing_state import SewingState, body_hits
+from clothsim.garments.fit.guaranteed_path import smoothed
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import MeshedSeam, PatternMesh
 from transfer.errors import TransferError
@@ -191,6 +192,8 @@ ROOT = 0.1
 """Height below the crotch in which the turn grows, as a fraction of the crotch's."""
 LEAST_RAISE = np.radians(10.0)
 """Arms that hang less below the horizontal stay [rad]."""
+SMOOTHINGS = 60
+"""Averages of the turn over a wrap: over about 5 cm of its cells of 1 cm."""
 STATIONS = 7
 """Poses on the way back."""
 
@@ -232,15 +235,18 @@ def _posed(body: BodyMesh, legs: float, arms: float) -> Floats:
     """
     parts = body.parts
     local = parts.frame.local(body.positions)
-    weights = part_weights(parts, local)
+    of_arms = part_weights(parts, local).arms
+    if body.like is not None:  # else raised arms pull spikes out of what lies between them and the trunk
+        bare = len(body.like.positions)
+        of_arms[:, bare:] = smoothed(of_arms.T, body.triangles, SMOOTHINGS)[bare:].T
     crotch = parts.landmarks["crotch"]
     depth = np.maximum(crotch - local[:, 1], 0.0)
     reach = np.where(depth < ROOT * crotch, depth**2 / (2 * ROOT * crotch), depth - ROOT * crotch / 2)
     side = _side_of_legs(body, local)
     moved = local.copy()
-    moved[:, 0] += np.tan(legs) * side * reach * (1.0 - weights.arms.sum(axis=0).clip(0.0, 1.0))
+    moved[:, 0] += np.tan(legs) * side * reach * (1.0 - of_arms.sum(axis=0).clip(0.0, 1.0))
     for k, outward in enumerate((1.0, -1.0)):
         pivot = arm_axis(parts, k)[-1]
-        turn = Rotation.from_rotvec((outward * arms * weights.arms[k])[:, None] * np.array([0.0, 0.0, 1.0]))
+        turn = Rotation.from_rotvec((outward * arms * of_arms[k])[:, None] * np.array([0.0, 0.0, 1.0]))
         moved = turn.apply(moved - pivot) + pivot
     return np.ascontiguousarray(parts.frame.world(moved))

@@ -67,15 +67,15 @@ def deflated(body: BodySurface, depth: float, half: Floats, normals: Floats) -> 
     return np.asarray(body.positions - np.minimum(depth, LARGEST_FRACTION * half)[:, None] * normals, np.float64)
 
 
-def smoothed(values: Floats, triangles: Ints) -> Floats:
-    """Values (n,) or (n, k) after SMOOTHINGS averages with the mean of their neighbours."""
+def smoothed(values: Floats, triangles: Ints, rounds: int = SMOOTHINGS) -> Floats:
+    """Values (n,) or (n, k) after as many averages with the mean of their neighbours."""
     ends = edges_of(triangles)
     owner, neighbours = np.concatenate([ends, ends[:, ::-1]]).T
     count = np.bincount(owner, minlength=len(values))
     weights = csr_array((1.0 / count[owner], (owner, neighbours)), shape=(len(values), len(values)))
     weights.sort_indices()
     alone = count == 0
-    for _ in range(SMOOTHINGS):
+    for _ in range(rounds):
         means = weights @ values
         means[alone] = values[alone]
         values = 0.5 * (values + means)

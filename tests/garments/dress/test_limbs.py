@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from sewing_patterns import panel, specification, stitch
 from sewn_tubes import tube
 
+from clothsim.base.triangles import unique_edges
 from clothsim.engine import intersecting_pairs
 from clothsim.garments.dress.limbs import (
     Wearer,
@@ -226,3 +227,16 @@ def test_the_arms_of_a_dressed_body_are_raised_with_what_it_wears(wearer):
     lines = [arm_line(body, right, body.middle) for body in (posed, bare)]
     np.testing.assert_allclose(lines[0].direction, lines[1].direction, atol=1e-9)
     assert abs(lines[0].direction @ own.up) < 0.3
+
+
+def test_raised_arms_pull_no_spikes_out_of_a_wrap(wearer):
+    """A shell round the trunk alone, which goes with it, but for the armholes."""
+    own, names = wearer.body, limb_names(wearer.body)
+    rows, faces = np.unique(own.triangles[(names == "torso")[own.triangles].all(axis=1)], return_inverse=True)
+    shell = own.positions[rows] + 0.03 * wearer.surface.vertex_normals[rows]
+    joined = np.concatenate([own.triangles, faces.reshape(-1, 3) + len(own.positions)])
+    dressed = BodyMesh("dressed", np.concatenate([own.positions, shell]), joined, 1.0, (), own)
+    moved = sewing_pose(wearer._replace(body=dressed), ["left arm"])[0].body.positions[len(own.positions) :]
+    edges = unique_edges(faces.reshape(-1, 3))
+    before, after = (np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) for points in (shell, moved))
+    assert (after / before).max() < 2.0
