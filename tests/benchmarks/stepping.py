@@ -214,7 +214,7 @@ def table(comparison: Comparison) -> list[str]:
 def page_of(record: Record) -> str:
     """The table of the page: CPU s and mean error of the scenes in the record, in the order of `--all`. Markdown."""
     rows = []
-    for name in (each for each in (*SHEETS, *SHIPPED, *ERROR_SCENES) if each in record):
+    for name in (each for each in (*SHEETS, "sheet200", *SHIPPED, *ERROR_SCENES) if each in record):
         pairs = (record[name]["settings"][label] for label in SETTINGS)
         cells = (f"{cpu:.2g}, {error:.2g}" for cpu, error in pairs)
         title = f"{name} ({record[name]['seconds']:g})"
