@@ -186,22 +186,8 @@ class BodyMesh:
         """Frame, trunk, arms and legs. TransferError where it is not a standing body."""
         like = self.closed if self.like is None else self.like
         if like is not self:
-            return replace(like.parts, hands=like.parts.hands[:, self._nearest_that_face_alike(like)])
+            return replace(like.parts, hands=like.parts.hands[:, nearest_facing_alike(self, like)])
         return body_parts(self.positions, self.triangles)
-
-    def _nearest_that_face_alike(self, like: "BodyMesh") -> Ints:
-        """The nearest vertex of `like` of each of its own, (n,), of those near by that face to the same side.
-
-        What lies on the trunk under a hanging arm may be nearer to the arm.
-        """
-        tree = cKDTree(like.positions)
-        nearest = tree.query(self.positions)[1]
-        own, other = (vertex_normals(body.positions, body.triangles) for body in (self, like))
-        turned = np.flatnonzero(np.einsum("ij,ij->i", own, other[nearest]) < 0)
-        near = tree.query(self.positions[turned], k=range(1, min(NEAR, len(like.positions)) + 1))[1]
-        alike = np.einsum("ij,ikj->ik", own[turned], other[near]) > 0
-        nearest[turned] = near[np.arange(len(turned)), alike.argmax(axis=1)]  # the first: the nearest
-        return np.asarray(nearest, np.int64)
 
     @cached_property
     def frame(self) -> BodyFrame:
@@ -258,6 +244,21 @@ class BodyMesh:
         except TransferError:  # no feet to go by
             return usual
         return usual if front @ usual > np.cos(np.radians(ASIDE_DEGREES)) else np.asarray(front, np.float64)
+
+
+def nearest_facing_alike(body: BodyMesh, like: BodyMesh) -> Ints:
+    """The vertex of another body near each of a body that faces to the same side, (n,): the nearest, if none does.
+
+    What lies on the trunk under a hanging arm may be nearer to the arm.
+    """
+    tree = cKDTree(like.positions)
+    nearest = tree.query(body.positions)[1]
+    own, other = (vertex_normals(each.positions, each.triangles) for each in (body, like))
+    turned = np.flatnonzero(np.einsum("ij,ij->i", own, other[nearest]) < 0)
+    near = tree.query(body.positions[turned], k=range(1, min(NEAR, len(like.positions)) + 1))[1]
+    alike = np.einsum("ij,ikj->ik", own[turned], other[near]) > 0
+    nearest[turned] = near[np.arange(len(turned)), alike.argmax(axis=1)]  # the first: the nearest
+    return np.asarray(nearest, np.int64)
 
 
 def usual_front(up: Floats) -> Floats:
