@@ -200,6 +200,18 @@ def test_the_crotch_seam_grows_as_the_line_round_the_body(own):
     assert sizes.named["rise"] > sizes.named["trunk_length"] + 0.01
 
 
+def test_trousers_over_trousers_are_graded_by_the_bare_body(own):
+    """Those below fill the room between the thighs down to the knees."""
+    other = touching(own, 0.9)
+    between = own.positions * [0.02, 0.35, 0.02] + [0.0, 0.1, 0.0]
+    both = np.concatenate([other.positions, between])
+    joined = np.concatenate([other.triangles, other.triangles + len(other.positions)])
+    dressed = BodyMesh("dressed", both, joined, 1.0, (), other)
+    pattern = trousers(100 * height_of_parting(own))
+    assert height_of_parting(dressed) != height_of_parting(other)
+    assert graded(pattern, own, dressed).factors == graded(pattern, own, other).factors
+
+
 def test_trousers_end_where_the_thighs_part(own):
     other = touching(own, 0.9)
     crotch = own.parts.landmarks["crotch"]
