@@ -67,3 +67,15 @@ def test_a_pattern_stands_on_the_floor_of_a_body_whose_clothes_hang_below_its_so
     right = np.cross(mannequin.up, mannequin.front)
     own, other = (arm_line(body, right, mannequin.middle) for body in (mannequin, dressed))
     np.testing.assert_array_equal(other.point, own.point)
+
+
+@pytest.mark.parametrize(("aside", "follows"), [(0.1, False), (3.0, True)])
+def test_a_pattern_follows_a_body_that_stands_aside(mannequin, aside, follows):
+    shift = aside * np.array([0.6, -0.8, 0.0]) + [0.0, 0.0, 0.5]
+    body = BodyMesh("aside", mannequin.positions + shift, mannequin.triangles, 1.0, ())
+    mesh = mesh_pattern(pattern_of(skirt()), 0.05)
+    (own, _), (other, notes) = (placed_on(mesh, each) for each in (mannequin, body))
+    middle = mannequin.middle * [1, 1, 0]
+    expected = shift + middle if follows else np.array([0.0, 0.0, 0.5])
+    np.testing.assert_allclose(other.positions - own.positions, np.broadcast_to(expected, own.positions.shape))
+    assert any("vertical axis" in note for note in notes) == follows
