@@ -142,7 +142,8 @@ CELL = 0.006
 class BodyMesh:
     """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: defaults used in reading.
 
-    like: body whose landmarks it has, which are not looked for on its own surface; None: its own.
+    like: body whose landmarks it has, in its own pose, which are not looked for on its own surface, and whose vertices
+    are the first of its own: the others are those of a wrap; None: its own.
     """
 
     name: str
@@ -185,8 +186,11 @@ class BodyMesh:
     def parts(self) -> BodyParts:
         """Frame, trunk, arms and legs. TransferError where it is not a standing body."""
         like = self.closed if self.like is None else self.like
-        if like is not self:
+        if self.like is not None:
             return replace(like.parts, hands=like.parts.hands[:, nearest_facing_alike(self, like)])
+        if like is not self:  # its pieces may face inwards
+            nearest = cKDTree(like.positions).query(self.positions)[1]
+            return replace(like.parts, hands=like.parts.hands[:, nearest])
         return body_parts(self.positions, self.triangles)
 
     @cached_property

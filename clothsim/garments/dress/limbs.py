@@ -221,8 +221,6 @@ def sewing_pose(wearer: Wearer, limbs: Iterable[str]) -> tuple[Wearer, str]:
         return wearer, ""
     way = np.stack([_posed(wearer.body, t * legs, t * arms) for t in np.linspace(1.0, 0.0, STATIONS)])
     body = replace(wearer.body, positions=way[0])
-    if body.like is not None:
-        body = replace(body, like=replace(body.like, positions=way[0, : len(body.like.positions)]))
     return Wearer(body, body_surface(body.positions, body.triangles), way), " and ".join(changes)
 
 

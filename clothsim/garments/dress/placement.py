@@ -182,7 +182,7 @@ def _find_ends(mesh: PatternMesh, names: list[str]) -> tuple[Floats, Floats] | N
 
 def arm_line(body: BodyMesh, outward: Floats, middle: Floats) -> Arm | None:
     """Line through the vertices of a body beyond its torso on the side `outward`; None where the arm hangs down."""
-    positions = body.bare.positions
+    positions = body.positions[: len(body.bare.positions)]  # in its pose, without what it wears
     reach = (positions - middle) @ outward
     chosen = positions[reach > BEYOND * reach.max()]
     centre = chosen.mean(axis=0)
