@@ -132,8 +132,9 @@ ASIDE_DEGREES = 20.0
 """Angle from the usual direction up to which a body counts as facing it: feet turned out do not turn a garment."""
 LONG = 0.5
 """Least extent of a body candidate as a fraction of the file's extent."""
-NEAR = 64
-"""Vertices of a body near one of its wrap, among which one that faces to the same side is looked for."""
+NEAR = 0.011
+"""Vertices of a body near one of its wrap, among which one that faces to the same side is looked for, as a fraction of
+all: within about 5 cm on the trunk, however fine the mesh is."""
 CELL = 0.006
 """Cell of the lattice on which a body in pieces is wrapped, as a fraction of its largest extent: a centimetre."""
 
@@ -259,7 +260,7 @@ def nearest_facing_alike(body: BodyMesh, like: BodyMesh) -> Ints:
     nearest = tree.query(body.positions)[1]
     own, other = (vertex_normals(each.positions, each.triangles) for each in (body, like))
     turned = np.flatnonzero(np.einsum("ij,ij->i", own, other[nearest]) < 0)
-    near = tree.query(body.positions[turned], k=range(1, min(NEAR, len(like.positions)) + 1))[1]
+    near = tree.query(body.positions[turned], k=range(1, int(np.ceil(NEAR * len(like.positions))) + 1))[1]
     alike = np.einsum("ij,ikj->ik", own[turned], other[near]) > 0
     nearest[turned] = near[np.arange(len(turned)), alike.argmax(axis=1)]  # the first: the nearest
     return np.asarray(nearest, np.int64)

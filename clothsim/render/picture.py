@@ -324,7 +324,10 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
     camera, style = setup.camera, setup.style
     if setup.follow:
         camera = replace(camera, position=camera.position + centre_of(surfaces))
-    drawn = [subdivided(each) for each in surfaces] if setup.smooth else list(surfaces)
+    drawn = list(surfaces)
+    if setup.smooth:
+        cloths = [each for each in surfaces if each.role == "cloth"]
+        drawn = [subdivided(each, [other for other in cloths if other is not each]) for each in surfaces]
     if style.traced:
         trace = import_module(_RENDERERS["mitsuba"]).render
         return np.asarray(trace(drawn, setup.scale, camera, setup.size, setup.up, setup.samples, setup.dyes))

@@ -188,30 +188,43 @@ COS_SHARP = 0.5
 fold as tight as the mesh the smooth sheets would cross."""
 
 
-def subdivided(surface: Surface) -> Surface:
-    """A cloth with its edges halved up to LEVELS times; a body, a fine cloth or one with strokes as it is."""
+CLEARANCE = 0.03
+"""A surface stays as it is within this distance of a vertex of another one [m]: rounded, one could show through."""
+
+
+def subdivided(surface: Surface, others: Sequence[Surface] = ()) -> Surface:
+    """A cloth with its edges halved up to LEVELS times; a body, a fine cloth or one with strokes as it is.
+
+    It is round where none of the other cloths is near.
+    """
     if surface.role != "cloth" or len(surface.strokes):
         return surface
     x, triangles = surface.positions, surface.triangles
     values, material = vertex_values(surface), surface.material
+    near = _tree_of(others)
     for _ in range(LEVELS):
         if 4 * len(triangles) > MOST_TRIANGLES:
             break
-        x, triangles, edges = _halved(x, triangles, np.zeros(len(x), bool))
+        x, triangles, edges = _halved(x, triangles, _is_near(x, near))
         values, material = _append_means(values, edges), _append_means(material, edges)
     parts = len(triangles) // max(len(surface.triangles), 1)
     whole = replace(surface, positions=x, triangles=triangles, principal_stretches=np.zeros((0, 2)))
     return replace(whole, values=values, material=material, fabrics=np.repeat(surface.fabrics, parts))
 
 
-CLEARANCE = 0.03
-"""A body stays as it is within this distance of a cloth [m]: rounded, it could show through."""
+def _tree_of(surfaces: Sequence[Surface]) -> cKDTree:
+    return cKDTree(np.concatenate([np.zeros((0, 3)), *(each.positions for each in surfaces)]))
+
+
+def _is_near(x: Floats, others: cKDTree) -> np.ndarray:
+    """True for each point (n, 3) within CLEARANCE of a point of others."""
+    return np.asarray(others.query(x, distance_upper_bound=CLEARANCE, workers=1)[0] < CLEARANCE)
 
 
 def rounded(body: Surface, cloths: Sequence[Surface]) -> Surface:
     """A body with its edges halved up to LEVELS times, round where it has no crease and no cloth is near."""
     x, triangles = body.positions, body.triangles
-    near = cKDTree(np.concatenate([np.zeros((0, 3)), *(each.positions for each in cloths)]))
+    near = _tree_of(cloths)
     for _ in range(LEVELS):
         if 4 * len(triangles) > MOST_TRIANGLES:
             break
@@ -219,7 +232,7 @@ def rounded(body: Surface, cloths: Sequence[Surface]) -> Surface:
         bent = np.einsum("ijk,ijk->ij", mean, creased_normals(x, triangles)) < COS_FLAT
         fixed = np.zeros(len(x), bool)
         fixed[triangles[bent]] = True
-        fixed |= near.query(x, distance_upper_bound=CLEARANCE, workers=1)[0] < CLEARANCE
+        fixed |= _is_near(x, near)
         x, triangles, _ = _halved(x, triangles, fixed)
     return replace(body, positions=x, triangles=triangles)
 

@@ -136,6 +136,20 @@ def test_a_sharp_fold_is_not_rounded():
     assert after.positions[:, 0].min() > -0.3
 
 
+@pytest.mark.parametrize(("gap", "is_round"), [(2e-4, False), (0.1, True)])
+def test_a_cloth_shows_through_no_other_one_that_lies_on_it(gap, is_round):
+    """An arch of facets 3 cm wide, the uppermost level and below a flat sheet: rounded, it rises by a millimetre."""
+    angles = 0.3 * (np.arange(8) - 3.5)
+    x, triangles = grid(7, 7)
+    column, row = (np.unique(np.round(x[:, k], 9), return_inverse=True)[1] for k in (0, 1))
+    arch = 0.1 * np.column_stack([np.sin(angles)[column], 0.3 * row, np.cos(angles)[column] - np.cos(0.15)])
+    sheet = np.column_stack([0.03 * (column - 3.5), 0.03 * row, np.full(len(x), gap)])
+    below, above = (Surface(name, at, triangles, "cloth", NONE) for name, at in (("arch", arch), ("sheet", sheet)))
+    assert (subdivided(below, [above]).positions[:, 2].max() > 5e-4) == is_round
+    assert subdivided(below).positions[:, 2].max() > 5e-4
+    assert np.ptp(subdivided(above, [below]).positions[:, 2]) == 0
+
+
 @pytest.mark.parametrize("surface", [smooth_ball("body"), smooth_ball(subdivisions=6)])
 def test_bodies_and_fine_cloths_are_drawn_as_they_are(surface):
     after = subdivided(surface)
