@@ -143,8 +143,9 @@ CELL = 0.006
 class BodyMesh:
     """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: defaults used in reading.
 
-    like: body whose landmarks it has, in its own pose, which are not looked for on its own surface, and whose vertices
-    are the first of its own: the others are those of a wrap; None: its own.
+    like: body whose landmarks it has, which are not looked for on its own surface, and whose vertices are the first of
+    its own: the others are those of a wrap; None: its own.
+    own_pose: the same body before a pose moved its vertices, but none of its landmarks; None: it is in its own pose.
     """
 
     name: str
@@ -153,6 +154,7 @@ class BodyMesh:
     scale: float
     notes: tuple[str, ...]
     like: "BodyMesh | None" = field(default=None, repr=False)
+    own_pose: "BodyMesh | None" = field(default=None, repr=False)
 
     @property
     def closed(self) -> "BodyMesh":
@@ -185,7 +187,9 @@ class BodyMesh:
 
     @cached_property
     def parts(self) -> BodyParts:
-        """Frame, trunk, arms and legs. TransferError where it is not a standing body."""
+        """Frame, trunk, arms and legs in its own pose. TransferError where it is not a standing body."""
+        if self.own_pose is not None:
+            return self.own_pose.parts
         like = self.closed if self.like is None else self.like
         if self.like is not None:
             return replace(like.parts, hands=like.parts.hands[:, nearest_facing_alike(self, like)])
@@ -197,6 +201,8 @@ class BodyMesh:
     @cached_property
     def frame(self) -> BodyFrame:
         """Upright, front-facing frame. TransferError where it is not a standing body."""
+        if self.own_pose is not None:
+            return self.own_pose.frame
         like = self.closed if self.like is None else self.like
         if like is not self:
             return like.frame
@@ -208,8 +214,9 @@ class BodyMesh:
     @cached_property
     def up(self) -> Floats:
         """Vertical axis, (3,): the one of y and z with legs below and a head above, else the longer one."""
-        if self.like is not None:
-            return self.like.up
+        other = self.own_pose or self.like
+        if other is not None:
+            return other.up
         extent = np.ptp(self.positions, axis=0)
         if extent[1:].min() > NEARLY * extent[1:].max():  # arms held level, a body turned by 90 degrees
             scores = [legs_score(self.closed.positions, self.closed.triangles, axis) for axis in np.eye(3)[1:]]
@@ -241,8 +248,9 @@ class BodyMesh:
     @cached_property
     def front(self) -> Floats:
         """Unit direction that it faces, (3,): that of its feet where it is far from the usual one, else the usual."""
-        if self.like is not None:
-            return self.like.front
+        other = self.own_pose or self.like
+        if other is not None:
+            return other.front
         usual = usual_front(self.up)
         try:
             front = body_frame(self.positions, self.triangles, self.up).front

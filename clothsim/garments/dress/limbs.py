@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from clothsim.base.arrays import Floats
+from clothsim.base.triangles import unique_edges
 from clothsim.engine import components
 from clothsim.garments.dress.sewing_state import SewingState, body_hits
 from clothsim.garments.fit.guaranteed_path import smoothed
@@ -41,6 +42,7 @@ TORSO = "torso"
 
 def limb_names(body: BodyMesh) -> np.ndarray:
     """Name of the limb that each vertex of a body is of, (n,); "body" where it is not a standing body."""
+    body = body.own_pose or body
     names = np.full(len(body.positions), "body", dtype="<U13")
     try:
         parts = body.parts
@@ -192,8 +194,8 @@ ROOT = 0.1
 """Height below the crotch in which the turn grows, as a fraction of the crotch's."""
 LEAST_RAISE = np.radians(10.0)
 """Arms that hang less below the horizontal stay [rad]."""
-SMOOTHINGS = 60
-"""Averages of the turn over a wrap: over about 5 cm of its cells of 1 cm."""
+SPREAD = 0.03
+"""Standard deviation of the averages of the turn over a wrap [m]."""
 STATIONS = 7
 """Poses on the way back."""
 
@@ -219,24 +221,37 @@ def sewing_pose(wearer: Wearer, limbs: Iterable[str]) -> tuple[Wearer, str]:
     ]
     if not changes:
         return wearer, ""
-    way = np.stack([_posed(wearer.body, t * legs, t * arms) for t in np.linspace(1.0, 0.0, STATIONS)])
-    body = replace(wearer.body, positions=way[0])
+    with_arms = _weights_of_arms(wearer.body)
+    way = np.stack([_posed(wearer.body, with_arms, t * legs, t * arms) for t in np.linspace(1.0, 0.0, STATIONS)])
+    body = replace(wearer.body, positions=way[0], own_pose=wearer.body)
     return Wearer(body, body_surface(body.positions, body.triangles), way), " and ".join(changes)
 
 
-def _posed(body: BodyMesh, legs: float, arms: float) -> Floats:
+def _weights_of_arms(body: BodyMesh) -> Floats:
+    """How far each vertex of a body goes with either arm, (2, n), averaged over the wrap of what it wears.
+
+    Else raised arms pull spikes out of what lies between them and the trunk.
+    """
+    of_arms = part_weights(body.parts, body.parts.frame.local(body.positions)).arms
+    if body.like is None:
+        return of_arms
+    bare = len(body.like.positions)
+    edges = unique_edges(body.triangles[(body.triangles >= bare).all(axis=1)])
+    length = float(np.median(np.linalg.norm(body.positions[edges[:, 0]] - body.positions[edges[:, 1]], axis=1)))
+    rounds = int(np.ceil((2.0 * SPREAD / length) ** 2))  # each moves half of a value by an edge: variance length^2 / 4
+    of_arms[:, bare:] = smoothed(of_arms.T, body.triangles, rounds)[bare:].T
+    return of_arms
+
+
+def _posed(body: BodyMesh, of_arms: Floats, legs: float, arms: float) -> Floats:
     """Vertices of a body whose legs are turned outward and whose arms upward by angles [rad], (n, 3) [m].
 
-    A leg is sheared: each vertex moves sideward by what its depth below the crotch asks for, so that horizontal
-    sections stay as they are and a leg never meets itself. An arm turns about its shoulder, by less where it blends
-    with the trunk.
+    of_arms (2, n): how far each vertex goes with either arm. A leg is sheared: each vertex moves sideward by what its
+    depth below the crotch asks for, so that horizontal sections stay as they are and a leg never meets itself. An arm
+    turns about its shoulder, by less where it blends with the trunk.
     """
     parts = body.parts
     local = parts.frame.local(body.positions)
-    of_arms = part_weights(parts, local).arms
-    if body.like is not None:  # else raised arms pull spikes out of what lies between them and the trunk
-        bare = len(body.like.positions)
-        of_arms[:, bare:] = smoothed(of_arms.T, body.triangles, SMOOTHINGS)[bare:].T
     crotch = parts.landmarks["crotch"]
     depth = np.maximum(crotch - local[:, 1], 0.0)
     reach = np.where(depth < ROOT * crotch, depth**2 / (2 * ROOT * crotch), depth - ROOT * crotch / 2)

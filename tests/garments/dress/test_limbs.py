@@ -244,3 +244,20 @@ def test_raised_arms_pull_no_spikes_out_of_a_wrap(wearer):
     edges = unique_edges(faces.reshape(-1, 3))
     before, after = (np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) for points in (shell, moved))
     assert (after / before).max() < 2.0
+
+
+@pytest.mark.parametrize("dressed", [False, True])
+@pytest.mark.parametrize("limbs", [["left arm"], ["left leg"], ["left leg", "left arm"]])
+def test_a_pose_changes_neither_landmarks_nor_the_limb_of_a_vertex(wearer, dressed, limbs):
+    body = wearer.body
+    if dressed:
+        both = np.concatenate([body.positions, body.positions + 0.007 * wearer.surface.vertex_normals])
+        body = BodyMesh(
+            "dressed", both, np.concatenate([body.triangles, body.triangles + len(both) // 2]), 1.0, (), body
+        )
+    posed = sewing_pose(wearer._replace(body=body), limbs)[0].body
+    assert posed.own_pose is body
+    assert posed.parts.landmarks == body.parts.landmarks
+    assert np.array_equal(limb_names(posed), limb_names(body))
+    assert np.array_equal(posed.up, body.up)
+    assert np.array_equal(posed.front, body.front)
