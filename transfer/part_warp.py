@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from transfer.body_parts import BodyParts, BodyTube
-from transfer.triangle_surface import Floats, unit
+from transfer.triangle_surface import Floats, Ints, unit, vertex_normals
 
 LEVELS = ("crotch", "armpit", "neck", "crown")
 """Landmarks between which heights are mapped linearly."""
@@ -50,6 +50,28 @@ def part_weights(parts: BodyParts, local: Floats) -> PartWeights:
     legs = np.stack([left * below, (1.0 - left) * below])
     arms = arms / np.maximum(arms.sum(axis=0), 1.0)
     return PartWeights(1.0 - arms.sum(axis=0) - legs.sum(axis=0), legs, arms)
+
+
+NEAR = 0.011
+"""Vertices of a body among which one that faces to the same side is looked for, as a fraction of all: within about 5 cm
+on the trunk, however fine the mesh is."""
+
+
+def nearest_facing_alike(surface: tuple[Floats, Ints], body: tuple[Floats, Ints]) -> Ints:
+    """The vertex of a body near each of another surface that faces to the same side, (n,): the nearest, if none does.
+
+    What lies on the trunk under a hanging arm may be nearer to the arm. Each is given by its positions [m] and
+    triangles.
+    """
+    positions, others = surface[0], body[0]
+    tree = cKDTree(others)
+    nearest = tree.query(positions)[1]
+    own, other = vertex_normals(*surface), vertex_normals(*body)
+    turned = np.flatnonzero(np.einsum("ij,ij->i", own, other[nearest]) < 0)
+    near = tree.query(positions[turned], k=range(1, int(np.ceil(NEAR * len(others))) + 1))[1]
+    alike = np.einsum("ij,ikj->ik", own[turned], other[near]) > 0
+    nearest[turned] = near[np.arange(len(turned)), alike.argmax(axis=1)]  # the first: the nearest
+    return np.asarray(nearest, np.int64)
 
 
 def step(t: Floats) -> Floats:

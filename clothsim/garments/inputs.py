@@ -14,13 +14,14 @@ from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.memo import known_for_arrays
-from clothsim.base.triangles import distinct_edges, half_edges, vertex_normals
+from clothsim.base.triangles import distinct_edges, half_edges
 from clothsim.engine import body_mesh, build, cloth_mesh, components, example_file, refuse_unwearable, worn_shape
 from clothsim.files import MeshFile, moved_obj, read_clothes, read_mesh
 from clothsim.garments.fit.pieces import UNDIVIDED, Division, divided
 from transfer.body_frame import BodyFrame, body_frame, legs_score
 from transfer.body_parts import BodyParts, body_parts
 from transfer.errors import TransferError
+from transfer.part_warp import nearest_facing_alike
 from transfer.signed_distance import body_surface
 from transfer.wrap import union
 
@@ -132,9 +133,6 @@ ASIDE_DEGREES = 20.0
 """Angle from the usual direction up to which a body counts as facing it: feet turned out do not turn a garment."""
 LONG = 0.5
 """Least extent of a body candidate as a fraction of the file's extent."""
-NEAR = 0.011
-"""Vertices of a body near one of its wrap, among which one that faces to the same side is looked for, as a fraction of
-all: within about 5 cm on the trunk, however fine the mesh is."""
 CELL = 0.006
 """Cell of the lattice on which a body in pieces is wrapped, as a fraction of its largest extent: a centimetre."""
 
@@ -192,7 +190,8 @@ class BodyMesh:
             return self.own_pose.parts
         like = self.closed if self.like is None else self.like
         if self.like is not None:
-            return replace(like.parts, hands=like.parts.hands[:, nearest_facing_alike(self, like)])
+            nearest = nearest_facing_alike(*((each.positions, each.triangles) for each in (self, like)))
+            return replace(like.parts, hands=like.parts.hands[:, nearest])
         if like is not self:  # its pieces may face inwards
             nearest = cKDTree(like.positions).query(self.positions)[1]
             return replace(like.parts, hands=like.parts.hands[:, nearest])
@@ -257,21 +256,6 @@ class BodyMesh:
         except TransferError:  # no feet to go by
             return usual
         return usual if front @ usual > np.cos(np.radians(ASIDE_DEGREES)) else np.asarray(front, np.float64)
-
-
-def nearest_facing_alike(body: BodyMesh, like: BodyMesh) -> Ints:
-    """The vertex of another body near each of a body that faces to the same side, (n,): the nearest, if none does.
-
-    What lies on the trunk under a hanging arm may be nearer to the arm.
-    """
-    tree = cKDTree(like.positions)
-    nearest = tree.query(body.positions)[1]
-    own, other = (vertex_normals(each.positions, each.triangles) for each in (body, like))
-    turned = np.flatnonzero(np.einsum("ij,ij->i", own, other[nearest]) < 0)
-    near = tree.query(body.positions[turned], k=range(1, int(np.ceil(NEAR * len(like.positions))) + 1))[1]
-    alike = np.einsum("ij,ikj->ik", own[turned], other[near]) > 0
-    nearest[turned] = near[np.arange(len(turned)), alike.argmax(axis=1)]  # the first: the nearest
-    return np.asarray(nearest, np.int64)
 
 
 def usual_front(up: Floats) -> Floats:
