@@ -96,6 +96,8 @@ def test_bad_outfits_are_refused(place, tmp_path):
         clothsim.outfit([skirt], over=tmp_path / "nowhere")
     with pytest.raises(InputError, match="hold is now waistband"):
         clothsim.outfit([slip], body, hold=True, waistband=True)
+    with pytest.raises(InputError, match="cut_for is now made_for"):
+        clothsim.outfit([slip], body, cut_for=body, made_for=body)
     for given in (None, slip, str(slip), [slip, 3]):
         with pytest.raises(InputError, match="pattern"):
             clothsim.outfit(given, body)

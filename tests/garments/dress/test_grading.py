@@ -210,6 +210,7 @@ def test_trousers_over_trousers_are_graded_by_the_bare_body(own):
     pattern = trousers(100 * height_of_parting(own))
     assert height_of_parting(dressed) != height_of_parting(other)
     assert graded(pattern, own, dressed).factors == graded(pattern, own, other).factors
+    assert graded(pattern, dressed, own).factors == graded(pattern, other, own).factors
 
 
 def test_trousers_end_where_the_thighs_part(own):
