@@ -10,7 +10,7 @@ cloth can lie between the legs: above, thighs that touch leave no room for it. T
 by the factor that this takes, and below it as the legs are.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.inputs import did_you_mean
 from clothsim.garments.dress.limbs import form_a_tube, height_of_parting
 from clothsim.garments.dress.placement import ACROSS, chosen_origin, height_of_origin, is_of_arm, is_of_leg
+from clothsim.garments.dress.worn_levels import Levels, worn_levels
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, PlaneMap, mesh_pattern, seams_alike
 from transfer.body_parts import BodyParts
@@ -251,13 +252,13 @@ def graded(
     origin = chosen_origin(heights, origin)
     levels = [height_of_origin(body, origin) for body in (source, target)]
     middle = np.mean([panel.placed(panel.vertices).mean(axis=0) for panel in pattern.panels.values()], axis=0)
-    panels, trousers = {}, _panels_of_trousers(pattern)
+    panels, trousers, worn = {}, _panels_of_trousers(pattern), worn_levels(pattern, source.bare, levels[0])
     for name, panel in pattern.panels.items():
         if is_of_arm(panel):
             panels[name] = _grade_along_arm(panel, pattern, sizes, levels, float(middle[0]))
         else:
             heights_of = sizes.height_on_trousers if name in trousers else sizes.height
-            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of)
+            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of, worn.get(name, np.asarray))
     legs = float(sizes.factors.lengths[1])
     dropped = sizes.parting * (1 - sizes.lower) * legs if trousers else 0.0
     crotch = sizes.parting * sizes.lower * legs if dropped > LOW else np.inf
@@ -292,11 +293,12 @@ def _panels_of_trousers(pattern: Pattern) -> set[str]:
     return found
 
 
-def _grade_along_trunk(
-    panel: Panel, sizes: BodySizes, levels: list[float], heights_of: Callable[[Floats], Floats]
-) -> Panel:
-    """Panel of the trunk or of a leg, graded by height about the middle of the body."""
-    girth = sizes.leg_girth if is_of_leg(panel) else sizes.trunk_girth
+def _grade_along_trunk(panel: Panel, sizes: BodySizes, levels: list[float], heights_of: Levels, worn: Levels) -> Panel:
+    """Panel of the trunk or of a leg, graded about the middle of the body by the heights at which it is worn."""
+
+    def girth(drawn: Floats) -> Floats:
+        return (sizes.leg_girth if is_of_leg(panel) else sizes.trunk_girth)(worn(drawn))
+
     upward = panel.matrix[1, :2]
     slope = float(np.linalg.norm(upward))
     middle = panel.vertices.mean(axis=0)
