@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
@@ -25,6 +25,7 @@ from clothsim.base.triangles import (
     connected,
     half_edges,
     triangle_areas,
+    unique_edges,
     unit_or,
     vertex_normals,
 )
@@ -190,12 +191,14 @@ fold as tight as the mesh the smooth sheets would cross."""
 
 CLEARANCE = 0.03
 """A surface stays as it is within this distance of a vertex of another one [m]: rounded, one could show through."""
+RINGS = 3
+"""Edges between two vertices beyond which they are of different layers, though they are near."""
 
 
 def subdivided(surface: Surface, others: Sequence[Surface] = ()) -> Surface:
     """A cloth with its edges halved up to LEVELS times; a body, a fine cloth or one with strokes as it is.
 
-    It is round where none of the other cloths is near.
+    It is round where no other cloth is near, and no other layer of its own.
     """
     if surface.role != "cloth" or len(surface.strokes):
         return surface
@@ -205,7 +208,7 @@ def subdivided(surface: Surface, others: Sequence[Surface] = ()) -> Surface:
     for _ in range(LEVELS):
         if 4 * len(triangles) > MOST_TRIANGLES:
             break
-        x, triangles, edges = _halved(x, triangles, _is_near(x, near))
+        x, triangles, edges = _halved(x, triangles, _is_near(x, near) | _is_near_itself(x, triangles))
         values, material = _append_means(values, edges), _append_means(material, edges)
     parts = len(triangles) // max(len(surface.triangles), 1)
     whole = replace(surface, positions=x, triangles=triangles, principal_stretches=np.zeros((0, 2)))
@@ -219,6 +222,27 @@ def _tree_of(surfaces: Sequence[Surface]) -> cKDTree:
 def _is_near(x: Floats, others: cKDTree) -> np.ndarray:
     """True for each point (n, 3) within CLEARANCE of a point of others."""
     return np.asarray(others.query(x, distance_upper_bound=CLEARANCE, workers=1)[0] < CLEARANCE)
+
+
+def _is_near_itself(x: Floats, triangles: Ints) -> np.ndarray:
+    """True for each vertex (n,) that is near one of another layer: one that faces away, or RINGS edges farther.
+
+    Near is within the mean length of the edges: rounding moves the middle of an edge by less.
+    """
+    edges = unique_edges(triangles)
+    length = float(np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1).mean())
+    first, second = cKDTree(x).query_pairs(length, output_type="ndarray").T
+    joined = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(x), len(x)))
+    one_edge = joined + joined.T + eye_array(len(x), format="csr")
+    along = one_edge
+    for _ in range(RINGS - 1):
+        along = along @ one_edge
+    normals = vertex_normals(x, triangles)
+    facing_away = np.einsum("ij,ij->i", normals[first], normals[second]) < 0
+    apart = facing_away | (np.asarray(along[first, second]).ravel() == 0)
+    near = np.zeros(len(x), bool)
+    near[first[apart]] = near[second[apart]] = True
+    return near
 
 
 def rounded(body: Surface, cloths: Sequence[Surface]) -> Surface:

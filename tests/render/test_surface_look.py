@@ -150,6 +150,39 @@ def test_a_cloth_shows_through_no_other_one_that_lies_on_it(gap, is_round):
     assert np.ptp(subdivided(above, [below]).positions[:, 2]) == 0
 
 
+LOW = 5e-4
+"""Height of the level facet of a bent layer over a flat one [m]."""
+BENT = [(0.075, 0.009), (0.025, LOW), (-0.025, LOW), (-0.075, 0.009)]
+
+
+def swept(profile):
+    """Rows of points (x, z) swept along y, as one cloth."""
+    x, triangles = grid(len(profile) - 1, 3)
+    column, row = (np.unique(np.round(x[:, k], 9), return_inverse=True)[1] for k in (0, 1))
+    along = np.array(profile)
+    return np.column_stack([along[column, 0], 0.05 * row, along[column, 1]]), triangles
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_layers_of_one_cloth_that_lie_on_one_another_are_not_rounded(turned):
+    """A layer bent towards a flat one below: its arcs would reach through it. turned: they face to one side, or not."""
+    flat, triangles = swept([(-x, 0.0) for x, _ in BENT])
+    bent, others = swept(BENT if turned else BENT[::-1])
+    x, both = np.concatenate([flat, bent]), np.concatenate([triangles, others + len(flat)])
+    after = subdivided(Surface("layers", x, both, "cloth", NONE)).positions
+    alone = subdivided(Surface("layer", bent, others, "cloth", NONE)).positions
+    assert alone[:, 2].min() < 0
+    assert after[:, 2].min() == 0
+
+
+def test_layers_beside_their_fold_are_not_rounded():
+    """Vertices of both layers are three edges apart along the cloth, but face away from one another."""
+    x, triangles = swept([(0.025, 0.0), (0.075, 0.0), *BENT[:3]])
+    after = subdivided(Surface("fold", x, triangles, "cloth", NONE)).positions
+    level = np.abs(after[:, 0]) < 0.025 - 1e-9
+    assert after[level, 2].min() == pytest.approx(LOW, abs=1e-12)
+
+
 @pytest.mark.parametrize("surface", [smooth_ball("body"), smooth_ball(subdivisions=6)])
 def test_bodies_and_fine_cloths_are_drawn_as_they_are(surface):
     after = subdivided(surface)
