@@ -176,8 +176,8 @@ def test_layers_of_one_cloth_that_lie_on_one_another_are_not_rounded(turned):
 
 
 def test_layers_beside_their_fold_are_not_rounded():
-    """Vertices of both layers are three edges apart along the cloth, but face away from one another."""
-    x, triangles = swept([(0.025, 0.0), (0.075, 0.0), *BENT[:3]])
+    """Vertices of both layers are two edges apart along the cloth, but face away from one another."""
+    x, triangles = swept([(0.025, 0.0), (0.09, 0.004), *BENT[1:3]])
     after = subdivided(Surface("fold", x, triangles, "cloth", NONE)).positions
     level = np.abs(after[:, 0]) < 0.025 - 1e-9
     assert after[level, 2].min() == pytest.approx(LOW, abs=1e-12)
