@@ -33,9 +33,9 @@ def _number(cell: str) -> bool:
 
 def length_text(metres: float) -> str:
     """A length in m, mm or um."""
-    if metres >= 1:
+    if metres >= 0.9995:  # what would be 1e+03 in the smaller unit
         return f"{metres:.3g} m"
-    if metres >= 1e-3:
+    if metres >= 0.9995e-3:
         return f"{1e3 * metres:.3g} mm"
     return f"{1e6 * metres:.3g} um"
 

@@ -420,6 +420,12 @@ def read_garment(
     return Garment(file.name, shape.positions, shape.triangles, notes, bool(weld), original, division)
 
 
+EFFECTS_OF_A_FIT = (
+    *("inertia", "membrane", "bending", "gravity", "damping", "body_contact", "self_contact", "friction", "seams"),
+)
+"""Effects of a scene that a fit has too."""
+
+
 def worn_in_scene(path: str | Path) -> tuple[Garment, BodyMesh]:
     """The first cloth of a scene in its initial positions, sewn and untangled per scene, and the first body.
 
@@ -434,6 +440,9 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, BodyMesh]:
     origin = built.world.origin
     several = ((len(built.world.cloths), "cloths"), (len(built.world.bodies), "bodies"))
     remarks = tuple(f"{file.name}: only the first of {count} {what} is fitted" for count, what in several if count > 1)
+    left_out = [name for name in scene.effects if name not in EFFECTS_OF_A_FIT]
+    if left_out:
+        remarks += (f"{file.name}: a fit has effects of its own: {', '.join(left_out)} of the scene is left out",)
     original = original_of_scene(scene.cloths[0], scene.directory, len(cloth.positions))
     notes = (*built.notes, *remarks)
     garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, notes, sewn=True, original=original)

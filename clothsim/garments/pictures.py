@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
@@ -34,7 +35,9 @@ def draw_fit(done: "Fit", file: Path) -> str:
     """
     plain = np.zeros((0, 2))
     first = done.stages[0]
-    panels = [(f"before, on {done.source.name}", first.positions, done.source, plain)]
+    turn = _turn_to(done.source, done.target)
+    source = replace(done.source, positions=done.source.positions @ turn.T)
+    panels = [(f"before, on {done.source.name}", first.positions @ turn.T, source, plain)]
     seed = next((stage for stage in done.stages if stage.name == ("size" if done.size.factors else "transfer")), None)
     if seed is not None:
         panels.append((f"transferred to {done.target.name}", seed.positions, done.target, plain))
@@ -77,10 +80,15 @@ def draw_fit(done: "Fit", file: Path) -> str:
     return setup.note
 
 
+def _turn_to(source: BodyMesh, target: BodyMesh) -> Floats:
+    """Rotation (3, 3) that takes the upward axis of one body to that of the other, about x; 1 where they are alike."""
+    if np.allclose(source.up, target.up):
+        return np.eye(3)
+    return Rotation.from_rotvec(np.cross(source.up, target.up) * np.pi / 2).as_matrix()
+
+
 def _displacement_to(wearer: BodyMesh, target: BodyMesh) -> Floats:
-    """Displacement from one body's middle to the other's, (3,) [m]; 0 where their upward axes differ."""
-    if not np.allclose(wearer.up, target.up):
-        return np.zeros(3)
+    """Displacement from one body's middle to the other's, (3,) [m]."""
     own, other = (np.array([each.positions.min(axis=0), each.positions.max(axis=0)]) for each in (wearer, target))
     return np.asarray(other.mean(axis=0) - own.mean(axis=0), np.float64)
 

@@ -67,6 +67,23 @@ def with_waistbands(positions: Floats, triangles: Ints, body: BodyMesh, parts: B
     return Banded(parts.frame.world(rest) if factors else positions, tuple(factors))
 
 
+def loose_edge(positions: Floats, triangles: Ints, body: BodyMesh) -> str:
+    """The sentence that an upper edge of a garment, (n, 3) [m], is too wide to be shortened; empty where none is."""
+    try:
+        parts = body.parts
+    except TransferError:
+        return ""
+    local = parts.frame.local(positions)
+    for band in bands(local, triangles, body, parts):
+        length = float(np.linalg.norm(np.diff(local[band.edges], axis=1), axis=2).sum())
+        if TIGHT * band.girth < LEAST * length:
+            return (
+                f"Its upper edge is {length:.2f} m long where {body.name} is {band.girth:.2f} m round, and an edge is "
+                f"shortened by {100 * (1 - LEAST):.0f} % at most."
+            )
+    return ""
+
+
 def bands(local: Floats, triangles: Ints, body: BodyMesh, parts: BodyParts) -> list[WaistBorder]:
     """Topmost borders about the trunk, between crotch and armpits, of a garment at `local` (n, 3) [m]."""
     found = []

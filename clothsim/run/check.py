@@ -1,7 +1,7 @@
 """Faults of a mesh, a scene or a run, all at once."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -268,7 +268,7 @@ def _examine_scene(scene: Scene, subject: str) -> Examination:
     try:
         built = build(scene)
     except InputError as error:
-        return Examination(subject, (), (*_refusals(error), *costly))
+        return Examination(subject, (), (*_refusals(error), *_refusals_of_meshes(scene, error), *costly))
     world = built.world
     notes = [
         f"{each.name}, {'cloth' if len(each.triangles) else 'rod'}: {'; '.join(sizes(each.positions, each.triangles))}"
@@ -290,6 +290,23 @@ def _warning(kind: str, sentence: str) -> Finding:
 def _refusals(error: InputError) -> tuple[Finding, ...]:
     """The sentences of an error of a scene."""
     return tuple(Finding("error", "scene", each, error.remedy, NO_INDICES) for each in error.sentence.splitlines())
+
+
+SOUND: Mapping[str, Any] = {"mesh": "rectangle", "cells": [1, 1]}
+"""A cloth beside which a body is built alone."""
+
+
+def _refusals_of_meshes(scene: Scene, first: InputError) -> Iterator[Finding]:
+    """What is wrong with each cloth and body alone, but for what the `first` error says: that ends the building."""
+    alone: list[tuple[Any, Any]] = [((cloth,), ()) for cloth in scene.cloths]
+    alone += [(SOUND, (body,)) for body in scene.bodies]
+    known = set(first.sentence.splitlines())
+    for cloth, body in alone:
+        try:
+            build(Scene(cloth, body, effects={"inertia": {}, "membrane": {}}, directory=scene.directory))
+        except InputError as error:
+            yield from (finding for finding in _refusals(error) if finding.sentence not in known)
+            known |= set(error.sentence.splitlines())
 
 
 def _examine_run(directory: Path) -> Examination:
@@ -375,6 +392,7 @@ def _intersections(
             notes.append(f"{SURFACES_OF_KIND[kind]} do not intersect {anywhere}{others}")
     if test.rods and not found:
         notes.append(f"rods do not overlap {anywhere}, and no centre line goes through a triangle")
+        notes.append("cloth within the radius of a rod is not looked for")
     return found, notes
 
 

@@ -39,6 +39,10 @@ SETTINGS = ("frame", "fps", "scale", "up", "colour", "overwrite")
 """Keywords of `export`."""
 
 
+UNEVEN = 0.01
+"""Difference of the intervals of frames, over the longest, from which on they are not even."""
+
+
 @dataclass(frozen=True)
 class Exported:
     """Files of an export.
@@ -157,6 +161,13 @@ def export(
     animation = with_frames(animation, run.trajectory, samples, turn, colour == "stretch", kind.relative)
     kind.writer.write(animation, target)
     between = sum(each.weight > 0 for each in samples)
+    gaps = np.diff(times)
+    if target.suffix.lower() == ".pc2" and len(gaps) and np.ptp(gaps) > UNEVEN * gaps.max():
+        last = times[0] + len(gaps) / rate
+        note = (
+            f"{target.suffix} has no times: its last frame, of {times[-1]:g} s, is played at {last:g} s; fps resamples."
+        )
+        notes = (*notes, note)
     return Exported(files, len(samples), rate, between, axis, 1.0 / scale, notes)
 
 

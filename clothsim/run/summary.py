@@ -117,7 +117,12 @@ def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
             parts.append(f"{SURFACES_OF_KIND[kind]} never intersect")
     if "rods" in certificate and not certificate["intersections"]["cloth_cloth"]["states"]:
         _, between, off = certificate["rods"].partition("between steps: ")
-        parts.append(f"rods overlap in no state, and may pass between two {off}" if between else "rods never overlap")
+        parts.append(
+            f"in no state do rods overlap, or centre lines pass through cloth; they may between two {off}"
+            if between
+            else "rods never overlap, and no centre line passes through cloth"
+        )
+        parts.append("cloth within the radius of a rod is not looked for")
     if "rigid" in certificate and "rigid" not in certificate["intersections"]:
         parts.append(f"{SURFACES_OF_KIND['rigid']} never intersect")
     parts += [f"{each['cloth']} is INSIDE {each['body']}" for each in certificate.get("held_inside", ())]
@@ -217,7 +222,7 @@ def _error(certificate: dict[str, Any]) -> str:
             return f"{known} in total{request}; {parts}"
         if asked:
             request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length_text(asked)} requested)"
-        unknown = " and ".join(fixed)
+        unknown = " and ".join(f"{name} ({why})" if why else name for name, why in fixed.items())
         return f"total not known, because that of {unknown} is not; others {known}{request}; {parts}"
     temporal = estimate["temporal"]
     steps = temporal if isinstance(temporal, str) else length_text(temporal)

@@ -150,3 +150,14 @@ def assert_one_answer(target, capsys):
     assert document["errors"] == [finding.sentence for finding in found if finding.severity == "error"]
     assert all(f"  {finding.severity}: {finding.sentence}" in printed for finding in found)
     assert all(note in printed for note in document["notes"])
+
+
+def test_each_mesh_of_a_scene_is_examined_where_one_is_refused(tmp_path):
+    (tmp_path / "line.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\n", encoding="utf-8")
+    (tmp_path / "alone.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 3 3 3\nf 1 2 3\n", encoding="utf-8")
+    cloths = [{"name": name, "mesh": f"{name}.obj"} for name in ("line", "alone")]
+    for body in ({}, {"name": "flat", "mesh": "line.obj"}):
+        scene = clothsim.Scene(cloths, body or (), effects=EFFECTS, directory=tmp_path)
+        found = [finding.sentence for finding in clothsim.check(scene)]
+        for name in ("line", "alone", *([body["name"]] if body else [])):
+            assert sum(sentence.startswith(f"{name}:") for sentence in found) == 1, (name, found)

@@ -35,6 +35,7 @@ from clothsim.garments.stages import (
     run_stages,
     staged,
 )
+from clothsim.garments.waistband import loose_edge
 from transfer.errors import TransferError
 from transfer.refine import refined_on
 from transfer.signed_distance import BodySurface, body_surface
@@ -436,9 +437,10 @@ def drape_fitted(task: Task, state: FitState) -> DrapeOutcome:
     record, fallen = run.record(), ""
     fastest = record[-1]["fastest"] if record else 0.0
     if fastest >= FALLING:
+        loose = loose_edge(state.last.positions, task.garment.triangles, task.target)
         fallen = (
             f"The garment does not stay on {task.target.name}: at the end of its drape it still moves at {fastest:.2g} "
-            "m/s. Does it lie on the body that it was made for (--made-for, --scale)?"
+            f"m/s. {loose or 'Does it lie on the body that it was made for (--made-for, --scale)?'}"
         )
     stages = (*state.stages, stage)
     return DrapeOutcome("failed" if fallen else "completed", fallen or run.reason, run, stages, flypapered())

@@ -80,7 +80,11 @@ def edge_curves(where: str, world: World, select: Selection) -> tuple[EdgeCurve,
     if not len(world.triangles):
         raise InputError(f"{where} selects edges of cloth, and the scene has none.", "Add a [cloth], or leave it out.")
     if not lines or any(len(line) < 2 for line in lines):
-        raise InputError(f"{where} selects no edge of the cloth.", f"Name a side, or vertices in order. {TABLES}")
+        border_only = isinstance(select, (str, Mapping))
+        raise InputError(
+            f"{where} selects no edge of the {'border of the ' * border_only}cloth.",
+            f"Name a side, or vertices in order. {TABLES}",
+        )
     for line in lines:
         numbers = _numbers(np.sort(np.column_stack([line[:-1], line[1:]]), axis=1), world)
         twice = np.setdiff1d(np.arange(len(numbers)), np.unique(numbers, return_index=True)[1])

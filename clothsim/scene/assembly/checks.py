@@ -26,6 +26,8 @@ LYING, FLAT = 0.5, 0.1
 FAST_SPIN = 5.0
 """Degrees in a step from which on a rigid body loses more than 1 % of its spin in a second of steps of .01 s."""
 
+UNSTRETCHED = {"inertia", "bending", "gravity", "pins", "damping", "body_contact", "self_contact", "friction"}
+"""Effects among which cloth that hangs from its pins stretches without end."""
 INSIDE = 0.9
 """Gap at the start, as fraction of d_hat, below which contact is looked at."""
 GRAVITY = 9.81
@@ -43,6 +45,8 @@ def scene_warnings(world: World, scene: Scene, energies: dict[str, Energy], dt: 
         ignored.append(f"{moving[0]}: velocity does nothing without effects.inertia.")
     if len(world.ghosts) and "bending" not in energies:
         ignored.append("pins: clamp does nothing without effects.bending.")
+    if {"gravity", "pins"} <= set(scene.effects) <= UNSTRETCHED and len(world.triangles):
+        ignored.append("Nothing resists stretch: the scene has no effects.membrane.")
     for body in world.bodies:
         motion = body.motion
         if isinstance(motion, FrameMotion) and not motion.still and dt * motion.frames_per_second > 1 + 1e-9:

@@ -60,7 +60,9 @@ def coarsened(refinable: RefinableScene) -> Coarsened:
     """Return the resolutions coarser by COARSER; a parameter that cannot be coarser by all of them stays as it is."""
     steps, fixed = steps_per_frame(refinable.scene)[0], dict(refinable.fixed)
     if steps < COARSER[-1]:
-        fixed[TIME] = f"a frame has {steps} step{'s' * (steps > 1)}, and {COARSER[-1]} are needed"
+        longest = 1 / (refinable.scene.run_settings.frames_per_second * COARSER[-1])
+        few = f"a frame has {steps} step{'s' * (steps > 1)}, and {COARSER[-1]} are needed"
+        fixed[TIME] = f"{few}: solver.dt = {longest:.3g} or less"
     if CELLS in refinable.parameters and not has_cells_for(refinable.scene, COARSER[-1], fewest=1):
         fixed[CELLS] = "the cells cannot be quartered"
     parameters = tuple(name for name in refinable.parameters if name not in fixed)
