@@ -110,6 +110,10 @@ def test_what_is_left_follows_the_last_steps_and_each_round_begins_anew(capsys, 
             "total not known, because that of cells is not; others about 9 mm; Newton",
         ),
         (
+            {"total": 9e-3, "known": False, "fixed": {"dt": "too few steps"}, "of_refined": {"known": True}},
+            "because that of dt (too few steps) is not",
+        ),
+        (
             {"total": 9e-4, "known": False, "met": False, "asked": 1e-3, "fixed": {"cells": ""}}
             | {"of_refined": {"known": True, "met": True}},
             "others about 900 um (met by these: 1 mm requested); Newton",

@@ -195,6 +195,15 @@ def test_the_cloth_and_the_body_of_a_scene(tmp_path):
     np.testing.assert_array_equal(alone.positions, figure.positions)
 
 
+def test_effects_that_a_fit_has_not_are_named(tmp_path):
+    file = tmp_path / "scene.toml"
+    file.write_text(SCENE)
+    assert not any("left out" in note for note in worn_in_scene(file)[0].notes)
+    file.write_text(SCENE + '[effects.pins]\nselect = "left"\n[effects.pressure]\nvalue = 1.0\n')
+    [note] = [note for note in worn_in_scene(file)[0].notes if "left out" in note]
+    assert "pins, pressure" in note
+
+
 def test_of_several_cloths_and_bodies_the_first_is_taken_and_reported(tmp_path):
     file = tmp_path / "scene.toml"
     body = SCENE[SCENE.index("[body]") : SCENE.index("[effects.inertia]")]

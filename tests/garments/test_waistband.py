@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim.garments.inputs import BodyMesh
-from clothsim.garments.waistband import LEAST, TIGHT, border_loops, girth_at, turns_about, with_waistbands
+from clothsim.garments.waistband import LEAST, TIGHT, border_loops, girth_at, loose_edge, turns_about, with_waistbands
 from clothsim.mesh.generators.shapes import tube
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.body_frame import girth, level_set, loops
@@ -56,6 +56,9 @@ def test_shoulders_a_bell_and_a_tight_band_are_left_as_they_are():
     for radius, bands in widths.items():
         shape = points * [radius / 0.1, radius / 0.1, 1.0] + centre
         assert len(with_waistbands(shape, triangles, BODY, PARTS).factors) == bands
+        assert bool(loose_edge(shape, triangles, BODY)) == (radius > 1.2 * middle)
+    assert loose_edge(*shirt, BODY) == ""
+    assert loose_edge(points, triangles, BodyMesh("tube", points, triangles, 1.0, ())) == ""
 
 
 def test_a_loop_that_does_not_surround_an_axis_makes_no_turn():

@@ -7,7 +7,7 @@ from meshes import cloth, grid
 from small_scenes import SHEET, small_scene
 from solving import step_at
 
-from clothsim import simulate
+from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
 from clothsim.mesh.world import make_world
 from clothsim.physics.energies.base import Off
@@ -73,3 +73,10 @@ def test_what_does_nothing_is_off_and_what_is_wrong_is_named():
         one(length_ratio=[[0.0, 1.0], [1.0, 0.0]])
     with pytest.raises(InputError, match=r"band\[0\].select"):
         one(select=[0, 8])
+
+
+def test_a_box_selects_edges_of_the_border():
+    keys = {"band": [{"select": {"box": [[-0.1, -0.1, -0.1], [0.1, 0.1, 0.1]]}, "stiffness": 1.0, "length_ratio": 1.0}]}
+    cloth = {"mesh": "rectangle", "size": [1.0, 1.0], "cells": [10, 10]}
+    with pytest.raises(InputError, match="border"):
+        simulate(Scene(cloth, effects={"inertia": {}, "elastic_bands": keys}))

@@ -28,6 +28,13 @@ def test_velocity_without_inertia():
     assert "velocity" not in notes(fast, {**HELD, "inertia": {}})
 
 
+def test_hanging_cloth_without_a_membrane():
+    hanging = {"inertia": {}, "gravity": {}, "pins": {"select": "left"}}
+    assert "membrane" in notes(effects=hanging)
+    assert "Nothing resists" not in notes(effects={**hanging, "membrane": {}})
+    assert "Nothing resists" not in notes(effects={name: keys for name, keys in hanging.items() if name != "pins"})
+
+
 def test_a_clamp_without_bending():
     clamped = {"membrane": {}, "pins": {"select": "left", "clamp": True}}
     assert "clamp" in notes(effects=clamped)

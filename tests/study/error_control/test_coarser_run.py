@@ -41,3 +41,10 @@ def test_contact_that_touches_in_no_run_is_none_to_its_error(depth, known, monke
     assert trial.touched is not known
     assert ("d_hat" in acting(refinable.parameters, [trial])) is not known
     assert "dt" in acting(refinable.parameters, [trial])
+
+
+def test_a_frame_of_too_few_steps_says_which_dt_is_short_enough():
+    scene = ERROR_SCENES["twisted"]
+    rate = scene.run_settings.frames_per_second
+    run = simulate(replace(scene, solver={**scene.solver, "dt": 1 / (2 * rate), "estimate": True}))
+    assert f"solver.dt = {1 / (4 * rate):.3g}" in run.summary["certificate"]["error_estimate"]["fixed"]["dt"]
