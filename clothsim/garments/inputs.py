@@ -143,7 +143,8 @@ class BodyMesh:
 
     like: body whose landmarks it has, which are not looked for on its own surface, and whose vertices are the first of
     its own: the others are those of a wrap; None: its own.
-    own_pose: the same body before a pose moved its vertices, but none of its landmarks; None: it is in its own pose.
+    own_pose: this body before it was posed for sewing, from which landmarks, frame and limb names are taken; None: it
+    is not posed.
     """
 
     name: str

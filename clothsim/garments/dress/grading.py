@@ -10,7 +10,7 @@ cloth can lie between the legs: above, thighs that touch leave no room for it. T
 by the factor that this takes, and below it as the legs are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from clothsim.base.errors import InputError
 from clothsim.base.inputs import did_you_mean
 from clothsim.garments.dress.limbs import form_a_tube, height_of_parting
 from clothsim.garments.dress.placement import ACROSS, chosen_origin, height_of_origin, is_of_arm, is_of_leg
-from clothsim.garments.dress.worn_levels import Levels, worn_levels
+from clothsim.garments.dress.worn_levels import sewn_together, worn_levels
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, PlaneMap, mesh_pattern, seams_alike
 from transfer.body_parts import BodyParts
@@ -258,7 +258,8 @@ def graded(
             panels[name] = _grade_along_arm(panel, pattern, sizes, levels, float(middle[0]))
         else:
             heights_of = sizes.height_on_trousers if name in trousers else sizes.height
-            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of, worn.get(name, np.asarray))
+            levels_of = worn[name] if name in worn and name not in trousers else _as_drawn
+            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of, levels_of)
     legs = float(sizes.factors.lengths[1])
     dropped = sizes.parting * (1 - sizes.lower) * legs if trousers else 0.0
     crotch = sizes.parting * sizes.lower * legs if dropped > LOW else np.inf
@@ -282,22 +283,32 @@ def _panels_of_trousers(pattern: Pattern) -> set[str]:
             for name, panel in pattern.panels.items()
             if is_of_leg(panel) and (side * panel.placed(panel.vertices)[:, 0]).min() > -ACROSS
         }
-        pieces = [{name} for name in sorted(names)]
-        for stitch in pattern.stitches:
-            sides = {side.panel for side in stitch.sides}
-            if sides <= names:
-                joined = [piece for piece in pieces if piece & sides]
-                pieces = [piece for piece in pieces if not piece & sides] + [set().union(*joined)]
-        for piece in pieces:
+        for piece in sewn_together(pattern, names):
             found |= piece if form_a_tube(mesh, sorted(piece), mesh.up) else set()
     return found
 
 
-def _grade_along_trunk(panel: Panel, sizes: BodySizes, levels: list[float], heights_of: Levels, worn: Levels) -> Panel:
-    """Panel of the trunk or of a leg, graded about the middle of the body by the heights at which it is worn."""
+def _as_drawn(heights: Floats) -> Floats:
+    """Heights of what is worn as it is drawn: trousers, and pieces that are sewn to the finished torso."""
+    return heights
+
+
+def _grade_along_trunk(
+    panel: Panel,
+    sizes: BodySizes,
+    levels: list[float],
+    heights_of: Callable[[Floats], Floats],
+    worn: Callable[[Floats], Floats],
+) -> Panel:
+    """Panel of the trunk or of a leg, graded about the middle of the body.
+
+    heights_of: heights on the other body of those on this one; worn: those at which the panel is worn, by which its
+    girth is graded, of those at which it is drawn.
+    """
+    girth_at = sizes.leg_girth if is_of_leg(panel) else sizes.trunk_girth
 
     def girth(drawn: Floats) -> Floats:
-        return (sizes.leg_girth if is_of_leg(panel) else sizes.trunk_girth)(worn(drawn))
+        return girth_at(worn(drawn))
 
     upward = panel.matrix[1, :2]
     slope = float(np.linalg.norm(upward))

@@ -223,7 +223,7 @@ def sewing_pose(wearer: Wearer, limbs: Iterable[str]) -> tuple[Wearer, str]:
         return wearer, ""
     with_arms = _weights_of_arms(wearer.body)
     way = np.stack([_posed(wearer.body, with_arms, t * legs, t * arms) for t in np.linspace(1.0, 0.0, STATIONS)])
-    body = replace(wearer.body, positions=way[0], own_pose=wearer.body)
+    body = replace(wearer.body, positions=way[0], own_pose=wearer.body.own_pose or wearer.body)
     return Wearer(body, body_surface(body.positions, body.triangles), way), " and ".join(changes)
 
 
