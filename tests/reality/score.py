@@ -71,10 +71,24 @@ def scored(all_lays: Sequence[Lays], ensembles: Sequence[Floats]) -> list[Scored
 
 
 def mean_scores(scores: Sequence[Scored]) -> tuple[list[float], list[float]]:
-    """Means over fabrics of simulated, dressed, best rival and ceiling, and the skills of the first two of them."""
-    names = ("simulated", "dressed", "rival", "ceiling")
-    means = [float(np.mean([getattr(each, name) for each in scores])) for name in names]
+    """Means over fabrics of simulated, dressed, best rival and ceiling, and the skills of the first two of them.
+
+    The best rival is chosen for each fabric after its lays are known: no single predictor can do that.
+    """
+    means = [_mean(scores, name) for name in ("simulated", "dressed", "rival", "ceiling")]
     return means, [(means[2] - value) / (means[2] - means[3]) for value in means[:2]]
+
+
+def skills_over_one_rival(scores: Sequence[Scored]) -> tuple[list[float], list[float]]:
+    """Mean scores of either rival, and the skills of simulated and dressed over the one that is better in the mean."""
+    rivals = [_mean(scores, name) for name in ("fitted_lay", "quadratic")]
+    best, ceiling = min(rivals), _mean(scores, "ceiling")
+    return rivals, [(best - _mean(scores, name)) / (best - ceiling) for name in ("simulated", "dressed")]
+
+
+def _mean(scores: Sequence[Scored], name: str) -> float:
+    """Mean over the fabrics of the score of that name."""
+    return float(np.mean([getattr(each, name) for each in scores]))
 
 
 def _thinned(values: Floats) -> Floats:

@@ -10,7 +10,7 @@ from tests.reality.__main__ import RECORD, main
 from tests.reality.borders import DROPPED, Lays, measured_lays, scatter_of_centres, single_lays
 from tests.reality.ensembles import BENDING_LENGTHS, MEMBERS, RATIOS, SOFTENING, fitted, sheet
 from tests.reality.knits import Pulls, compared
-from tests.reality.score import energy_score, scored
+from tests.reality.score import energy_score, mean_scores, scored, skills_over_one_rival
 
 
 def test_the_energy_score_of_two_points_is_their_distance_less_half_their_spread():
@@ -32,6 +32,15 @@ def test_the_cloth_itself_has_the_skill_of_the_ceiling_and_another_cloth_has_non
         assert each.simulated == pytest.approx(each.ceiling, rel=0.15)
     away = scored(lays, [each + np.array([0.3, 2, 3e-3]) for each in same])
     assert all(each.skill(each.simulated) < 0 for each in away)
+
+
+def test_one_rival_is_never_better_than_the_better_of_both_for_each_fabric():
+    scores = scored(*fabrics(8))
+    rivals, skills = skills_over_one_rival(scores)
+    means, in_hindsight = mean_scores(scores)
+    assert min(rivals) >= means[2]
+    assert all(one >= other for one, other in zip(skills, in_hindsight, strict=True))
+    assert skills[0] == pytest.approx((min(rivals) - means[0]) / (min(rivals) - means[3]))
 
 
 SHARES = np.linspace(0.2, 0.9, len(BENDING_LENGTHS))
