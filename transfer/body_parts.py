@@ -255,3 +255,61 @@ def smoothed(values: Floats) -> Floats:
     result = values.copy()
     result[1:-1] = (values[:-2] + 2.0 * values[1:-1] + values[2:]) / 4.0
     return result
+
+
+SIDE_OF_NECK = 0.05
+"""Distance of the highest point of a shoulder from the middle of the body, as a fraction of its height."""
+HANGING_SECTIONS = 60
+"""Heights at which it is seen how far cloth stands out that hangs from the shoulders."""
+
+
+def hanging_line(positions: Floats, triangles: Ints, parts: BodyParts) -> tuple[Floats, Floats]:
+    """Lengths of cloth from the top of the shoulders down to heights of a body, both (k,) [m].
+
+    The mean of four lines: over the front and the back of both sides of the neck. TransferError where the body, (n, 3)
+    and (m, 3), has no shoulders beside its neck.
+    """
+    local, marks = parts.frame.local(positions), parts.landmarks
+    tops, lines = [], []
+    for side in (SIDE_OF_NECK, -SIDE_OF_NECK):
+        ring = level_set(local, triangles, local[:, 0], side * marks["crown"])
+        segments = np.stack([ring.starts, ring.ends], axis=1)[:, :, 1:]  # (s, 2, 2): heights and depths
+        segments = segments[
+            (segments[:, :, 0] > marks["crotch"]).any(axis=1) & (segments[:, :, 0] < marks["neck"]).all(axis=1)
+        ]
+        if not len(segments):
+            raise TransferError("the body has no shoulders beside its neck.", "Give the pattern as it is cut.")
+        corner = segments.reshape(-1, 2)[segments[:, :, 0].argmax()]
+        tops.append(float(corner[0]))
+        heights = np.linspace(corner[0], marks["crotch"], HANGING_SECTIONS)
+        lines += [length_over(heights, sign * corner[1], sign, segments) for sign in (1.0, -1.0)]
+    top = float(np.mean(tops))
+    heights = np.linspace(top, marks["crotch"], HANGING_SECTIONS)
+    return np.mean(lines, axis=0), heights
+
+
+def length_over(heights: Floats, start: float, sign: float, segments: Floats) -> Floats:
+    """Lengths of cloth over the segments (s, 2, 2) of a section down to heights (k,), spanning what is hollow.
+
+    The upper convex hull of the outline, by gift wrapping, up to the height at which it protrudes most; from there the
+    cloth hangs straight. start: depth of the top; sign: 1 for the front, -1 for the back.
+    """
+    out = np.full(len(heights), -np.inf)
+    out[0] = start
+    (a, b), (p, q) = segments[:, :, 0].T, sign * segments[:, :, 1].T
+    for k, height in enumerate(heights[1:], start=1):
+        cut = ((a - height) * (b - height) <= 0) & (a != b)
+        if cut.any():
+            t = (height - a[cut]) / (b[cut] - a[cut])
+            out[k] = (p[cut] + t * (q[cut] - p[cut])).max()
+    corners = [0]
+    while corners[-1] < len(heights) - 1:
+        k = corners[-1]
+        slopes = (out[k + 1 :] - out[k]) / (heights[k] - heights[k + 1 :])
+        if slopes.max() <= 0:
+            break
+        corners.append(k + 1 + int(np.argmax(slopes)))
+    lengths = np.hypot(np.diff(heights[corners]), np.diff(out[corners]))
+    at = np.concatenate([[0.0], np.cumsum(lengths)])
+    below = np.maximum(heights[corners[-1]] - heights, 0.0)
+    return np.interp(-heights, -heights[corners], at) + below

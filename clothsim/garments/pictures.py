@@ -35,7 +35,8 @@ def draw_fit(done: "Fit", file: Path) -> str:
     """
     plain = np.zeros((0, 2))
     first = done.stages[0]
-    turn = _turn_to(done.source, done.target)
+    # a quarter turn about x where one stands along y and the other along z, else none
+    turn = Rotation.from_rotvec(np.cross(done.source.up, done.target.up) * np.pi / 2).as_matrix()
     source = replace(done.source, positions=done.source.positions @ turn.T)
     panels = [(f"before, on {done.source.name}", first.positions @ turn.T, source, plain)]
     seed = next((stage for stage in done.stages if stage.name == ("size" if done.size.factors else "transfer")), None)
@@ -78,13 +79,6 @@ def draw_fit(done: "Fit", file: Path) -> str:
         pictures.append(rendered(replace(setup, camera=camera, scale=None, title=name, smooth=False), drawn))
     Image.fromarray(np.hstack([*pictures, rendered(setup, surfaces[-1])])).save(file, format="PNG")
     return setup.note
-
-
-def _turn_to(source: BodyMesh, target: BodyMesh) -> Floats:
-    """Rotation (3, 3) that takes the upward axis of one body to that of the other, about x; 1 where they are alike."""
-    if np.allclose(source.up, target.up):
-        return np.eye(3)
-    return Rotation.from_rotvec(np.cross(source.up, target.up) * np.pi / 2).as_matrix()
 
 
 def _displacement_to(wearer: BodyMesh, target: BodyMesh) -> Floats:

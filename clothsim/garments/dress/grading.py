@@ -10,7 +10,7 @@ cloth can lie between the legs: above, thighs that touch leave no room for it. T
 by the factor that this takes, and below it as the legs are.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,12 +20,12 @@ from clothsim import Pattern
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import did_you_mean
+from clothsim.garments.dress.closing import is_on_top
 from clothsim.garments.dress.limbs import form_a_tube, height_of_parting
 from clothsim.garments.dress.placement import ACROSS, chosen_origin, height_of_origin, is_of_arm, is_of_leg
-from clothsim.garments.dress.worn_levels import sewn_together, worn_levels
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, PlaneMap, mesh_pattern, seams_alike
-from transfer.body_parts import BodyParts
+from transfer.body_parts import BodyParts, hanging_line
 from transfer.errors import TransferError
 from transfer.part_warp import CHEST, HIPS, WAIST, SizeFactors, arm_axis, size_factors
 
@@ -252,20 +252,86 @@ def graded(
     origin = chosen_origin(heights, origin)
     levels = [height_of_origin(body, origin) for body in (source, target)]
     middle = np.mean([panel.placed(panel.vertices).mean(axis=0) for panel in pattern.panels.values()], axis=0)
-    panels, trousers, worn = {}, _panels_of_trousers(pattern), worn_levels(pattern, source.bare, levels[0])
+    panels, trousers = {}, _panels_of_trousers(pattern)
+    worn = worn_levels(pattern, source.bare, levels[0], trousers)
     for name, panel in pattern.panels.items():
         if is_of_arm(panel):
             panels[name] = _grade_along_arm(panel, pattern, sizes, levels, float(middle[0]))
         else:
             heights_of = sizes.height_on_trousers if name in trousers else sizes.height
-            levels_of = worn[name] if name in worn and name not in trousers else _as_drawn
-            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of, levels_of)
+            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of, worn[name])
     legs = float(sizes.factors.lengths[1])
     dropped = sizes.parting * (1 - sizes.lower) * legs if trousers else 0.0
     crotch = sizes.parting * sizes.lower * legs if dropped > LOW else np.inf
     alike = seams_alike(replace(pattern, panels=panels), pattern)
     made = alike.pattern, source.name, sizes.named, alike.factors, alike.moved, alike.before
     return Grading(*made, origin, dropped, crotch)
+
+
+LIFT = 0.025
+"""Depth of the top of a garment below that of the shoulders, as a fraction of the body's height, up to which it is
+drawn too low; what is drawn LIFT deeper is less so, and from three times LIFT on, as a strapless bodice, it is worn
+where it is."""
+
+
+def worn_levels(
+    pattern: Pattern, body: BodyMesh, floor: float, as_drawn: Collection[str] = ()
+) -> dict[str, Callable[[Floats], Floats]]:
+    """Functions from heights at which panels are drawn to those at which they are worn, (k,) [m] above the ground.
+
+    Panels are drawn flat: cloth that is as long as the way over the chest or the back ends above the level at which it
+    would hang straight. With s(h) the length of cloth from the top of the shoulders down to a height h of the body, t
+    the height of the top of a garment as it is drawn and t' as it is worn, what is drawn at y is worn at the h with
+    s(h) = s(t') + t - y.
+
+    Parameters
+    ----------
+    pattern : Pattern
+        Pattern as placed round the body.
+    body : BodyMesh
+        The body that it was cut for. TransferError where it does not stand.
+    floor : float
+        Height of y = 0 of the pattern above the ground [m].
+    as_drawn : collection of str
+        Panels that are worn as they are drawn, as those of an arm and what is sewn to the finished torso.
+
+    Returns
+    -------
+    dict of str to callable
+        By the name of each panel.
+    """
+    found: dict[str, Callable[[Floats], Floats]] = dict.fromkeys(pattern.panels, lambda drawn: drawn)
+    panels = {
+        name: panel
+        for name, panel in pattern.panels.items()
+        if not (name in as_drawn or is_of_arm(panel) or is_on_top(panel))
+    }
+    lengths, heights = hanging_line(body.closed.positions, body.closed.triangles, body.closed.parts)
+    lift = LIFT * body.height
+    for names in sewn_together(pattern, panels):
+        top = max(float(panels[name].placed(panels[name].outline)[:, 1].max()) for name in names) + floor
+        worn_top = top + float(np.interp(heights[0] - top, [0.0, lift, 3.0 * lift], [0.0, lift, 0.0]))
+        beyond = max(worn_top - heights[0], 0.0) + min(worn_top - heights[-1], 0.0)
+        total = float(np.interp(-worn_top, -heights, lengths)) - beyond + top
+
+        def worn(drawn: Floats, total: float = total) -> Floats:
+            length = total - drawn
+            beyond = np.maximum(length - lengths[-1], 0.0) + np.minimum(length - lengths[0], 0.0)
+            return np.interp(length, lengths, heights) - beyond
+
+        found |= dict.fromkeys(names, worn)
+    return found
+
+
+def sewn_together(pattern: Pattern, names: Collection[str]) -> list[set[str]]:
+    """Sets of those panels that are joined by stitches between them."""
+    pieces = [{name} for name in sorted(names)]
+    for stitch in pattern.stitches:
+        sides = {side.panel for side in stitch.sides}
+        if sides <= set(names):
+            joined = [piece for piece in pieces if piece & sides]
+            pieces = [piece for piece in pieces if not piece & sides] + [set().union(*joined)]
+    return pieces
 
 
 COARSE = 0.05
@@ -286,11 +352,6 @@ def _panels_of_trousers(pattern: Pattern) -> set[str]:
         for piece in sewn_together(pattern, names):
             found |= piece if form_a_tube(mesh, sorted(piece), mesh.up) else set()
     return found
-
-
-def _as_drawn(heights: Floats) -> Floats:
-    """Heights of what is worn as it is drawn: trousers, and pieces that are sewn to the finished torso."""
-    return heights
 
 
 def _grade_along_trunk(

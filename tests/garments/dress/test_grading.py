@@ -9,9 +9,8 @@ from sewing_patterns import panel, specification, stitch
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.grading import NAMES, graded, sizes_between
+from clothsim.garments.dress.grading import NAMES, graded, sizes_between, worn_levels
 from clothsim.garments.dress.limbs import height_of_parting
-from clothsim.garments.dress.worn_levels import worn_levels
 from clothsim.garments.dressed import STAGES
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import PlannedStage

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from sewing_patterns import panel, specification, stitch
 
-from clothsim.garments.dress.worn_levels import LIFT, hanging_line, length_over, sewn_together, worn_levels
+from clothsim.garments.dress.grading import LIFT, sewn_together, worn_levels
 from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.specification import pattern_of
+from transfer import body_parts
+from transfer.body_parts import length_over
 
 TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 HEIGHTS = np.linspace(1.0, 0.2, 33)
@@ -17,6 +19,10 @@ HEIGHTS = np.linspace(1.0, 0.2, 33)
 def body() -> BodyMesh:
     """The mannequin of the package, z upward."""
     return BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())
+
+
+def hanging_line(body):
+    return body_parts.hanging_line(body.positions, body.triangles, body.parts)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -105,7 +111,13 @@ def test_garments_of_one_file_hang_from_their_own_tops(body):
     assert worn["front"](np.array([0.8]))[0] > 0.83
 
 
-def test_sleeves_and_collars_have_no_levels(body):
+def test_sleeves_and_collars_are_worn_as_they_are_drawn(body):
     panels = {"front": box(25, 95, 140, 20), "collar": box(8, 138, 145, 0), "left_sleeve": box(10, 120, 130, 5)}
-    assert set(worn_levels(pattern_of(specification(panels)), body, 0.0)) == {"front"}
-    assert worn_levels(pattern_of(specification({"collar": panels["collar"]})), body, 0.0) == {}
+    heights = np.array([1.0, 1.2])
+    worn = worn_levels(pattern_of(specification(panels)), body, 0.0)
+    assert {name for name, levels in worn.items() if np.array_equal(levels(heights), heights)} == {
+        "collar",
+        "left_sleeve",
+    }
+    kept = worn_levels(pattern_of(specification(panels)), body, 0.0, ["front"])
+    assert all(np.array_equal(levels(heights), heights) for levels in kept.values())
