@@ -11,6 +11,7 @@ import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.grading import NAMES, graded, sizes_between, worn_levels
 from clothsim.garments.dress.limbs import height_of_parting
+from clothsim.garments.dress.placement import height_of_origin
 from clothsim.garments.dressed import STAGES
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import PlannedStage
@@ -93,6 +94,18 @@ def test_a_wider_body_has_wider_panels_of_the_same_length(own, wide):
     assert front.vertices[3, 1] - front.vertices[0, 1] == pytest.approx(length[0], rel=1e-9)
     assert np.allclose(front.vertices[:2].sum(axis=0), 0, atol=1e-12)  # it stays in the middle
     assert made.moved < 1e-12
+
+
+def test_a_pattern_from_the_waist_is_graded_as_one_from_the_floor(own, wide):
+    pattern = garment()
+    down = np.array([0.0, height_of_origin(own, "waist"), 0.0])
+    from_waist = {name: replace(each, translation=each.translation - down) for name, each in pattern.panels.items()}
+    made = [
+        graded(each, own, wide, origin).pattern
+        for each, origin in ((pattern, "floor"), (replace(pattern, panels=from_waist), "waist"))
+    ]
+    for name in pattern.panels:
+        np.testing.assert_allclose(*(each.panels[name].vertices for each in made), atol=1e-12, err_msg=name)
 
 
 def test_armholes_of_a_wider_body_get_one_factor(own, wide):
