@@ -266,8 +266,7 @@ HANGING_SECTIONS = 60
 def hanging_line(positions: Floats, triangles: Ints, parts: BodyParts) -> tuple[Floats, Floats]:
     """Lengths of cloth from the top of the shoulders down to heights of a body, both (k,) [m].
 
-    The mean of four lines: over the front and the back of both sides of the neck. TransferError where the body, (n, 3)
-    and (m, 3), has no shoulders beside its neck.
+    The mean of four lines: over the front and the back of both sides of the neck.
     """
     local, marks = parts.frame.local(positions), parts.landmarks
     tops, lines = [], []
@@ -277,8 +276,10 @@ def hanging_line(positions: Floats, triangles: Ints, parts: BodyParts) -> tuple[
         segments = segments[
             (segments[:, :, 0] > marks["crotch"]).any(axis=1) & (segments[:, :, 0] < marks["neck"]).all(axis=1)
         ]
-        if not len(segments):
-            raise TransferError("the body has no shoulders beside its neck.", "Give the pattern as it is cut.")
+        if not len(segments):  # a neck as wide as the shoulders, or half a body: it hangs straight
+            tops.append(marks["neck"])
+            lines += 2 * [marks["neck"] - np.linspace(marks["neck"], marks["crotch"], HANGING_SECTIONS)]
+            continue
         corner = segments.reshape(-1, 2)[segments[:, :, 0].argmax()]
         tops.append(float(corner[0]))
         heights = np.linspace(corner[0], marks["crotch"], HANGING_SECTIONS)

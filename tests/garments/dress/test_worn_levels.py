@@ -56,6 +56,14 @@ def test_cloth_over_a_body_is_longer_than_its_way_down_and_follows_the_body(body
         np.testing.assert_allclose(other, [scale * lengths, scale * heights], atol=2e-3)
 
 
+def test_a_body_without_shoulders_beside_its_neck_lets_cloth_hang_straight(body):
+    local = body.parts.frame.local(body.positions)
+    narrow = body.triangles[(np.abs(local[body.triangles, 0]) < 0.04 * body.height).all(axis=1)]
+    lengths, heights = body_parts.hanging_line(body.positions, narrow, body.parts)
+    assert heights[0] == pytest.approx(body.parts.landmarks["neck"])
+    np.testing.assert_allclose(lengths, heights[0] - heights, atol=1e-12)
+
+
 def box(width: float, low: float, high: float, depth: float):
     """A panel from one height to another in front of the body, or behind it [cm]."""
     corners = [[-width, 0], [width, 0], [width, high - low], [-width, high - low]]
