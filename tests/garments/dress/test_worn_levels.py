@@ -12,6 +12,7 @@ from transfer import body_parts
 from transfer.body_parts import length_over
 
 TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+SIDE_OF_NECK = 0.05
 HEIGHTS = np.linspace(1.0, 0.2, 33)
 
 
@@ -42,6 +43,10 @@ def test_cloth_over_a_body_is_longer_than_its_way_down_and_follows_the_body(body
     marks = body.parts.landmarks
     assert lengths[0] == 0
     assert marks["armpit"] < heights[0] < marks["neck"]
+    local = body.parts.frame.local(body.positions)
+    aside = np.abs(np.abs(local[:, 0]) / body.height - SIDE_OF_NECK) < 0.005
+    shoulder = local[aside & (local[:, 1] < marks["neck"]), 1].max()
+    assert heights[0] == pytest.approx(shoulder, abs=0.015)
     assert heights[-1] == pytest.approx(marks["crotch"])
     slopes = np.diff(lengths) / -np.diff(heights)
     assert np.all(slopes > 1 - 1e-12)
