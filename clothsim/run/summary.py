@@ -118,11 +118,11 @@ def certificate_rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if "rods" in certificate and not certificate["intersections"]["cloth_cloth"]["states"]:
         _, between, off = certificate["rods"].partition("between steps: ")
         parts.append(
-            f"in no state do rods overlap, or centre lines pass through cloth; they may between two {off}"
+            f"in no state do rods overlap or go through cloth by their centre lines; they may pass between two {off}"
             if between
-            else "rods never overlap, and no centre line passes through cloth"
+            else "rods never overlap, and no centre line goes through cloth"
         )
-        parts.append("cloth within the radius of a rod is not looked for")
+        parts += [] if without_cloth else ["cloth within the radius of a rod is not looked for"]
     if "rigid" in certificate and "rigid" not in certificate["intersections"]:
         parts.append(f"{SURFACES_OF_KIND['rigid']} never intersect")
     parts += [f"{each['cloth']} is INSIDE {each['body']}" for each in certificate.get("held_inside", ())]
