@@ -201,6 +201,8 @@ class BodyMesh:
     @cached_property
     def frame(self) -> BodyFrame:
         """Upright, front-facing frame. TransferError where it is not a standing body."""
+        if self.own_pose is not None:  # pieces in a pose are not wrapped anew
+            return self.own_pose.frame
         like = self.closed if self.like is None else self.like
         if like is not self:
             return like.frame

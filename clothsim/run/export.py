@@ -162,7 +162,7 @@ def export(
     kind.writer.write(animation, target)
     between = sum(each.weight > 0 for each in samples)
     gaps = np.diff(times)
-    if target.suffix.lower() == ".pc2" and len(gaps) and np.ptp(gaps) > UNEVEN * gaps.max():
+    if not kind.timed and len(gaps) and np.ptp(gaps) > UNEVEN * gaps.max():
         last = times[0] + len(gaps) / rate
         note = (
             f"{target.suffix} has no times: its last frame, of {times[-1]:g} s, is played at {last:g} s; fps resamples."

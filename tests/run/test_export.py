@@ -300,6 +300,11 @@ def test_every_format_has_its_files_and_its_writer():
 def test_a_cache_without_times_says_that_its_frames_are_not_even(tmp_path):
     uneven = exported_run(tmp_path, run={"duration": 0.1, "frames_per_second": 25})
     assert np.ptp(np.diff(uneven.times)) > 0.01
-    for ending, fps, noted in ((".pc2", None, True), (".pc2", 50.0, False), (".mdd", None, False)):
+    for ending, fps, noted in (
+        (".pc2", None, True),
+        (".pc2", 50.0, False),
+        (".mdd", None, False),
+        (".obj", None, True),
+    ):
         done = uneven.export(tmp_path / f"a{ending}", fps=fps, overwrite=True)
         assert any("0.12 s" in note for note in done.notes) == noted

@@ -37,6 +37,8 @@ class Format:
         True where points may be relative to an origin that the file gives in double precision.
     polygons : bool
         True where faces may have more than three corners.
+    timed : bool
+        True where frames have times; else they are played evenly.
     """
 
     module: str
@@ -45,6 +47,7 @@ class Format:
     metres: bool = False
     relative: bool = False
     polygons: bool = True
+    timed: bool = True
 
     @property
     def writer(self) -> Writer:
@@ -53,9 +56,9 @@ class Format:
 
 
 FORMATS: dict[str, Format] = {
-    ".obj": Format("sequences", "Wavefront OBJ, a file a frame"),
-    ".ply": Format("sequences", "Stanford PLY, a file a frame, with stretch and colours"),
-    ".pc2": Format("sequences", "point cache 2 of Blender, 3ds Max and Houdini, with the mesh as OBJ"),
+    ".obj": Format("sequences", "Wavefront OBJ, a file a frame", timed=False),
+    ".ply": Format("sequences", "Stanford PLY, a file a frame, with stretch and colours", timed=False),
+    ".pc2": Format("sequences", "point cache 2 of Blender, 3ds Max and Houdini, with the mesh as OBJ", timed=False),
     ".mdd": Format("sequences", "point cache MDD of Blender, Houdini and LightWave, with the mesh as OBJ"),
     ".glb": Format("glb", "binary glTF 2.0 with morph targets", up="y", metres=True, relative=True, polygons=False),
     ".usdc": Format("usd", "binary USD with time samples", relative=True),

@@ -272,6 +272,8 @@ LIFT = 0.025
 """Depth of the top of a garment below that of the shoulders, as a fraction of the body's height, up to which it is
 drawn too low; what is drawn LIFT deeper is less so, and from three times LIFT on, as a strapless bodice, it is worn
 where it is."""
+FAR = 10.0
+"""Distance beyond which nothing is drawn, in heights of the body."""
 
 
 def worn_levels(
@@ -307,17 +309,16 @@ def worn_levels(
         if not (name in as_drawn or is_of_arm(panel) or is_on_top(panel))
     }
     lengths, heights = hanging_line(body.closed.positions, body.closed.triangles, body.closed.parts)
+    far = FAR * body.height  # straight beyond both ends
+    s, h = np.array([-far, *lengths, lengths[-1] + far]), np.array([heights[0] + far, *heights, heights[-1] - far])
     lift = LIFT * body.height
     for names in sewn_together(pattern, panels):
         top = max(float(panels[name].placed(panels[name].outline)[:, 1].max()) for name in names) + floor
         worn_top = top + float(np.interp(heights[0] - top, [0.0, lift, 3.0 * lift], [0.0, lift, 0.0]))
-        beyond = max(worn_top - heights[0], 0.0) + min(worn_top - heights[-1], 0.0)
-        total = float(np.interp(-worn_top, -heights, lengths)) - beyond + top
+        total = float(np.interp(-worn_top, -h, s)) + top
 
         def worn(drawn: Floats, total: float = total) -> Floats:
-            length = total - drawn
-            beyond = np.maximum(length - lengths[-1], 0.0) + np.minimum(length - lengths[0], 0.0)
-            return np.interp(length, lengths, heights) - beyond
+            return np.interp(total - drawn, s, h)
 
         found |= dict.fromkeys(names, worn)
     return found

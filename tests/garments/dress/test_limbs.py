@@ -260,6 +260,7 @@ def test_a_pose_changes_neither_landmarks_nor_the_limb_of_a_vertex(wearer, dress
     assert posed.parts.landmarks == body.parts.landmarks
     assert np.array_equal(limb_names(posed), limb_names(body))
     assert posed.frame is body.frame
+    assert "_union" not in posed.__dict__  # pieces in a pose are not wrapped anew
     again = sewing_pose(wearer._replace(body=posed), ["left leg"])[0].body
     assert again.own_pose is body
     assert np.array_equal(posed.up, body.up)
