@@ -259,6 +259,8 @@ def test_a_pose_changes_neither_landmarks_nor_the_limb_of_a_vertex(wearer, dress
     assert posed.own_pose is body
     assert posed.parts.landmarks == body.parts.landmarks
     assert np.array_equal(limb_names(posed), limb_names(body))
+    elsewhere = replace(posed, positions=posed.positions + 0.3 * body.up)  # by vertex, wherever a pose takes it
+    assert np.array_equal(limb_names(elsewhere), limb_names(body))
     assert posed.frame is body.frame
     assert "_union" not in posed.__dict__  # pieces in a pose are not wrapped anew
     again = sewing_pose(wearer._replace(body=posed), ["left leg"])[0].body
