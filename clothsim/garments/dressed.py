@@ -1,6 +1,5 @@
 """Dress: a sewing pattern meshed, placed, closed round a body, welded and draped; its result and its files."""
 
-import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,31 +10,29 @@ from typing import Any
 import numpy as np
 
 from clothsim import Cloth, Pattern, Run
-from clothsim.base.arrays import Floats, as_positive
+from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.base.file_writing import make_directory, write_atomically
+from clothsim.base.file_writing import write_atomically
 from clothsim.base.inputs import is_number, renamed, shown, with_remedies
 from clothsim.base.process_memory import Stopwatch
-from clothsim.base.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
+from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
-from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, read_pattern
+from clothsim.files import read_pattern
+from clothsim.garments.dress.attempts import sewn_at
 from clothsim.garments.dress.closing import stretch_range
-from clothsim.garments.dress.corrections import lifted
-from clothsim.garments.dress.fans import folded_fans
-from clothsim.garments.dress.grading import Grading, graded
-from clothsim.garments.dress.limbs import Wearer, legs_beside, sewing_pose
+from clothsim.garments.dress.grading import Grading, graded, sizes_between
 from clothsim.garments.dress.measurements import measurement_entries
-from clothsim.garments.dress.pipeline import STAGES, DressState, DressTask
-from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
-from clothsim.garments.dress.rings import arms_between, lowered_to_crotch
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
+from clothsim.garments.dress.pipeline import DressTask
+from clothsim.garments.dress.placement import refuse_unsuitable
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState
+from clothsim.garments.dress.worn_levels import worn_levels
 from clothsim.garments.fit.moving_body import BODY, REST, START
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface, read_body_mesh, stands
 from clothsim.garments.penetration import Counts
-from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback, run_stages
+from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback
 from clothsim.garments.tightness import Tightness, tight_entries
 from clothsim.garments.waistband import parts_for_edges
-from clothsim.patterns import PatternMesh, joined_vertices, mesh_pattern, write_specification
+from clothsim.patterns import write_specification
 from clothsim.render import draw_pattern, laid_out
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface
@@ -304,22 +301,21 @@ def dress(
     body = body_of_wearer(on, scale, body_group)
     if waistband:
         parts_for_edges(body)  # an error now, not after the closing
+    ends = np.inf if budget is None else process_time() - watch.cpu_seconds() + budget
+    task = DressTask(body, surface_of(body), chosen, waistband, directory, on_stage, progress, announce, ends)
     grading = None
     if made_for is not None or grade:
         source = body
         if made_for is not None:
             in_file = isinstance(made_for, str | Path)
             source = read_body_mesh(made_for, option="made_for") if in_file else as_body_mesh(made_for)
-        grading = graded(read, source, body, origin, grade or {})
-    if grading is not None:
-        read, origin = grading.pattern, grading.origin
-    surface = surface_of(body)
-    ends = np.inf if budget is None else process_time() - watch.cpu_seconds() + budget
-    crotch = np.inf if grading is None else grading.crotch
-    task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce, ends, crotch)
+        sizes_between(source, body, grade or {})  # an error now, not after a sewing
+        levels = worn_levels(task, source.bare, read, origin)
+        grading = graded(read, source, body, origin, grade or {}, levels)
+        read, origin, task = grading.pattern, grading.origin, replace(task, crotch=grading.crotch)
     about = () if stands(body) else (NOT_STANDING.format(body.name),)
     notes = (*(grading.notes if grading else ()), *body.notes, *about)
-    begun, done = _sewn_at(task, read, size, origin, coarse_sewing, notes)
+    begun, done = sewn_at(task, read, size, origin, coarse_sewing, notes)
     worn = Dress(
         directory,
         done.status,
@@ -340,120 +336,7 @@ def dress(
     return worn
 
 
-Sewn = tuple[DressState, DressState]
-"""A garment as placed, and after all stages."""
-COARSEST = 0.028
-"""Largest size of a mesh that is sewn and then refined, as a fraction of the body's height: 4.8 cm of 1.7 m."""
 NOT_STANDING = "{} is not a standing person in metres: give another body, or its --scale"
-
-
-def _sewn_at(task: DressTask, pattern: Pattern, size: float, origin: str, coarse: bool, notes: tuple[str, ...]) -> Sewn:
-    """The garment as placed and after all stages.
-
-    coarse: first on a coarser mesh, which is refined; where that fails, on that of the size itself.
-
-    InputError for a pattern that cannot be meshed.
-    """
-    size = as_positive("The size of the mesh", size)
-    coarsest = COARSEST * task.body.height
-    halvings = max(0, int(np.log2(coarsest) - np.log2(size))) if coarse else 0
-    if halvings:
-        try:
-            mesh, mesh_notes = _placed_mesh(task, pattern, size, origin, halvings)
-        except InputError as error:
-            notes = (*notes, f"not sewn on a coarser mesh: {error.sentence}")
-        else:
-            first = _sewn_in_poses(replace(task, halvings=halvings), mesh, (*mesh_notes, *notes))
-            if not first[1].failure or process_time() >= task.ends:
-                return first
-            notes = (*notes, f"sewn again on the finer mesh: on the coarser one, {_reason(first)}")
-    mesh, mesh_notes = _placed_mesh(task, pattern, size, origin, 0)
-    return _sewn_in_poses(task, mesh, (*mesh_notes, *notes))
-
-
-def _placed_mesh(
-    task: DressTask, pattern: Pattern, size: float, origin: str, halvings: int
-) -> tuple[PatternMesh, tuple[str, ...]]:
-    """The panels meshed and placed round the body, and notes."""
-    mesh, placing_notes = placed_on(mesh_pattern(pattern, size, halvings), task.body, origin)
-    joined_vertices(mesh)  # an error now, not after the closing
-    mesh, arm_notes = turned_to_arms(mesh, task.body)
-    mesh, fan_notes = folded_fans(mesh, task.body, task.surface)
-    return mesh, (*mesh.pattern.notes, *placing_notes, *arm_notes, *fan_notes)
-
-
-def _sewn_in_poses(task: DressTask, mesh: PatternMesh, notes: tuple[str, ...]) -> Sewn:
-    """The garment as placed and after all stages; the better of two attempts where not every seam is welded.
-
-    First with the arms raised where they are in the way of the panels as they will be lifted (`arms_between`), else in
-    the body's own pose; then also with the limbs out of the way that seams stayed open about, or the arms where only
-    cloth is between, or the legs where springs hold a seam beside them.
-    """
-    make_directory(task.directory)
-    shutil.rmtree(_set_aside(task.directory))  # the runs of an earlier command, or of the coarser mesh
-    own = Wearer(task.body, task.surface)
-    in_the_way = arms_between(lifted(as_placed(mesh), task.body, task.surface)[0], own)
-    posed, change = sewing_pose(own, in_the_way)
-    raised = f"sewn with {change}: strings would run through {' and '.join(f'the {limb}' for limb in in_the_way)}"
-    first = _sewn(task, mesh, posed, (*notes, raised) if change else notes)
-    done = first[1]
-    unsewn = bool(done.failure) and done.run is None  # else it was sewn, and may have slid off in its drape
-    limbs = (done.between if done.failure else ()) or legs_beside(done.state, task.body) or (ARMS if unsewn else ())
-    if process_time() >= task.ends or not limbs:
-        return first
-    second, differently = sewing_pose(own, (*in_the_way, *limbs))
-    if differently == change:
-        if not (change and unsewn):
-            return first
-        second, differently = own, "the body in its own pose"
-    note = f"sewn again with {differently}: at first, {_reason(first)}"
-    aside = _set_aside(task.directory)
-    again = None
-    try:
-        again = _sewn(task, mesh, second, (*notes, note))
-    finally:
-        worse = again is None or again[1].what_is_left > done.what_is_left
-        if worse:
-            shutil.rmtree(_set_aside(task.directory))
-            for file in aside.iterdir():
-                file.rename(task.directory / file.name)
-        shutil.rmtree(aside)
-    if worse:
-        return first[0], replace(done, notes=(*done.notes, f"sewn again with {differently}, which was no better"))
-    return again
-
-
-ARMS = ("left arm", "right arm")
-"""Limbs that are moved out of the way where only cloth is between the sides of a seam: it may hang over them."""
-RUNS = ("close[0-9]*", "return", "shaken", TRAJECTORY_NAME, CHECKPOINT_NAME, RECORD_NAME, SUMMARY_NAME)
-"""Files and folders of the runs of a dressing."""
-
-
-def _set_aside(directory: Path) -> Path:
-    """Move the runs of a dressing into a new folder beside them, and return it."""
-    aside = Path(tempfile.mkdtemp(prefix="attempt-", dir=directory))
-    for name in RUNS:
-        for file in directory.glob(name):
-            if file.is_file() or (file / RECORD_NAME).exists():  # not a folder of the user's
-                file.rename(aside / file.name)
-    return aside
-
-
-def _reason(sewn: Sewn) -> str:
-    """Why a garment failed, or how it was sewn, to follow a colon."""
-    return f"{sewn[1].reason[:1].lower()}{sewn[1].reason[1:]}"
-
-
-def _sewn(task: DressTask, mesh: PatternMesh, on: Wearer, notes: tuple[str, ...]) -> Sewn:
-    """The panels as placed on a body in a pose, and the garment after all stages."""
-    if on.body is not task.body:
-        mesh, _ = turned_to_arms(mesh, on.body)
-    mesh, lowered_notes = lowered_to_crotch(mesh, on.body, task.crotch)
-    mesh, leg_notes = turned_to_legs(mesh, on.body, on.surface)
-    begun = DressState(as_placed(mesh), on, (), notes=(*notes, *lowered_notes, *leg_notes))
-    return begun, run_stages(STAGES, task, begun)
-
-
 PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, such as tunic"
 """What the name of a pattern must be."""
 

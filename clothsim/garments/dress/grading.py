@@ -1,8 +1,9 @@
 """Grading of a pattern from the body that it was cut for to another.
 
-Each panel is widened by the factor of girth at its height on the trunk or along its limb, and lengthened by the factor
-of length there, about the middle of the body or of the arm. Side seams, darts and waists follow; where panels of two
-parts meet (armholes) both sides of a seam then get one factor, so that its ease stays what it was.
+Each panel is widened by the factor of girth at the height at which it is worn on the trunk, or along its limb, and
+lengthened by the factor of length there, about the middle of the body or of the arm. Side seams, darts and waists
+follow; where panels of two parts meet (armholes) both sides of a seam then get one factor, so that its ease stays what
+it was.
 
 The crotch seam of trousers runs down the front of the body, back between the legs and up behind. It grows as that line
 on the body, whose depth need not grow with its girth, nor its rise with the length of the trunk. The line passes where
@@ -10,7 +11,7 @@ cloth can lie between the legs: above, thighs that touch leave no room for it. T
 by the factor that this takes, and below it as the legs are.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,12 +21,12 @@ from clothsim import Pattern
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.inputs import did_you_mean
-from clothsim.garments.dress.closing import is_on_top
 from clothsim.garments.dress.limbs import form_a_tube, height_of_parting
 from clothsim.garments.dress.placement import ACROSS, chosen_origin, height_of_origin, is_of_arm, is_of_leg
+from clothsim.garments.dress.worn_levels import DRAWN, Levels, WornLevels
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, PlaneMap, mesh_pattern, seams_alike
-from transfer.body_parts import BodyParts, hanging_line
+from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
 from transfer.part_warp import CHEST, HIPS, WAIST, SizeFactors, arm_axis, size_factors
 
@@ -179,6 +180,8 @@ class Grading:
         Largest difference of both factors of a seam before that.
     origin : str
         Level y = 0 of both patterns, "floor" or "waist".
+    worn : WornLevels
+        Heights at which the panels are worn, by which they were widened.
     dropped : float
         Distance by which the crotch of trousers lies lower than that of the body, for its thighs touch above [m].
     crotch : float
@@ -192,6 +195,7 @@ class Grading:
     moved: float
     before: float
     origin: str
+    worn: WornLevels = DRAWN
     dropped: float = 0.0
     crotch: float = np.inf
 
@@ -213,7 +217,12 @@ class Grading:
         if largest > 1e-6:
             seams = f"the two sides of {name} are graded by factors that differ by {largest:.2g}"
         low = f"graded: the crotch lies {1e3 * self.dropped:.0f} mm lower, as the thighs leave no room for cloth above"
-        return f"graded from {self.cut_for}: {named}", f"graded: {seams}", *([low] if self.dropped > LOW else [])
+        return (
+            f"graded from {self.cut_for}: {named}",
+            self.worn.note,
+            f"graded: {seams}",
+            *([low] if self.dropped > LOW else []),
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Entries in summary.json."""
@@ -228,6 +237,7 @@ def graded(
     target: BodyMesh,
     origin: str = "auto",
     factors: Mapping[str, float] | None = None,
+    worn: WornLevels = DRAWN,
 ) -> Grading:
     """Grade a pattern.
 
@@ -241,6 +251,8 @@ def graded(
         Level y = 0 of the pattern (see `placement.placed_on`).
     factors : mapping of str to float, optional
         Factors by name in place of those between the bodies.
+    worn : WornLevels
+        Heights at which the panels are worn, by which they are widened.
 
     Raises
     ------
@@ -253,75 +265,18 @@ def graded(
     levels = [height_of_origin(body, origin) for body in (source, target)]
     middle = np.mean([panel.placed(panel.vertices).mean(axis=0) for panel in pattern.panels.values()], axis=0)
     panels, trousers = {}, _panels_of_trousers(pattern)
-    worn = worn_levels(pattern, source.bare, levels[0], trousers)
     for name, panel in pattern.panels.items():
         if is_of_arm(panel):
             panels[name] = _grade_along_arm(panel, pattern, sizes, levels, float(middle[0]))
         else:
             heights_of = sizes.height_on_trousers if name in trousers else sizes.height
-            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of, worn[name])
+            panels[name] = _grade_along_trunk(panel, sizes, levels, heights_of, worn.of(name))
     legs = float(sizes.factors.lengths[1])
     dropped = sizes.parting * (1 - sizes.lower) * legs if trousers else 0.0
     crotch = sizes.parting * sizes.lower * legs if dropped > LOW else np.inf
     alike = seams_alike(replace(pattern, panels=panels), pattern)
     made = alike.pattern, source.name, sizes.named, alike.factors, alike.moved, alike.before
-    return Grading(*made, origin, dropped, crotch)
-
-
-LIFT = 0.025
-"""Depth of the top of a garment below that of the shoulders, as a fraction of the body's height, up to which it is
-drawn too low; what is drawn LIFT deeper is less so, and from three times LIFT on, as a strapless bodice, it is worn
-where it is."""
-FAR = 10.0
-"""Distance beyond which nothing is drawn, in heights of the body."""
-
-
-def worn_levels(
-    pattern: Pattern, body: BodyMesh, floor: float, as_drawn: Collection[str] = ()
-) -> dict[str, Callable[[Floats], Floats]]:
-    """Functions from heights at which panels are drawn to those at which they are worn, (k,) [m] above the ground.
-
-    Panels are drawn flat: cloth that is as long as the way over the chest or the back ends above the level at which it
-    would hang straight. With s(h) the length of cloth from the top of the shoulders down to a height h of the body, t
-    the height of the top of a garment as it is drawn and t' as it is worn, what is drawn at y is worn at the h with
-    s(h) = s(t') + t - y.
-
-    Parameters
-    ----------
-    pattern : Pattern
-        Pattern as placed round the body.
-    body : BodyMesh
-        The body that it was cut for. TransferError where it does not stand.
-    floor : float
-        Height of y = 0 of the pattern above the ground [m].
-    as_drawn : collection of str
-        Panels that are worn as they are drawn, as those of an arm and what is sewn to the finished torso.
-
-    Returns
-    -------
-    dict of str to callable
-        By the name of each panel.
-    """
-    found: dict[str, Callable[[Floats], Floats]] = dict.fromkeys(pattern.panels, lambda drawn: drawn)
-    panels = {
-        name: panel
-        for name, panel in pattern.panels.items()
-        if not (name in as_drawn or is_of_arm(panel) or is_on_top(panel))
-    }
-    lengths, heights = hanging_line(body.closed.positions, body.closed.triangles, body.closed.parts)
-    far = FAR * body.height  # straight beyond both ends
-    s, h = np.array([-far, *lengths, lengths[-1] + far]), np.array([heights[0] + far, *heights, heights[-1] - far])
-    lift = LIFT * body.height
-    for names in sewn_together(pattern, panels):
-        top = max(float(panels[name].placed(panels[name].outline)[:, 1].max()) for name in names) + floor
-        worn_top = top + float(np.interp(heights[0] - top, [0.0, lift, 3.0 * lift], [0.0, lift, 0.0]))
-        total = float(np.interp(-worn_top, -h, s)) + top
-
-        def worn(drawn: Floats, total: float = total) -> Floats:
-            return np.interp(total - drawn, s, h)
-
-        found |= dict.fromkeys(names, worn)
-    return found
+    return Grading(*made, origin, worn, dropped, crotch)
 
 
 def sewn_together(pattern: Pattern, names: Collection[str]) -> list[set[str]]:
@@ -359,8 +314,8 @@ def _grade_along_trunk(
     panel: Panel,
     sizes: BodySizes,
     levels: list[float],
-    heights_of: Callable[[Floats], Floats],
-    worn: Callable[[Floats], Floats],
+    heights_of: Levels,
+    worn: Levels,
 ) -> Panel:
     """Panel of the trunk or of a leg, graded about the middle of the body.
 
