@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from transfer.body_parts import BodyParts, BodyTube
+from transfer.body_parts import BodyParts, BodyTube, smoothed
 from transfer.triangle_surface import Floats, Ints, unit, vertex_normals
 
 LEVELS = ("crotch", "armpit", "neck", "crown")
@@ -156,8 +156,6 @@ CHEST, WAIST, HIPS = 0.80, 0.45, 0.12
 """Heights of the girths that are named, as fractions of the way from crotch to armpit."""
 WIDEST = 1.22
 """Largest ratio of a factor to the mean of all, and least its inverse: beyond, a garment would look distorted."""
-BROAD = 4
-"""Times that a profile of factors is averaged with its neighbours."""
 
 
 @dataclass(frozen=True)
@@ -222,12 +220,8 @@ def size_factors(source: BodyParts, target: BodyParts) -> SizeFactors:
 
 
 def profile(tube: BodyTube, onto: BodyTube, levels: Floats) -> Floats:
-    """Ratio of the girths at the sections of `tube`, whose levels on the other are `levels`, averaged along it."""
-    ratio = onto.at(levels, onto.girths) / tube.girths
-    for _ in range(BROAD):
-        padded = np.concatenate([ratio[:1], ratio, ratio[-1:]])
-        ratio = (padded[:-2] + 2.0 * padded[1:-1] + padded[2:]) / 4.0
-    return np.asarray(ratio)
+    """Ratio of the girths at the sections of `tube`, whose levels on the other are `levels`, smoothed along it."""
+    return np.asarray(smoothed(onto.at(levels, onto.girths) / tube.girths))
 
 
 def arm_length(parts: BodyParts, side: int) -> float:

@@ -16,6 +16,11 @@ ALIKE = 1e-12
 """Largest difference of the logarithms of both factors of a seam at which they are alike."""
 STAY = 1.0
 """Weight of the displacements of corners over that of the changes of edges, at the size of the panel."""
+SAMPLES = np.linspace(0.0, 1.0, 17)
+"""Parameters of a line or a Bezier curve at which its image is looked at."""
+BOW = 2e-3
+"""Distance of the control points of the image of a straight line from its chord, as a fraction of that, below which it
+stays straight."""
 FLAT = 1e-9
 """Height of an arc over its chord below which it is a straight line, as a fraction of the chord."""
 
@@ -48,7 +53,7 @@ class PlaneMap:
         return np.asarray(image, np.float64)
 
     def panel(self, panel: Panel) -> Panel:
-        """The image of a panel: corners, control points, and arcs through the images of their middles."""
+        """The image of a panel: corners, cubic curves near the images of edges, arcs through those of their middles."""
         corners = self(panel.vertices)
         edges = tuple(
             replace(edge, curve=_mapped_curve(edge.curve, panel.vertices[[edge.start, edge.end]], self))
@@ -80,9 +85,10 @@ def seams_alike(graded: Pattern, original: Pattern) -> SeamsAlike:
 def _mapped_curve(curve: Curve, ends: Floats, image: PlaneMap) -> Curve:
     """Curve between the images of its ends (2, 2) [m]."""
     start, end = image(ends)
-    if isinstance(curve, Bezier):
-        controls = image(curve.points(ends[0], ends[1])[1:-1])
-        return Bezier(along_chord(controls, start, end))
+    if isinstance(curve, Straight | Bezier):
+        fitted = _fitted_cubic(image(curve.at(ends[0], ends[1], SAMPLES)), start, end)
+        bow = max(abs(y) for _, y in fitted.controls)
+        return Straight() if isinstance(curve, Straight) and bow < BOW else fitted
     if isinstance(curve, Polyline):
         return Polyline(along_chord(image(curve.points(ends[0], ends[1])[1:-1]), start, end))
     if isinstance(curve, Arc):
@@ -94,6 +100,14 @@ def _mapped_curve(curve: Curve, ends: Floats, image: PlaneMap) -> Curve:
         radius = chord * (0.25 + height**2) / (2 * abs(height))
         return Arc(radius, abs(height) > 0.5, height < 0)
     return curve
+
+
+def _fitted_cubic(points: Floats, start: Floats, end: Floats) -> Bezier:
+    """Cubic curve nearest to points (k, 2) [m] at the parameters SAMPLES, by least squares; its ends are given."""
+    weights = Bezier(((0.0, 0.0), (1.0, 0.0))).weights(SAMPLES)
+    rest = np.array(along_chord(points, start, end)) - np.outer(weights[:, 3], [1.0, 0.0])
+    controls = np.linalg.lstsq(weights[:, 1:3], rest, rcond=None)[0]
+    return Bezier(tuple((float(x), float(y)) for x, y in controls))
 
 
 def with_seams_alike(graded: Pattern, original: Pattern) -> Pattern:

@@ -110,9 +110,9 @@ def levels_by_panel(
         drawn = panel.placed(state.mesh.panel_coordinates[vertices])[:, 1] + floor
         rows = np.linspace(drawn.min(), drawn.max(), 1 + int(np.ptp(drawn) / size))
         near = np.abs(drawn - rows[:, None]) <= max(size, float(np.ptp(rows)) / max(len(rows) - 1, 1)) / 2
-        worn = np.array([np.quantile(heights[vertices][row], HIGHEST) for row in near])
+        higher = np.array([np.quantile((heights[vertices] - drawn)[row], HIGHEST) for row in near])
 
-        def level(wanted: Floats, rows: Floats = rows, worn: Floats = worn) -> Floats:
+        def level(wanted: Floats, rows: Floats = rows, worn: Floats = rows + higher) -> Floats:
             return np.interp(wanted, rows, worn)
 
         found[name] = level

@@ -9,10 +9,11 @@ from sewing_patterns import panel, specification, stitch
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.grading import NAMES, graded, sizes_between, worn_levels
+from clothsim.garments.dress.attempts import STAGES
+from clothsim.garments.dress.grading import NAMES, graded, sewn_together, sizes_between
 from clothsim.garments.dress.limbs import height_of_parting
 from clothsim.garments.dress.placement import height_of_origin
-from clothsim.garments.dressed import STAGES
+from clothsim.garments.dress.worn_levels import WornLevels
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import PlannedStage
 from clothsim.mesh.generators.table import GENERATORS
@@ -83,13 +84,14 @@ def test_a_larger_body_of_one_shape_has_a_similar_pattern(own):
 
 def test_a_wider_body_has_wider_panels_of_the_same_length(own, wide):
     pattern = replace(garment(), stitches=())
-    made = graded(pattern, own, wide)
+    worn = WornLevels({"front": lambda heights: heights + 0.07})
+    made = graded(pattern, own, wide, worn=worn)
     sizes = sizes_between(own, wide, {})
     assert made.factors["waist"] > 1.1
-    front = made.pattern.panels["front"]
+    front, back = (made.pattern.panels[name] for name in ("front", "back"))
     height = np.array([0.85])
-    worn = worn_levels(pattern, own, 0.0)["front"](height)
-    assert np.ptp(front.vertices[:2, 0]) == pytest.approx(0.5 * sizes.trunk_girth(worn)[0], rel=1e-9)
+    for each, at in ((front, height + 0.07), (back, height)):
+        assert np.ptp(each.vertices[:2, 0]) == pytest.approx(0.5 * sizes.trunk_girth(at)[0], rel=1e-9)
     length = sizes.height(np.array([1.35])) - sizes.height(height)
     assert front.vertices[3, 1] - front.vertices[0, 1] == pytest.approx(length[0], rel=1e-9)
     assert np.allclose(front.vertices[:2].sum(axis=0), 0, atol=1e-12)  # it stays in the middle
@@ -114,6 +116,12 @@ def test_armholes_of_a_wider_body_get_one_factor(own, wide):
     for first, second in made.seams.values():
         assert first == pytest.approx(second, rel=1e-10)
     assert 0 < made.moved < 0.03
+
+
+def test_pieces_are_the_panels_that_are_joined_by_stitches():
+    pattern = garment()
+    pieces = sewn_together(pattern, [name for name in pattern.panels if "sleeve" not in name])
+    assert sorted(map(sorted, pieces)) == [["back", "front"], ["collar"], ["pant_f_l"]]
 
 
 def test_both_sides_of_a_body_are_graded_alike(own, wide):
@@ -156,7 +164,7 @@ def test_a_body_without_limbs_is_refused(own):
 def test_the_graded_pattern_is_sewn_and_written(own, wide, tmp_path, monkeypatch):
     """Stopped after the placement: the files are written all the same."""
     stopped = PlannedStage("separate", lambda task, done: done.failed("Stopped."))
-    monkeypatch.setattr("clothsim.garments.dressed.STAGES", (STAGES[0], stopped))
+    monkeypatch.setattr("clothsim.garments.dress.attempts.STAGES", (STAGES[0], stopped))
     shelf = [[-22, -22], [22, -22], [22, 22], [-22, 22]]
     pattern = pattern_of(specification({"shelf": panel(shelf, translation=[0, 110, 0], rotation=[90, 0, 0])}))
     bodies = [clothsim.Body(each.positions, each.triangles, name=each.name) for each in (own, wide)]

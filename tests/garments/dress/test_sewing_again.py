@@ -10,7 +10,7 @@ from capsule_bodies import person
 from sewing_patterns import capsule_skirt
 
 from clothsim.base.errors import InputError
-from clothsim.garments import dressed as dressed_module
+from clothsim.garments.dress import attempts
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.pipeline import DressState, DressTask
 from clothsim.garments.dress.sewing_state import Fabrics, as_placed
@@ -44,7 +44,7 @@ def sewn_by(monkeypatch, failures: dict[int, str]) -> list:
         done = DressState(as_placed(mesh), Wearer(task.body, task.surface), ())
         return done, done.failed(failures.get(task.halvings, ""))
 
-    monkeypatch.setattr(dressed_module, "_sewn_in_poses", sewn)
+    monkeypatch.setattr(attempts, "_sewn_in_poses", sewn)
     return tasks
 
 
@@ -53,7 +53,7 @@ def sewn_by(monkeypatch, failures: dict[int, str]) -> list:
 )
 def test_how_often_a_mesh_is_halved_follows_from_its_size_and_the_body(body, monkeypatch, size, coarse, halvings):
     tasks = sewn_by(monkeypatch, {})
-    dressed_module._sewn_at(task_of(body), PATTERN, size, "auto", coarse, ())
+    attempts.sewn_at(task_of(body), PATTERN, size, "auto", coarse, ())
     ((task, mesh, _),) = tasks
     assert task.halvings == halvings
     assert len(mesh.positions) == len(mesh_pattern(PATTERN, size * 2**halvings).positions)
@@ -61,12 +61,12 @@ def test_how_often_a_mesh_is_halved_follows_from_its_size_and_the_body(body, mon
 
 def test_what_cannot_be_sewn_on_the_coarser_mesh_is_sewn_on_the_fine_one(body, monkeypatch):
     tasks = sewn_by(monkeypatch, {1: "Seam a stays open."})
-    _, done = dressed_module._sewn_at(task_of(body), PATTERN, 0.02, "auto", True, ("cut",))
+    _, done = attempts.sewn_at(task_of(body), PATTERN, 0.02, "auto", True, ("cut",))
     assert [task.halvings for task, _, _ in tasks] == [1, 0]
     assert not done.failure
     assert [note for note in tasks[1][2] if "seam a stays open" in note]
     spent = sewn_by(monkeypatch, {1: "Seam a stays open."})
-    _, done = dressed_module._sewn_at(replace(task_of(body), ends=0.0), PATTERN, 0.02, "auto", True, ())
+    _, done = attempts.sewn_at(replace(task_of(body), ends=0.0), PATTERN, 0.02, "auto", True, ())
     assert len(spent) == 1
     assert done.failure == "Seam a stays open."
 
@@ -93,19 +93,19 @@ def test_of_two_poses_in_which_a_garment_fails_the_one_with_the_smaller_gap_is_t
         x = begun.state.positions + (len(failures) == 1) * farther * np.sign(begun.state.positions * [0, 0, 1])
         return begun, replace(begun, state=begun.state.moved_to(x)).failed(failures.pop(0))
 
-    monkeypatch.setattr(dressed_module, "_sewn", sewn)
+    monkeypatch.setattr(attempts, "_sewn", sewn)
     asked: list[tuple[str, ...]] = []
 
     def pose(own, limbs):
         asked.append(tuple(limbs))
         return own, "the arms raised" if len(asked) == 2 else ""
 
-    monkeypatch.setattr(dressed_module, "sewing_pose", pose)
+    monkeypatch.setattr(attempts, "sewing_pose", pose)
     mesh = mesh_pattern(PATTERN, SPACING)
     for folder in ("close1", "close2"):
         (tmp_path / folder).mkdir()
     (tmp_path / "close1" / "record.jsonl").write_text("of an earlier command")
-    _, done = dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), mesh, ())
+    _, done = attempts._sewn_in_poses(replace(task_of(body), directory=tmp_path), mesh, ())
     assert failures == []
     assert asked == [(), ("left arm", "right arm")]  # only cloth is between the sides: it may hang over the arms
     assert done.failure == result
@@ -121,10 +121,10 @@ def test_a_garment_that_was_sewn_and_slid_off_is_not_sewn_again(body, tmp_path, 
     begun = DressState(as_placed(mesh_pattern(PATTERN, SPACING)), wearer, ())
     failed = replace(begun, run=run).failed("The garment slid off, or a seam stays open.")
     tries = []
-    monkeypatch.setattr(dressed_module, "_sewn", lambda *given: tries.append(given) or (begun, failed))
-    monkeypatch.setattr(dressed_module, "arms_between", lambda state, own: ("left hand",) * raised)
-    monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, "the arms raised" * bool(limbs)))
-    dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
+    monkeypatch.setattr(attempts, "_sewn", lambda *given: tries.append(given) or (begun, failed))
+    monkeypatch.setattr(attempts, "arms_between", lambda state, own: ("left hand",) * raised)
+    monkeypatch.setattr(attempts, "sewing_pose", lambda own, limbs: (own, "the arms raised" * bool(limbs)))
+    attempts._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
     assert len(tries) == number
 
 
@@ -153,15 +153,15 @@ def test_where_springs_hold_a_seam_beside_the_legs_the_better_of_two_poses_is_th
         tries.append(given)
         return begun, replace(begun, state=state, status="completed" if len(tries) == 1 else status)
 
-    monkeypatch.setattr(dressed_module, "_sewn", sewn)
-    monkeypatch.setattr(dressed_module, "legs_beside", lambda state, body: ("left leg",) * bool(state.open_seams))
-    monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, "legs parted" * bool(limbs)))
-    _, done = dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
+    monkeypatch.setattr(attempts, "_sewn", sewn)
+    monkeypatch.setattr(attempts, "legs_beside", lambda state, body: ("left leg",) * bool(state.open_seams))
+    monkeypatch.setattr(attempts, "sewing_pose", lambda own, limbs: (own, "legs parted" * bool(limbs)))
+    _, done = attempts._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
     assert (len(tries), len(done.state.open_seams)) == (number, result)
     kept = number == 2 and result == open_seams[0]
     assert any("no better" in note for note in done.notes) is kept
     tries.clear()
-    dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path, ends=0.0), begun.state.mesh, ())
+    attempts._sewn_in_poses(replace(task_of(body), directory=tmp_path, ends=0.0), begun.state.mesh, ())
     assert len(tries) == 1  # the budget is spent
 
 
@@ -186,26 +186,26 @@ def test_the_runs_of_the_first_try_stay_where_the_second_ends_with_an_error(body
             raise error
         return begun, begun
 
-    monkeypatch.setattr(dressed_module, "_sewn", sewn)
-    monkeypatch.setattr(dressed_module, "legs_beside", lambda state, body: ("left leg",))
-    monkeypatch.setattr(dressed_module, "sewing_pose", lambda own, limbs: (own, "legs parted" * bool(limbs)))
+    monkeypatch.setattr(attempts, "_sewn", sewn)
+    monkeypatch.setattr(attempts, "legs_beside", lambda state, body: ("left leg",))
+    monkeypatch.setattr(attempts, "sewing_pose", lambda own, limbs: (own, "legs parted" * bool(limbs)))
     with pytest.raises(error if isinstance(error, type) else type(error)):
-        dressed_module._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
+        attempts._sewn_in_poses(replace(task_of(body), directory=tmp_path), begun.state.mesh, ())
     assert [file.name for file in tmp_path.iterdir()] == ["close0"]
     assert (tmp_path / "close0" / "record.jsonl").read_text() == "0"
 
 
 def test_a_pattern_that_has_no_coarser_mesh_is_sewn_on_the_fine_one(body, monkeypatch):
     tasks = sewn_by(monkeypatch, {})
-    made = dressed_module.mesh_pattern
+    made = attempts.mesh_pattern
 
     def refusing(pattern, size, halvings=0):
         if halvings:
             raise InputError("A seam joins two corners of one triangle.")
         return made(pattern, size)
 
-    monkeypatch.setattr(dressed_module, "mesh_pattern", refusing)
-    dressed_module._sewn_at(task_of(body), PATTERN, 0.02, "auto", True, ())
+    monkeypatch.setattr(attempts, "mesh_pattern", refusing)
+    attempts.sewn_at(task_of(body), PATTERN, 0.02, "auto", True, ())
     ((task, _, notes),) = tasks
     assert task.halvings == 0
     assert [note for note in notes if "two corners of one triangle" in note]

@@ -1,136 +1,133 @@
-"""Heights at which panels are worn: cloth over an outline in closed form, the lift of what hangs from the shoulders."""
+"""Heights at which panels are worn: those of a garment as it was sewn on the body that it was cut for."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from sewing_patterns import panel, specification, stitch
+from capsule_bodies import person
+from sewing_patterns import capsule_skirt, panel, specification
 
-from clothsim.garments.dress.grading import LIFT, sewn_together, worn_levels
+import clothsim
+from clothsim.base.errors import InputError
+from clothsim.garments.dress import worn_levels as module
+from clothsim.garments.dress.attempts import COARSEST
+from clothsim.garments.dress.pipeline import DressState, DressTask
+from clothsim.garments.dress.sewing_state import Fabrics, as_placed
+from clothsim.garments.dress.worn_levels import DRAWN, levels_by_panel, worn_levels
 from clothsim.garments.inputs import BodyMesh
-from clothsim.mesh.generators.table import GENERATORS
+from clothsim.garments.stages import Stage
+from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
-from transfer import body_parts
-from transfer.body_parts import length_over
+from transfer.signed_distance import body_surface
 
-TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
-SIDE_OF_NECK = 0.05
-HEIGHTS = np.linspace(1.0, 0.2, 33)
+FLOOR, SIZE = 0.3, 0.05
+SKIRT = pattern_of(capsule_skirt(40))
 
 
 @pytest.fixture(scope="module")
 def body() -> BodyMesh:
-    """The mannequin of the package, z upward."""
-    return BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())
+    """A person of capsules, 1.7 m tall, arms half raised."""
+    return BodyMesh("person", *person(0.05), 1.0, ())
 
 
-def hanging_line(body):
-    return body_parts.hanging_line(body.positions, body.triangles, body.parts)
+def task_of(body: BodyMesh, **keys) -> DressTask:
+    surface = body_surface(body.positions, body.triangles)
+    return replace(DressTask(body, surface, Fabrics("cotton"), False, Path(), lambda stage: None, None, None), **keys)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("hollow", [False, True])
-def test_cloth_over_a_wedge_is_as_long_as_its_side_and_hangs_straight_below(sign, hollow):
-    """The outline goes 0.3 m outward on 0.4 m downward, straight or through a hollow, and back."""
-    points = np.array([[1.0, 0.0], [0.8, 0.05 if hollow else 0.15], [0.6, 0.3], [0.2, 0.0]]) * [1.0, sign]
-    other_side = np.array([[[1.0, -sign], [0.2, -sign]]])
-    outline = np.concatenate([np.stack([points[:-1], points[1:]], axis=1), other_side])
-    lengths = length_over(HEIGHTS, 0.0, sign, outline)
-    expected = np.where(HEIGHTS > 0.6, (1.0 - HEIGHTS) * 1.25, 0.5 + 0.6 - HEIGHTS)
-    np.testing.assert_allclose(lengths, expected, atol=1e-12)
+def test_levels_of_what_is_worn_lower_and_longer_than_drawn():
+    """Worn heights that are linear in the drawn ones, to what differs within half a row."""
+    pattern = pattern_of(specification({"front": panel([[0, 0], [30, 0], [30, 47], [0, 47]], translation=[0, 40, 0])}))
+    state = as_placed(mesh_pattern(pattern, SIZE))
+    drawn = state.positions[:, 1] + FLOOR
+    level = levels_by_panel(state, pattern, 1.2 * drawn - 0.1, FLOOR, SIZE)["front"]
+    heights = np.linspace(0.7, 1.17, 40)
+    np.testing.assert_allclose(level(heights), 1.2 * heights - 0.1, atol=0.2 * SIZE)
+    assert np.all(np.diff(level(heights)) > 0)
 
 
-def test_cloth_over_a_body_is_longer_than_its_way_down_and_follows_the_body(body):
-    lengths, heights = hanging_line(body)
-    marks = body.parts.landmarks
-    assert lengths[0] == 0
-    assert marks["armpit"] < heights[0] < marks["neck"]
-    local = body.parts.frame.local(body.positions)
-    aside = np.abs(np.abs(local[:, 0]) / body.height - SIDE_OF_NECK) < 0.005
-    shoulder = local[aside & (local[:, 1] < marks["neck"]), 1].max()
-    assert heights[0] == pytest.approx(shoulder, abs=0.015)
-    assert heights[-1] == pytest.approx(marks["crotch"])
-    slopes = np.diff(lengths) / -np.diff(heights)
-    assert np.all(slopes > 1 - 1e-12)
-    assert slopes[0] > 1.2
-    assert slopes[-1] == pytest.approx(1.0)
-    for scale, points in (
-        (1.2, 1.2 * body.positions),
-        (1.0, body.positions @ TURN.T + [3.0, -2.0, 0.0]),
-        (1.0, body.positions[:, [0, 2, 1]] * [1, 1, -1]),
-    ):
-        other = hanging_line(BodyMesh("other", points, body.triangles, 1.0, ()))
-        np.testing.assert_allclose(other, [scale * lengths, scale * heights], atol=2e-3)
+def test_at_one_height_the_highest_worn_counts():
+    """Half of a circle skirt: at the height of its centre it has the waist and, at both ends, the hem."""
+    angles = np.linspace(np.pi, 2 * np.pi, 25)
+    rings = [np.column_stack([r * np.cos(way), r * np.sin(way)]) for r, way in ((60, angles), (15, angles[::-1]))]
+    pattern = pattern_of(specification({"half": panel(np.concatenate(rings).tolist(), translation=[0, 100, 20])}))
+    state = as_placed(mesh_pattern(pattern, SIZE))
+    radius = np.linalg.norm(state.mesh.panel_coordinates, axis=1)
+    level = levels_by_panel(state, pattern, 1.0 - (radius - 0.15), 0.0, SIZE)["half"]
+    waist, hem = level(np.array([1.0, 0.42]))
+    assert waist == pytest.approx(1.0, abs=0.07)
+    assert hem == pytest.approx(0.55, abs=0.07)
 
 
-def test_a_body_without_shoulders_beside_its_neck_lets_cloth_hang_straight(body):
-    local = body.parts.frame.local(body.positions)
-    narrow = body.triangles[(np.abs(local[body.triangles, 0]) < 0.04 * body.height).all(axis=1)]
-    lengths, heights = body_parts.hanging_line(body.positions, narrow, body.parts)
-    assert heights[0] == pytest.approx(body.parts.landmarks["neck"])
-    np.testing.assert_allclose(lengths, heights[0] - heights, atol=1e-12)
+@pytest.mark.parametrize("flat", [[90, 0, 0], [0, 0, 0]])
+def test_a_panel_of_one_row_has_one_level(flat):
+    collar = panel([[-8, 0], [8, 0], [8, 3], [-8, 3]], translation=[0, 140, 0], rotation=flat)
+    pattern = pattern_of(specification({"collar": collar}))
+    state = as_placed(mesh_pattern(pattern, SIZE))
+    level = levels_by_panel(state, pattern, np.full(len(state.positions), 1.3), 0.0, SIZE)["collar"]
+    assert level(np.array([1.0, 1.4, 1.5])) == pytest.approx([1.3] * 3)
 
 
-def box(width: float, low: float, high: float, depth: float):
-    """A panel from one height to another in front of the body, or behind it [cm]."""
-    corners = [[-width, 0], [width, 0], [width, high - low], [-width, high - low]]
-    return panel(corners, translation=[0, low, depth])
+def test_a_skirt_is_worn_where_it_rests_once_it_is_sewn(body, tmp_path):
+    """The levels of its edges are the heights at which they lie in a dress of the same mesh, on a body elsewhere."""
+    stages: list[Stage] = []
+    entries = capsule_skirt(40)
+    for each in entries["pattern"]["panels"].values():
+        each["translation"][1] = 92  # 8 cm higher than it is worn
+    skirt = pattern_of(entries)
+    moved = BodyMesh("moved", body.positions + [0.0, 0.4, 0.0], body.triangles, 1.0, ())
+    worn = worn_levels(task_of(body, on_stage=stages.append), moved, skirt, "floor")
+    done = clothsim.dress(skirt, clothsim.Body(body.positions, body.triangles), tmp_path, size=COARSEST * body.height)
+    assert done.status == "completed"
+    assert stages[0].name == "place on moved"
+    lines = done.state.positions[done.state.number][:, 1] - body.positions[:, 1].min()
+    for name in skirt.panels:
+        drawn = done.state.mesh.positions[done.state.mesh.vertices[name], 1]
+        for height in (drawn.min(), drawn.max()):
+            own = lines[done.state.mesh.vertices[name]][np.abs(drawn - height) < 0.01]
+            found = float(worn.of(name)(np.array([height - body.positions[:, 1].min()]))[0])
+            assert own.min() - 0.02 < found < own.max() + 0.02
+            assert found < height - body.positions[:, 1].min() - 0.05
+    assert "moved" in worn.note
 
 
-def bodice(top: float, floor: float = 0.0):
-    """Front and back from the height of the waist to another one, above a floor [cm]."""
-    panels = {side: box(25, 95 - floor, top - floor, depth) for side, depth in (("front", 20), ("back", -20))}
-    return pattern_of(specification(panels, [stitch(("front", k), ("back", k)) for k in (1, 3)]))
+def test_it_is_sewn_as_the_garment_will_be_but_for_half_of_the_budget(body, monkeypatch, tmp_path):
+    given = []
+
+    def sewn(task, pattern, size, origin, coarse, notes):
+        given.append((task, size, origin, coarse))
+        state = as_placed(mesh_pattern(pattern, size))
+        return None, DressState(state, SimpleNamespace(body=task.body), ())
+
+    monkeypatch.setattr(module, "sewn_at", sewn)
+    monkeypatch.setattr(module, "process_time", lambda: 10.0)
+    other = BodyMesh("other", 1.1 * body.positions, body.triangles, 1.0, ())
+    task = task_of(body, ends=30.0, waistband=True, directory=tmp_path, fabrics=Fabrics("denim"))
+    worn_levels(task, other, SKIRT, "floor")
+    ((own, size, origin, coarse),) = given
+    assert (own.body, own.waistband, own.fabrics, own.ends) == (other, True, task.fabrics, 20.0)
+    assert own.directory != tmp_path
+    assert (size, origin, coarse) == (pytest.approx(COARSEST * 1.1 * body.height), "floor", False)
+    assert not own.directory.exists()
+    worn_levels(replace(task, ends=np.inf), other, SKIRT, "floor")
+    assert given[1][0].ends == np.inf
 
 
-def levels_at(pattern, body, drawn, floor=0.0):
-    """Heights at which front and back are worn of one at which they are drawn [m]."""
-    worn = worn_levels(pattern, body, floor)
-    return [float(worn[name](np.array([drawn]))[0]) for name in ("front", "back")]
+@pytest.mark.parametrize("fault", ["failed", "refused", "open body"])
+def test_what_cannot_be_sewn_is_graded_as_drawn_with_the_reason(body, monkeypatch, fault):
+    def sewn(task, pattern, size, origin, coarse, notes):
+        if fault == "refused":
+            raise InputError("It has no panel.", "Give one.")
+        done = DressState(as_placed(mesh_pattern(pattern, size)), SimpleNamespace(body=task.body), ())
+        return None, done.failed("Seam a stays open.")
 
-
-def test_a_bodice_is_worn_higher_than_it_is_drawn_alike_in_front_and_behind(body):
-    lengths, heights = hanging_line(body)
-    shoulder = heights[0]
-    top = 100 * shoulder - 3.0
-    assert levels_at(bodice(top), body, shoulder - 0.03) == pytest.approx([shoulder] * 2)
-    front, back = levels_at(bodice(top), body, 0.95)
-    assert front == back
-    assert shoulder - 0.03 - 0.95 == pytest.approx(np.interp(-front, -heights, lengths), abs=1e-6)
-    assert front > 0.95 + 0.03 + 0.02
-    assert np.diff([levels_at(bodice(top), body, drawn)[0] for drawn in (0.5, 0.6)])[0] == pytest.approx(0.1)
-    assert levels_at(bodice(top, 100.0), body, 0.95, 1.0) == pytest.approx([front] * 2)  # y = 0 is at the waist
-
-
-def test_the_lift_changes_gradually_and_ends_at_a_strapless_bodice(body):
-    heights = hanging_line(body)[1]
-    lift = LIFT * body.height
-    tops = heights[0] + np.linspace(0.05, -4.5 * lift, 60)
-    worn = [levels_at(bodice(100 * top), body, top)[0] - top for top in tops]
-    below = heights[0] - tops
-    np.testing.assert_allclose(worn, np.interp(below, [0.0, lift, 3 * lift], [0.0, lift, 0.0]), atol=1e-9)
-    waists = np.array([levels_at(bodice(100 * top), body, 0.95)[0] for top in tops])
-    assert np.abs(np.diff(waists)).max() < 0.02  # no jump, however the top changes by a millimetre
-
-
-def test_what_hangs_from_the_waist_is_worn_where_it_is_drawn(body):
-    assert levels_at(bodice(105.0), body, 0.96) == pytest.approx([0.96] * 2, abs=2e-3)
-
-
-def test_garments_of_one_file_hang_from_their_own_tops(body):
-    panels = {"front": box(25, 95, 140, 20), "back": box(25, 95, 140, -20), "skirt": box(25, 60, 104, 20)}
-    pattern = pattern_of(specification(panels, [stitch(("front", 1), ("back", 1))]))
-    assert sorted(map(sorted, sewn_together(pattern, pattern.panels))) == [["back", "front"], ["skirt"]]
-    worn = worn_levels(pattern, body, 0.0)
-    assert worn["skirt"](np.array([0.8]))[0] == pytest.approx(0.8, abs=2e-3)
-    assert worn["front"](np.array([0.8]))[0] > 0.83
-
-
-def test_sleeves_and_collars_are_worn_as_they_are_drawn(body):
-    panels = {"front": box(25, 95, 140, 20), "collar": box(8, 138, 145, 0), "left_sleeve": box(10, 120, 130, 5)}
-    heights = np.array([1.0, 1.2])
-    worn = worn_levels(pattern_of(specification(panels)), body, 0.0)
-    assert {name for name, levels in worn.items() if np.array_equal(levels(heights), heights)} == {
-        "collar",
-        "left_sleeve",
-    }
-    kept = worn_levels(pattern_of(specification(panels)), body, 0.0, ["front"])
-    assert all(np.array_equal(levels(heights), heights) for levels in kept.values())
+    monkeypatch.setattr(module, "sewn_at", sewn)
+    source = BodyMesh("sheet", body.positions[:3], np.array([[0, 1, 2]]), 1.0, ()) if fault == "open body" else body
+    worn = worn_levels(task_of(body), source, SKIRT, "floor")
+    heights = np.array([0.3, 1.0])
+    assert worn.of("front") is DRAWN.of("front")
+    assert np.array_equal(worn.of("front")(heights), heights)
+    expected = {"failed": "Seam a stays open.", "refused": "It has no panel.", "open body": "sheet"}[fault]
+    assert expected in worn.note
