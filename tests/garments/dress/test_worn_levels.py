@@ -77,7 +77,7 @@ def test_a_skirt_is_worn_where_it_rests_once_it_is_sewn(body, tmp_path):
     for each in entries["pattern"]["panels"].values():
         each["translation"][1] = 92  # 8 cm higher than it is worn
     skirt = pattern_of(entries)
-    moved = BodyMesh("moved", body.positions + [0.0, 0.4, 0.0], body.triangles, 1.0, ())
+    moved = BodyMesh("moved", body.positions + np.array([0.0, 0.4, 0.0]), body.triangles, 1.0, ())
     worn = worn_levels(task_of(body, on_stage=stages.append), moved, skirt, "floor")
     done = clothsim.dress(skirt, clothsim.Body(body.positions, body.triangles), tmp_path, size=COARSEST * body.height)
     assert done.status == "completed"
