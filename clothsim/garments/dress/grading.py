@@ -32,6 +32,8 @@ from transfer.part_warp import CHEST, HIPS, WAIST, SizeFactors, arm_axis, size_f
 
 LEVELS = {"hips": HIPS, "waist": WAIST, "chest": CHEST}
 """Heights of the named girths of the trunk, as fractions of the height from crotch to armpit."""
+TOP_OF_RISE = 0.45
+"""Height of the upper edge of trousers, as such a fraction."""
 NAMES = (*LEVELS, "thigh", "arm", "trunk_length", "rise", "leg_length", "arm_length")
 """Factors by which a pattern is graded."""
 
@@ -142,12 +144,12 @@ def sizes_between(source: BodyMesh, target: BodyMesh, given: Mapping[str, float]
 
 
 def _crotch_line(parts: BodyParts, parting: float) -> tuple[float, float]:
-    """Length of a line down the front and the back of a body from its waist to a level, and its depth there [m].
+    """Length of a line down front and back of a body from the top of trousers to a level, and its depth there [m].
 
     A panel grows along the first by the factor of the rise, and along the second by that of the girth.
     """
     crotch, armpit, trunk = parts.landmarks["crotch"], parts.landmarks["armpit"], parts.trunk
-    heights = np.linspace(trunk.levels[0], crotch + WAIST * (armpit - crotch), 24)
+    heights = np.linspace(trunk.levels[0], crotch + TOP_OF_RISE * (armpit - crotch), 24)
     middle, half = trunk.at(heights, trunk.centres)[:, 2], trunk.at(heights, trunk.extents)[:, 1]
     down = sum(float(np.hypot(np.diff(heights), np.diff(line)).sum()) for line in (middle + half, middle - half))
     return down + 2 * (float(heights[0]) - parting), 2 * float(half[0])

@@ -10,7 +10,7 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.attempts import STAGES
-from clothsim.garments.dress.grading import NAMES, graded, sewn_together, sizes_between
+from clothsim.garments.dress.grading import NAMES, TOP_OF_RISE, graded, sewn_together, sizes_between
 from clothsim.garments.dress.limbs import height_of_parting
 from clothsim.garments.dress.placement import height_of_origin
 from clothsim.garments.dress.worn_levels import WornLevels
@@ -19,7 +19,6 @@ from clothsim.garments.stages import PlannedStage
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern import Pattern
 from clothsim.patterns.specification import pattern_of, read_specification
-from transfer.part_warp import WAIST
 
 
 def figure(name: str, **keys: float) -> BodyMesh:
@@ -207,13 +206,13 @@ def trousers(crotch: float) -> Pattern:
 
 
 def test_the_crotch_seam_grows_as_the_line_round_the_body(own):
-    """A deeper body has a longer line from waist to waist between its legs; its trunk is as long as before."""
+    """A deeper body has a longer line from top to top of trousers between its legs; its trunk is as long as before."""
     deep = BodyMesh("deep", own.positions * [1.0, 1.0, 1.2], own.triangles, 1.0, ())
     sizes = sizes_between(own, deep, {})
     lines = []
     for each in (own, deep):
         trunk, marks = each.parts.trunk, each.parts.landmarks
-        heights = np.linspace(trunk.levels[0], marks["crotch"] + WAIST * (marks["armpit"] - marks["crotch"]), 50)
+        heights = np.linspace(trunk.levels[0], marks["crotch"] + TOP_OF_RISE * (marks["armpit"] - marks["crotch"]), 50)
         sides = [trunk.at(heights, trunk.centres)[:, 2] + k * trunk.at(heights, trunk.extents)[:, 1] for k in (1, -1)]
         down = sum(np.hypot(np.diff(heights), np.diff(side)).sum() for side in sides)
         lines.append((down + 2 * (heights[0] - height_of_parting(each)), sides[0][0] - sides[1][0]))
