@@ -18,7 +18,6 @@ from clothsim.base.process_memory import Stopwatch
 from clothsim.base.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import Fabric, example_file, refuse_earlier_run
 from clothsim.files import read_pattern
-from clothsim.garments.dress.attempts import sewn_at
 from clothsim.garments.dress.closing import stretch_range
 from clothsim.garments.dress.grading import Grading, graded, sizes_between
 from clothsim.garments.dress.measurements import measurement_entries
@@ -29,6 +28,7 @@ from clothsim.garments.dress.worn_levels import worn_levels
 from clothsim.garments.fit.moving_body import BODY, REST, START
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, known_surface, read_body_mesh, stands
 from clothsim.garments.penetration import Counts
+from clothsim.garments.sewing_attempts import sewn_at
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback
 from clothsim.garments.tightness import Tightness, tight_entries
 from clothsim.garments.waistband import parts_for_edges

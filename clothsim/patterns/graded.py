@@ -83,12 +83,15 @@ def seams_alike(graded: Pattern, original: Pattern) -> SeamsAlike:
 
 
 def _mapped_curve(curve: Curve, ends: Floats, image: PlaneMap) -> Curve:
-    """Curve between the images of its ends (2, 2) [m]."""
+    """Curve between the images of its ends (2, 2) [m]: of a line or a Bezier curve the cubic one by least squares."""
     start, end = image(ends)
     if isinstance(curve, Straight | Bezier):
-        fitted = _fitted_cubic(image(curve.at(ends[0], ends[1], SAMPLES)), start, end)
-        bow = max(abs(y) for _, y in fitted.controls)
-        return Straight() if isinstance(curve, Straight) and bow < BOW else fitted
+        points = np.array(along_chord(image(curve.at(ends[0], ends[1], SAMPLES)), start, end))
+        weights = Bezier(((0.0, 0.0), (1.0, 0.0))).weights(SAMPLES)  # of a cubic curve from (0, 0) to (1, 0)
+        controls = np.linalg.lstsq(weights[:, 1:3], points - np.outer(weights[:, 3], [1.0, 0.0]), rcond=None)[0]
+        if isinstance(curve, Straight) and np.abs(controls[:, 1]).max() < BOW:
+            return curve
+        return Bezier(tuple((float(x), float(y)) for x, y in controls))
     if isinstance(curve, Polyline):
         return Polyline(along_chord(image(curve.points(ends[0], ends[1])[1:-1]), start, end))
     if isinstance(curve, Arc):
@@ -100,14 +103,6 @@ def _mapped_curve(curve: Curve, ends: Floats, image: PlaneMap) -> Curve:
         radius = chord * (0.25 + height**2) / (2 * abs(height))
         return Arc(radius, abs(height) > 0.5, height < 0)
     return curve
-
-
-def _fitted_cubic(points: Floats, start: Floats, end: Floats) -> Bezier:
-    """Cubic curve nearest to points (k, 2) [m] at the parameters SAMPLES, by least squares; its ends are given."""
-    weights = Bezier(((0.0, 0.0), (1.0, 0.0))).weights(SAMPLES)
-    rest = np.array(along_chord(points, start, end)) - np.outer(weights[:, 3], [1.0, 0.0])
-    controls = np.linalg.lstsq(weights[:, 1:3], rest, rcond=None)[0]
-    return Bezier(tuple((float(x), float(y)) for x, y in controls))
 
 
 def with_seams_alike(graded: Pattern, original: Pattern) -> Pattern:

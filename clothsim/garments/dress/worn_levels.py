@@ -15,11 +15,11 @@ import numpy as np
 from clothsim import Pattern, Progress
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.attempts import COARSEST, sewn_at
 from clothsim.garments.dress.pipeline import DressTask
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh, known_surface
+from clothsim.garments.sewing_attempts import COARSEST, sewn_at
 from clothsim.garments.stages import Stage
 from transfer.errors import TransferError
 

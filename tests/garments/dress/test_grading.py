@@ -9,12 +9,12 @@ from sewing_patterns import panel, specification, stitch
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.attempts import STAGES
 from clothsim.garments.dress.grading import NAMES, TOP_OF_RISE, graded, sewn_together, sizes_between
 from clothsim.garments.dress.limbs import height_of_parting
 from clothsim.garments.dress.placement import height_of_origin
 from clothsim.garments.dress.worn_levels import WornLevels
 from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.sewing_attempts import STAGES
 from clothsim.garments.stages import PlannedStage
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern import Pattern
@@ -163,7 +163,7 @@ def test_a_body_without_limbs_is_refused(own):
 def test_the_graded_pattern_is_sewn_and_written(own, wide, tmp_path, monkeypatch):
     """Stopped after the placement: the files are written all the same."""
     stopped = PlannedStage("separate", lambda task, done: done.failed("Stopped."))
-    monkeypatch.setattr("clothsim.garments.dress.attempts.STAGES", (STAGES[0], stopped))
+    monkeypatch.setattr("clothsim.garments.sewing_attempts.STAGES", (STAGES[0], stopped))
     shelf = [[-22, -22], [22, -22], [22, 22], [-22, 22]]
     pattern = pattern_of(specification({"shelf": panel(shelf, translation=[0, 110, 0], rotation=[90, 0, 0])}))
     bodies = [clothsim.Body(each.positions, each.triangles, name=each.name) for each in (own, wide)]

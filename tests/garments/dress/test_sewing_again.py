@@ -10,7 +10,7 @@ from capsule_bodies import person
 from sewing_patterns import capsule_skirt
 
 from clothsim.base.errors import InputError
-from clothsim.garments.dress import attempts
+from clothsim.garments import sewing_attempts as attempts
 from clothsim.garments.dress.limbs import Wearer
 from clothsim.garments.dress.pipeline import DressState, DressTask
 from clothsim.garments.dress.sewing_state import Fabrics, as_placed

@@ -12,11 +12,11 @@ from sewing_patterns import capsule_skirt, panel, specification
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.dress import worn_levels as module
-from clothsim.garments.dress.attempts import COARSEST
 from clothsim.garments.dress.pipeline import DressState, DressTask
 from clothsim.garments.dress.sewing_state import Fabrics, as_placed
 from clothsim.garments.dress.worn_levels import DRAWN, levels_by_panel, worn_levels
 from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.sewing_attempts import COARSEST
 from clothsim.garments.stages import Stage
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
