@@ -1,5 +1,7 @@
 """Graded panels: curves under maps of their plane against points of the mapped curve, and seams that change alike."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sewing_patterns import panel, specification, stitch
@@ -131,3 +133,18 @@ def test_seams_that_are_alike_stay_where_they_are():
 def test_a_pattern_without_seams():
     pattern = pattern_of(specification({"a": panel()}))
     assert np.array_equal(with_seams_alike(pattern, pattern).panels["a"].vertices, pattern.panels["a"].vertices)
+
+
+def test_the_mouth_of_a_narrow_dart_stays_open():
+    """Both halves of the upper edge, beside a dart of 3 mm, change by the factors of what they are sewn to."""
+    front = panel([[0, 0], [40, 0], [40, 30], [20.15, 30], [20, 18], [19.85, 30], [0, 30]])
+    bands = {name: panel([[0, 0], [19.85, 0], [19.85, 4], [0, 4]]) for name in ("left", "right")}
+    sewn = [stitch(("front", 2), ("left", 0)), stitch(("front", 3), ("front", 4)), stitch(("front", 5), ("right", 0))]
+    original = pattern_of(specification({"front": front, **bands}, sewn))
+    wider = {name: stretch(1.2, 1.0).panel(original.panels[name]) for name in bands}
+    after = with_seams_alike(replace(original, panels={**original.panels, **wider}), original)
+    corners = after.panels["front"].vertices
+    assert corners[3, 0] - corners[5, 0] == pytest.approx(0.003, abs=0.0015)
+    assert [first for first, _ in factors_of_seams(after, original).values()] == pytest.approx(
+        [second for _, second in factors_of_seams(after, original).values()], rel=1e-9
+    )
