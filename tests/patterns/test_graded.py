@@ -148,3 +148,18 @@ def test_the_mouth_of_a_narrow_dart_stays_open():
     assert [first for first, _ in factors_of_seams(after, original).values()] == pytest.approx(
         [second for _, second in factors_of_seams(after, original).values()], rel=1e-9
     )
+
+
+@pytest.mark.parametrize(("bend", "kind"), [(6.0, Bezier), (0.02, Straight)])
+def test_a_straight_side_follows_a_waist_between_its_ends(bend, kind):
+    """Girth 1 - bend t (0.2 - t) at the height t: a side of 20 cm is drawn in by 6 % at most, or stays."""
+    before = one_panel()
+    image = PlaneMap(np.zeros(2), np.array([0.0, 1.0]), lambda t: 1 - bend * t * (0.2 - t), lambda t: t)
+    after = image.panel(before)
+    side = after.edges[1].curve
+    assert isinstance(side, kind)
+    ends = after.vertices[[after.edges[1].start, after.edges[1].end]]
+    points = side.at(*ends, SHARE)
+    expected = image(np.column_stack([np.full(9, before.vertices[1, 0]), points[:, 1]]))
+    assert np.allclose(points, expected, atol=1e-4)
+    assert all(isinstance(after.edges[k].curve, Straight) for k in (0, 2))  # across: one girth along each
