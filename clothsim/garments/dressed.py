@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from clothsim import Cloth, Pattern, Run
-from clothsim.base.arrays import Floats
-from clothsim.base.errors import InputError
+from clothsim.base.arrays import Floats, as_positive
+from clothsim.base.errors import InputError, MachineError
 from clothsim.base.file_writing import write_atomically
 from clothsim.base.inputs import is_number, renamed, shown, with_remedies
 from clothsim.base.process_memory import Stopwatch
@@ -286,6 +286,7 @@ def dress(
     watch = Stopwatch()
     if budget is not None and not (is_number(budget) and budget > 0.0):
         raise InputError(f"budget is {shown(budget)}.", "Give CPU seconds, such as 240.0.")
+    size = as_positive("The size of the mesh", size)
     chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
     pattern = example_file(pattern, "_specification.json", PATTERN_FILE)
     if not isinstance(output, str | Path | None):
@@ -315,7 +316,12 @@ def dress(
         read, origin, task = grading.pattern, grading.origin, replace(task, crotch=grading.crotch)
     about = () if stands(body) else (NOT_STANDING.format(body.name),)
     notes = (*(grading.notes if grading else ()), *body.notes, *about)
-    begun, done = sewn_at(task, read, size, origin, coarse_sewing, notes)
+    try:
+        begun, done = sewn_at(task, read, size, origin, coarse_sewing, notes)
+    except InputError as error:
+        if grading is None or isinstance(error, MachineError):
+            raise
+        raise InputError(f"Graded to {body.name}: {error.sentence}", GRADED_BADLY) from error
     worn = Dress(
         directory,
         done.status,
@@ -336,6 +342,7 @@ def dress(
     return worn
 
 
+GRADED_BADLY = "Sew the pattern as it is cut, without --made-for, or give factors nearer to 1 (--grade)."
 NOT_STANDING = "{} is not a standing person in metres: give another body, or its --scale"
 PATTERN_FILE = "the specification.json of a sewing pattern, or one that comes with the package, such as tunic"
 """What the name of a pattern must be."""

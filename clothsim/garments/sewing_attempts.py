@@ -13,7 +13,6 @@ from time import process_time
 import numpy as np
 
 from clothsim import Pattern
-from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory
 from clothsim.base.record import RECORD_NAME, SUMMARY_NAME
@@ -41,7 +40,6 @@ def sewn_at(task: DressTask, pattern: Pattern, size: float, origin: str, coarse:
 
     InputError for a pattern that cannot be meshed.
     """
-    size = as_positive("The size of the mesh", size)
     coarsest = COARSEST * task.body.height
     halvings = max(0, int(np.log2(coarsest) - np.log2(size))) if coarse else 0
     if halvings:

@@ -12,7 +12,7 @@ from clothsim.base.errors import InputError
 from clothsim.garments.dress.grading import NAMES, TOP_OF_RISE, graded, sewn_together, sizes_between
 from clothsim.garments.dress.limbs import height_of_parting
 from clothsim.garments.dress.placement import height_of_origin
-from clothsim.garments.dress.worn_levels import WornLevels
+from clothsim.garments.dress.worn_levels import DRAWN, WornLevels
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.sewing_attempts import STAGES
 from clothsim.garments.stages import PlannedStage
@@ -179,6 +179,28 @@ def test_the_graded_pattern_is_sewn_and_written(own, wide, tmp_path, monkeypatch
     as_cut = clothsim.dress(pattern, bodies[1], tmp_path, size=0.07, overwrite=True)
     assert as_cut.grading is None
     assert np.array_equal(as_cut.pattern.panels["shelf"].vertices, pattern.panels["shelf"].vertices)
+
+
+def test_a_graded_pattern_that_cannot_be_sewn_is_not_taken_for_the_file(own, wide, tmp_path, monkeypatch):
+    """Without grading the same error is that of the pattern; a size is refused before anything is sewn."""
+
+    def crossing(*_):
+        raise InputError("Panel front crosses itself.", "Move a vertex.")
+
+    monkeypatch.setattr("clothsim.garments.dressed.sewn_at", crossing)
+    monkeypatch.setattr("clothsim.garments.dressed.worn_levels", lambda *_: DRAWN)
+    bodies = [clothsim.Body(each.positions, each.triangles, name=each.name) for each in (own, wide)]
+    with pytest.raises(InputError) as graded_error:
+        clothsim.dress(garment(), bodies[1], tmp_path / "graded", made_for=bodies[0])
+    with pytest.raises(InputError) as as_cut:
+        clothsim.dress(garment(), bodies[1], tmp_path / "cut")
+    assert as_cut.value.sentence == "Panel front crosses itself."
+    assert as_cut.value.sentence in graded_error.value.sentence
+    assert "wide" in graded_error.value.sentence
+    assert "--made-for" in graded_error.value.remedy
+    monkeypatch.setattr("clothsim.garments.dressed.worn_levels", None)
+    with pytest.raises(InputError, match="size"):
+        clothsim.dress(garment(), bodies[1], tmp_path / "size", size=-0.1, made_for=bodies[0])
 
 
 def touching(body: BodyMesh, level: float) -> BodyMesh:
