@@ -15,7 +15,7 @@ import numpy as np
 from clothsim import Pattern, Progress
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.pipeline import DressTask
+from clothsim.garments.dress.pipeline import SLID, DressTask, descent_of_top
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh, known_surface
@@ -56,7 +56,8 @@ DRAWN = WornLevels()
 def worn_levels(task: DressTask, source: BodyMesh, pattern: Pattern, origin: str) -> WornLevels:
     """Levels of a pattern that is sewn as in a task, but on the body that it was cut for, on a coarse mesh.
 
-    As drawn, with the reason in the note, where it cannot be sewn there.
+    As drawn, with the reason in the note, where it cannot be sewn there, or slides down: graded by the girth of what
+    stopped it, it would slide farther.
 
     Parameters
     ----------
@@ -85,11 +86,13 @@ def worn_levels(task: DressTask, source: BodyMesh, pattern: Pattern, origin: str
             own = replace(own, directory=Path(folder), on_stage=on_stage, announce=None, ends=ends)
             own = replace(own, progress=on_step if progress else None)
             _, done = sewn_at(own, pattern, size, origin, coarse=False, notes=())
-            reason = done.failure
+            down = descent_of_top(done.state.mesh.positions, done.state.positions, source.up)
+            slid = f"its top slid down by {1e3 * down:.0f} mm." if down > SLID * source.height else ""
+            reason = done.failure or slid
         except (InputError, TransferError) as error:
             reason = error.sentence if isinstance(error, InputError) else str(error)
     if reason:
-        return replace(DRAWN, note=f"{DRAWN.note}, as it could not be sewn {on}: {reason}")
+        return replace(DRAWN, note=f"{DRAWN.note}, as it is not worn {on}: {reason}")
     drawn_points = np.concatenate([panel.placed(panel.vertices)[:, 1] for panel in pattern.panels.values()])
     floor = height_of_origin(source, chosen_origin(drawn_points, origin))
     heights = done.state.positions[done.state.number] @ source.up - source.floor

@@ -115,12 +115,14 @@ def test_it_is_sewn_as_the_garment_will_be_but_for_half_of_the_budget(body, monk
     assert given[1][0].ends == np.inf
 
 
-@pytest.mark.parametrize("fault", ["failed", "refused", "open body"])
+@pytest.mark.parametrize("fault", ["failed", "refused", "open body", "slid"])
 def test_what_cannot_be_sewn_is_graded_as_drawn_with_the_reason(body, monkeypatch, fault):
     def sewn(task, pattern, size, origin, coarse, notes):
         if fault == "refused":
             raise InputError("It has no panel.", "Give one.")
         done = DressState(as_placed(mesh_pattern(pattern, size)), SimpleNamespace(body=task.body), ())
+        if fault == "slid":
+            return None, replace(done, state=done.state.moved_to(done.state.positions - [0.0, 0.13, 0.0]))
         return None, done.failed("Seam a stays open.")
 
     monkeypatch.setattr(module, "sewn_at", sewn)
@@ -129,5 +131,7 @@ def test_what_cannot_be_sewn_is_graded_as_drawn_with_the_reason(body, monkeypatc
     heights = np.array([0.3, 1.0])
     assert worn.of("front") is DRAWN.of("front")
     assert np.array_equal(worn.of("front")(heights), heights)
-    expected = {"failed": "Seam a stays open.", "refused": "It has no panel.", "open body": "sheet"}[fault]
+    expected = {"failed": "Seam a stays open.", "refused": "It has no panel.", "open body": "sheet", "slid": "130 mm"}[
+        fault
+    ]
     assert expected in worn.note
