@@ -268,10 +268,11 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
         shown = {path: error for path, error in errors.items() if not (of_one and path in behind)}
         text = ", ".join(f"{path} {_error(error)}" for path, error in shown.items()) or "nothing"
         out.append(f"  {name} would tell: {text}{f'; no others, as {BEHIND}' if of_one and behind else ''}")
-    if behind and len({each.view for each in found.pictures}) == 1:
+    kinds = {each.what for each in found.pictures}
+    if behind and len({each.view for each in found.pictures}) == 1 and "scan" not in kinds:
         text = f"  One view does not determine {', '.join(behind)}, as {BEHIND}: their errors are too small."
         out.append(f"{text} Add a view.")
-    if {each.what for each in found.pictures}.isdisjoint(("normals", "depth")):
+    if kinds.isdisjoint(("normals", "depth", "scan")):
         out.append("  Without normals or depths the folds are not seen: outlines alone determine bending.")
     if len(found.folds) > 1:
         out.append(f"  misfits of the folds of {len(found.folds)} drapes: {', '.join(f'{k:.3g}' for k in found.folds)}")

@@ -153,8 +153,8 @@ class Residuals:
         Derivatives by the coordinates of the cloth's vertices, x, y, z of the first one first [1/m].
     weights : (k,) float64
         How many independent measurements each counts for.
-    pixels : (k, 2) float64
-        Where in the picture it is.
+    blocks : (k, 2) or (k, 3) int64
+        Piece of the picture, or of the scan, in which it lies: measurements of one err alike.
     huber : float
         Residual beyond which rho(r) = r^2/2 goes on as a straight line.
     left_out : float
@@ -164,7 +164,7 @@ class Residuals:
     values: Floats
     jacobian: csr_array
     weights: Floats
-    pixels: Floats
+    blocks: Ints
     huber: float
     left_out: float = 0.0
 
@@ -192,6 +192,15 @@ class Residuals:
     def mean_derivative(self) -> Floats:
         """Return the derivative of `mean` by the vertices, (n, 3), weights held."""
         return np.asarray(self.jacobian.T @ (self.weights * self.slopes / self.weights.sum())).reshape(-1, 3)
+
+
+BLOCK = 40
+"""Side of a block of pixels that err alike."""
+
+
+def blocks_of(pixels: Floats) -> Ints:
+    """Return the block of each of some pixels, (k, 2)."""
+    return np.floor(pixels / BLOCK).astype(np.int64)
 
 
 def by_vertices(weights: csr_array, by_points: Floats) -> csr_array:
@@ -298,4 +307,4 @@ class KeyPoints(PictureLoss):
         at = csr_array((np.ones(len(twice)), (np.arange(len(twice)), twice)), shape=(len(twice), len(positions)))
         slopes = self.camera.jacobians(positions[rows]).reshape(-1, 3) / noise
         weights = np.ones(len(twice))
-        return Residuals(away.ravel(), by_vertices(at, slopes), weights, np.repeat(pixels, 2, axis=0), huber)
+        return Residuals(away.ravel(), by_vertices(at, slopes), weights, blocks_of(np.repeat(pixels, 2, axis=0)), huber)

@@ -18,7 +18,16 @@ from scipy.spatial import cKDTree
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.ray_casting import first_hits
-from clothsim.gradients.camera import Camera, Obstacle, PictureLoss, Residuals, as_mask, by_vertices, checked_noise
+from clothsim.gradients.camera import (
+    Camera,
+    Obstacle,
+    PictureLoss,
+    Residuals,
+    as_mask,
+    blocks_of,
+    by_vertices,
+    checked_noise,
+)
 from clothsim.mesh.refinement import refined
 from clothsim.mesh.topology import border_edges, interior_edges
 
@@ -93,7 +102,7 @@ class Matches:
         away = (self.normals * (self.camera.project(points) - self.targets)).sum(axis=1)
         by_points = np.einsum("kp,kpc->kc", self.normals, self.camera.jacobians(points)) / self.noise
         jacobian = by_vertices(at, by_points)
-        return Residuals(away / self.noise, jacobian, self.weights, self.targets, self.huber, self.left_out)
+        return Residuals(away / self.noise, jacobian, self.weights, blocks_of(self.targets), self.huber, self.left_out)
 
     def switched(self, other: "Matches") -> float:
         """Return the fraction of correspondences that another one does not have, by edge and place in the picture."""

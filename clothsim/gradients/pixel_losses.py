@@ -19,7 +19,7 @@ from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.ray_casting import first_hits
 from clothsim.base.triangles import area_vectors, barycentric
-from clothsim.gradients.camera import Camera, Obstacle, PictureLoss, Residuals, checked_noise
+from clothsim.gradients.camera import Camera, Obstacle, PictureLoss, Residuals, blocks_of, checked_noise
 from clothsim.mesh.refinement import refined
 
 GATE = np.cos(np.radians(60.0))
@@ -204,7 +204,8 @@ class _OfPixels(PictureLoss):
         lines = (r * rows[:, None] + np.arange(r)).ravel()
         pixels = np.repeat(np.column_stack([u, v])[met[rows]].astype(np.float64), r, axis=0)
         left_out = 1.0 - len(rows) / len(u)
-        return Residuals(values[rows].ravel(), csr_array(slopes[lines]), np.ones(len(lines)), pixels, huber, left_out)
+        blocks, ones = blocks_of(pixels), np.ones(len(lines))
+        return Residuals(values[rows].ravel(), csr_array(slopes[lines]), ones, blocks, huber, left_out)
 
 
 @dataclass(frozen=True, eq=False)

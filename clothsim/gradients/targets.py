@@ -4,16 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.gradients.losses import Distance, Girth, Height, Loss, Scan, Silhouette, hem_loss
+from clothsim.gradients.scan import POINTS, read_cloud
 from clothsim.mesh.world import World
 from clothsim.run.results import open_run
-
-POINTS = ".xyz"
-"""Ending of a text file with a point a line, x y z or x y z and its normal."""
-NO_NORMALS = np.zeros((0, 3))
 
 
 def named_loss(name: str, world: World, value: float | Path | None = None, scale: float = 1.0) -> Loss:
@@ -77,21 +73,8 @@ def target_loss(path: Path, world: World, scale: float = 1.0) -> Loss:
             raise InputError(f"The run in {path} has other cloths than {', '.join(names)}.", "Give a run of the scene.")
         return Distance(np.concatenate([frame.positions[name] for name in names]).astype(np.float64))
     if path.suffix.lower() == POINTS:
-        rows = _points(path)
-        return Scan(
-            scale * rows[:, :3], normals=as_points(str(path), rows[:, 3:]) if rows.shape[1] == 6 else NO_NORMALS
-        )
+        points, normals = read_cloud(path, scale)
+        return Scan(points, normals=normals)
     mesh = read_mesh(path, scale=scale)
     same = len(mesh.positions) == n and np.array_equal(mesh.triangles, world.triangles)
     return Distance(mesh.positions) if same else Scan(mesh.positions)
-
-
-def _points(path: Path) -> Floats:
-    try:
-        rows = np.loadtxt(path, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read ({error}).", "Give one point x y z per line.") from error
-    if rows.shape[1] < 3 or not len(rows):
-        raise InputError(f"{path} has no points.", "Give one point x y z per line.")
-    as_points(str(path), rows[:, :3])
-    return np.asarray(rows, np.float64)

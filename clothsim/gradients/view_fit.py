@@ -24,8 +24,6 @@ from clothsim.gradients.scene_of_pattern import halved
 from clothsim.gradients.views import View
 from clothsim.scene.scene import Scene
 
-BLOCK = 40
-"""Side of a block of pixels that err alike."""
 BOTH_WAYS = 0.5
 """Weight of a residual of a mask's border, each piece of which is compared twice."""
 PATTERN_PRIOR, FABRIC_PRIOR = 0.2, 0.85
@@ -172,7 +170,7 @@ class ViewFit:
             moves = placed.beside(own)
             bound = own - moves
             hessian = hessian + bound.T @ (placed.precision @ bound)
-        blocks = dict[tuple[str, int, int], Floats]()
+        blocks = dict[tuple[str, tuple[int, ...]], Floats]()
         for (view, what), each in zip(self.pairs, seen.parts, strict=True):
             if not kept(view.name, what):
                 continue
@@ -180,12 +178,11 @@ class ViewFit:
             steep = each.weights * each.slopes
             gradient = gradient + rows.T @ steep
             hessian = hessian + (rows * each.curvatures[:, None]).T @ rows
-            cells = np.floor(each.pixels / BLOCK).astype(np.int64)
-            unique, number = np.unique(cells, axis=0, return_inverse=True)
+            unique, number = np.unique(each.blocks, axis=0, return_inverse=True)
             sums = np.zeros((len(unique), k))
             np.add.at(sums, number.ravel(), rows * steep[:, None])
             for cell, own in zip(unique.tolist(), sums, strict=True):
-                key = (view.name, *cell)
+                key = (view.name, tuple(cell))
                 blocks[key] = blocks.get(key, 0.0) + own
         return gradient, hessian, np.array(list(blocks.values())).reshape(-1, k)
 

@@ -30,7 +30,7 @@ class PictureFit:
     Parameters
     ----------
     view, what : str
-        The view, and what was measured: "mask", "normals", "depth", "label front".
+        The view, and what was measured: "mask", "normals", "depth", "label front", "scan".
     misfit : float
         Root mean square residual, over the noise.
     left_out : float
@@ -95,7 +95,8 @@ class ViewRecovery(Recovery):
     overlays : mapping of str to arrays
         For each view: masks in grey, with the contours of the first guess (orange) and of the recovered cloth (blue).
     notes : tuple of str
-        Requests that could not be met: a later start that failed, a finer cloth that could not be run.
+        How a scan was laid onto the body; requests that could not be met: a later start that failed, a finer cloth
+        that could not be run.
     """
 
     pictures: tuple[PictureFit, ...] = ()
@@ -216,7 +217,7 @@ def recovery_of(fit: ViewFit, first: Floats, end: tuple[Seen, Seen, Floats], sea
         float("nan"),
         None if shaped is None else shaped.numbers.pattern(of_pattern),
         _overlays(fit, first, last.positions),
-        search.failed,
+        (*(view.note for view in fit.views if view.note), *search.failed),
     )
     errors_with_model = found.total_errors
     wide = tuple(path for path, own in zip(paths, known, strict=True) if not errors_with_model[path] < 0.5 * own)

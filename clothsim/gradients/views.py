@@ -1,4 +1,4 @@
-"""Calibrated pictures of a scene: a TOML file of cameras and of what was segmented or measured in each.
+"""Calibrated pictures and scans of a scene: a TOML file of cameras and of what was segmented or measured in each.
 
     [[view]]
     name = "front"
@@ -10,6 +10,11 @@
     position = [0, -1.5, 0.6]
     mask = "front.png"
     normals = "front_normals.npy"
+
+    [[scan]]
+    name = "worn"
+    points = "garment.ply"
+    skin = "skin.ply"
 
 Files are beside the TOML file. A camera may also be `colmap` or `blender`, tables with the arguments of
 `Camera.of_colmap` and `Camera.of_blender`.
@@ -32,16 +37,18 @@ from clothsim.base.inputs import as_table, refuse_unknown
 from clothsim.gradients.camera import Camera, Obstacle, PictureLoss
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.pixel_losses import Depth, Normals
+from clothsim.gradients.scan import ScanSurface, read_cloud, registered
 
-NOISE = {"mask": 1.0, "normals_degrees": 5.0, "depth": 5e-3}
+NOISE = {"mask": 1.0, "normals_degrees": 5.0, "depth": 5e-3, "points": 2e-3}
 """Keys of [noise] and their defaults: standard deviations of a mask's border [pixels], of normals [degrees], of depths
-[m]."""
+and of points of a scan [m]."""
 OF_CAMERA = ("focal", "principal", "rotation", "position")
 OF_MODELS = {
     "colmap": ("model", "params", "quaternion", "translation"),
     "blender": ("field_of_view_degrees", "matrix_world"),
 }
 PICTURES = ("mask", "labels", "normals", "depth")
+OF_SCAN = ("name", "points", "skin", "scale")
 KEYS = ("name", "width", "height", *OF_CAMERA, *OF_MODELS, "distortion", *PICTURES)
 MOST_PIXELS = 100_000_000
 """Pixels of the largest picture that is read."""
@@ -49,21 +56,24 @@ MOST_PIXELS = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What one camera measured.
+    """What one camera or one scanner measured.
 
     Parameters
     ----------
     name : str
         Of the view.
     camera : Camera
-        Its camera.
+        Its camera; of a scan the one that draws it.
     losses : mapping of str to PictureLoss
-        By what was measured: "mask", "normals", "depth", "label front".
+        By what was measured: "mask", "normals", "depth", "label front", "scan".
+    note : str
+        How a scan was laid onto the body; empty of others.
     """
 
     name: str
     camera: Camera
     losses: Mapping[str, PictureLoss]
+    note: str = ""
 
 
 def read_views(path: str | Path, panels: Mapping[str, Ints], obstacle: Obstacle) -> tuple[View, ...]:
@@ -76,7 +86,7 @@ def read_views(path: str | Path, panels: Mapping[str, Ints], obstacle: Obstacle)
     panels : mapping of str to int arrays
         Triangles of the cloth by panel, which labels may name.
     obstacle : Obstacle
-        What may hide the cloth.
+        What may hide the cloth, and what the skin of a scan is laid onto.
 
     Raises
     ------
@@ -88,29 +98,54 @@ def read_views(path: str | Path, panels: Mapping[str, Ints], obstacle: Obstacle)
         given = tomllib.loads(read_regular_file(file).decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{file} is not a TOML file ({error}).", "Write a table [[view]] for each picture.") from error
-    refuse_unknown(str(file), given, ("view", "noise", "labels"))
+    refuse_unknown(str(file), given, ("view", "scan", "noise", "labels"))
     noise = as_table("noise", given.get("noise", {}))
     refuse_unknown("noise", noise, NOISE)
     noises = {name: as_positive(f"noise.{name}", noise.get(name, default)) for name, default in NOISE.items()}
     labels = as_table("labels", given.get("labels", {}))
     refuse_unknown("labels", labels, panels)
-    tables = given.get("view", [])
-    if not isinstance(tables, list) or not tables:
-        raise InputError(f"{file} has no views.", "Write a table [[view]] for each picture.")
-    made = [_view(f"view[{k}]", as_table(f"view[{k}]", keys), file.parent, noises) for k, keys in enumerate(tables)]
-    names = [view[0] for view in made]
+    tables, clouds = given.get("view", []), given.get("scan", [])
+    if not isinstance(tables, list) or not isinstance(clouds, list) or not tables + clouds:
+        raise InputError(f"{file} has no views.", "Write a table [[view]] for each picture, or [[scan]].")
+    made = [_view(f"view[{k}]", as_table(f"view[{k}]", keys), file.parent) for k, keys in enumerate(tables)]
+    scans = [
+        _scan(f"scan[{k}]", as_table(f"scan[{k}]", keys), file.parent, noises["points"], obstacle)
+        for k, keys in enumerate(clouds)
+    ]
+    names = [view[0] for view in made] + [scan.name for scan in scans]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError(f"{file} has {names.count(twice[0])} views {twice[0]!r}.", "Give each a name of its own.")
     of_label = {name: (int(value), panels[name]) for name, value in labels.items()}
-    return tuple(
-        View(name, camera, _losses(name, camera, maps, noises, of_label, obstacle)) for name, camera, maps in made
-    )
+    views = [View(name, camera, _losses(name, camera, maps, noises, of_label, obstacle)) for name, camera, maps in made]
+    return (*views, *scans)
 
 
-def _view(
-    where: str, keys: Mapping[str, Any], folder: Path, noises: Mapping[str, float]
-) -> tuple[str, Camera, dict[str, np.ndarray]]:
+def _scan(where: str, keys: Mapping[str, Any], folder: Path, noise: float, body: Obstacle) -> View:
+    """The scan of a table, laid onto the body by its skin, where that is given."""
+    refuse_unknown(where, keys, OF_SCAN)
+    name = str(keys.get("name", where))
+    if "points" not in keys:
+        raise InputError(f"The scan {name!r} has no points.", "Give the file of the points of the garment.")
+    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
+    points, normals = read_cloud(folder / str(keys["points"]), scale)
+    note = ""
+    if "skin" in keys:
+        skin = read_cloud(folder / str(keys["skin"]), scale)[0]
+        laid = registered(skin, np.concatenate([points, skin]), body)
+        away = float(np.linalg.norm(laid.moved(points) - points, axis=1).mean())
+        points, normals = laid.moved(points), np.asarray(normals @ laid.rotation)
+        turn = np.degrees(laid.angle)
+        note = (
+            f"scan {name}: laid onto the body by its skin, turned by {turn:.3g} degrees, moved by {away:.3g} m in the "
+            f"mean; {1e3 * laid.distance:.2g} mm are left (median)"
+        )
+    loss = ScanSurface(points, normals, noise).checked()
+    everything = points if not len(body.positions) else body.positions
+    return View(name, loss.camera(int(np.ptp(everything, axis=0).argmax())), {"scan": loss}, note)
+
+
+def _view(where: str, keys: Mapping[str, Any], folder: Path) -> tuple[str, Camera, dict[str, np.ndarray]]:
     """Name, camera and pictures of a table."""
     refuse_unknown(where, keys, KEYS)
     name = str(keys.get("name", where))
@@ -202,14 +237,16 @@ def _losses(
 
 
 def overlay(view: View, contours: Sequence[tuple[Floats, tuple[int, int, int]]]) -> np.ndarray:
-    """Return a picture (height, width, 3) uint8: mask in grey, its border black, contours' pixels in colours."""
+    """Return a picture (height, width, 3) uint8: mask and points in grey, a border black, contours in colours."""
     size = (view.camera.height, view.camera.width)
     picture = np.full((*size, 3), 255, np.uint8)
+    clouds = [loss for loss in view.losses.values() if isinstance(loss, ScanSurface)]
+    points = [(view.camera.project(loss.points), (190, 190, 190)) for loss in clouds]
     borders = [loss for loss in view.losses.values() if isinstance(loss, MaskBorder)]
     for loss in borders:
         picture[np.asarray(loss.mask) > 0.5] = 215
     black = [(loss.border[0], (0, 0, 0)) for loss in borders]
-    for pixels, colour in (*black, *contours):
+    for pixels, colour in (*points, *black, *contours):
         u, v = np.rint(pixels).astype(np.int64).T
         inside = (u >= 0) & (u < size[1]) & (v >= 0) & (v < size[0])
         picture[v[inside], u[inside]] = colour

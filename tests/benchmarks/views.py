@@ -15,6 +15,8 @@ import igl
 import numpy as np
 from PIL import Image
 from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 import clothsim
 from clothsim import Cloth, Scene
@@ -169,9 +171,34 @@ def write_views(folder: Path, made: list[Camera], trace: Trace, noise=(1.0, 5.0)
     return folder / "views.toml"
 
 
+def write_scan(folder: Path, trace: Trace, count: int = 20_000, noise: float = 1.5e-3, seed: int = 0) -> Path:
+    """Write points of the cloth and of the skin beside it at the end of a run, turned and moved, and scan.toml."""
+    rng = np.random.default_rng(seed)
+    x, triangles = trace.cloth_positions(), trace.session.built.world.triangles
+    weights, fine = refined(triangles, len(x), 1)
+    cloth, body = (weights @ x)[fine], body_corners(trace)
+    points = {"garment": _sampled(cloth, count, rng), "skin": _sampled(body, count, rng)}
+    far = cKDTree(points["garment"]).query(points["skin"])[0] > 0.02
+    points["skin"] = points["skin"][far]
+    turn = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
+    for name, own in points.items():
+        noisy = own + noise * rng.standard_normal(own.shape)
+        np.savetxt(folder / f"{name}.xyz", noisy @ turn + [0.4, -0.2, 0.9], fmt="%.6f")
+    text = f'[noise]\npoints = {noise}\n[[scan]]\nname = "worn"\npoints = "garment.xyz"\nskin = "skin.xyz"\n'
+    (folder / "scan.toml").write_text(text, encoding="utf-8")
+    return folder / "scan.toml"
+
+
+def _sampled(corners: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Random points (count, 3) on triangles (m, 3, 3), evenly by area."""
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    own = corners[rng.choice(len(corners), count, p=areas / areas.sum())]
+    return (rng.dirichlet(np.ones(3), count)[:, :, None] * own).sum(axis=1)
+
+
 def fewer(file: Path, pictures: str) -> Path:
     """Write views of the first camera ("one"), of masks alone ("masks"), or both ("mask"), and return their file."""
-    if pictures == "all":
+    if pictures in ("all", "scan"):
         return file
     head, *tables = file.read_text(encoding="utf-8").split("[[view]]")
     tables = tables if pictures == "masks" else tables[:1]
@@ -182,8 +209,8 @@ def fewer(file: Path, pictures: str) -> Path:
     return made
 
 
-PICTURES = ("all", "one", "masks", "mask")
-"""What `fewer` leaves."""
+PICTURES = ("all", "one", "masks", "mask", "scan")
+"""What `fewer` leaves, and a scan in place of pictures."""
 
 
 def meshed(spacing: float, **factors: float) -> PatternMesh:

@@ -46,9 +46,15 @@ def cameras(middle, count: int = 4, size: tuple[int, int] = (320, 240)) -> list[
 
 
 def write_truth(
-    folder: Path, size: float, pattern: str, body: str, factors: Mapping[str, float], pixels: tuple[int, int]
+    folder: Path,
+    size: float,
+    pattern: str,
+    body: str,
+    factors: Mapping[str, float],
+    pixels: tuple[int, int],
+    scan: bool = False,
 ) -> tuple[Path, dict[str, float]]:
-    """Dress the true garment, write its pictures, and return their file and the true numbers."""
+    """Dress the true garment, write its pictures or scan, and return their file and the true numbers."""
     file = engine.example_file(Path(pattern), "_specification.json")
     numbers = PatternNumbers(mesh_pattern(read_specification(file), 0.1))
     true = {path: factor * numbers.value(path) for path, factor in factors.items()}
@@ -63,6 +69,8 @@ def write_truth(
     world = traced(scene).session.built.world
     bending = float(world.cloths[0].fabric.bending_stiffness)
     truth = traced(engine.override(scene, f"cloth.bending_stiffness={2 * bending}"))
+    if scan:
+        return views.write_scan(folder, truth), true | {BENDING: 2 * bending}
     x = truth.cloth_positions()
     made = cameras(0.5 * (x.min(axis=0) + x.max(axis=0)), size=pixels)
     return views.write_views(folder, made, truth), true | {BENDING: 2 * bending}
@@ -84,7 +92,9 @@ def main(arguments: list[str] | None = None) -> int:
     pairs = (text.rsplit("=", 1) for text in given.true or TRUTH)
     factors = {path: float(factor) for path, factor in pairs}
     size = (given.width, 3 * given.width // 4)
-    file, true = write_truth(given.output, given.true_size, given.pattern, given.on, factors, size)
+    file, true = write_truth(
+        given.output, given.true_size, given.pattern, given.on, factors, size, given.pictures == "scan"
+    )
     file = views.fewer(file, given.pictures)
     before, out = time.process_time(), given.output / "recovered"
     words = ["recover", "--views", str(file), "--pattern", given.pattern, "--on", given.on, "--size", given.size]

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
+from clothsim.base.arrays import Floats, as_points
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import bounded_decompression, read_regular_file
 from clothsim.base.process_memory import in_own_process
@@ -222,6 +222,14 @@ def read_mesh(
 def read_polygons(file: Path) -> Polygons:
     """The polygons of a file, with finite vertices and corners in range. InputError as of `read_mesh`."""
     return checked(file, _read(file))
+
+
+def read_vertices(file: Path) -> Floats:
+    """The vertices of a file, (n, 3), with faces or without. InputError as of `read_mesh`."""
+    points = _read(file).positions
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise InputError(f"{file} has no vertices.", "Export the points of the scan.")
+    return as_points(str(file), points)
 
 
 def _read(file: Path) -> Polygons:
