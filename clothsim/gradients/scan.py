@@ -6,7 +6,6 @@ so each edge of its border is compared with where the points end beside it.
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Self
 
 import igl
@@ -18,14 +17,11 @@ from scipy.spatial.transform import Rotation
 from clothsim.base.arrays import Floats, Ints, as_points
 from clothsim.base.errors import InputError
 from clothsim.base.triangles import area_vectors, barycentric
-from clothsim.files.meshes.mesh_file import read_vertices
+from clothsim.files.meshes.mesh_file import NO_NORMALS
 from clothsim.gradients.camera import Camera, Obstacle, PictureLoss, Residuals, by_vertices, checked_noise
 from clothsim.mesh.refinement import refined
 from clothsim.mesh.topology import border_edges
 
-POINTS = ".xyz"
-"""Ending of a text file with a point a line, x y z or x y z and its normal."""
-NO_NORMALS = np.zeros((0, 3))
 THINNED = 0.01
 """Side of the cells of which each has one point that is compared, over the size of the scan."""
 ALIKE = 0.1
@@ -196,33 +192,6 @@ class ScanSurface(PictureLoss):
         axes = np.array([np.cross(down, forward), down, forward])
         position = 0.5 * (low + high) - 3.0 * self.size * forward
         return Camera(480, 480, np.full(2, 1200.0), np.full(2, 239.5), axes, position)
-
-
-def read_cloud(path: Path, scale: float = 1.0) -> tuple[Floats, Floats]:
-    """Return the points (k, 3) [m] and normals (k, 3) of a file, no normals where it has none.
-
-    Parameters
-    ----------
-    path : Path
-        A text file (.xyz) with a point a line, x y z or x y z and a normal; or the vertices of a mesh file.
-    scale : float
-        Metres per unit of the file.
-
-    Raises
-    ------
-    InputError
-        For a file that cannot be read, or has no points.
-    """
-    if path.suffix.lower() != POINTS:
-        return scale * read_vertices(path), NO_NORMALS
-    try:
-        rows = np.loadtxt(path, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read ({error}).", "Give one point x y z per line.") from error
-    if rows.shape[1] < 3 or not len(rows):
-        raise InputError(f"{path} has no points.", "Give one point x y z per line.")
-    points = scale * as_points(str(path), rows[:, :3])
-    return points, as_points(str(path), rows[:, 3:]) if rows.shape[1] == 6 else NO_NORMALS
 
 
 # Registration of a scan: the rigid motion that lays its skin onto the bodies of the scene.

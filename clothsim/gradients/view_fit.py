@@ -20,6 +20,7 @@ from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.pixel_losses import Normals
 from clothsim.gradients.placed_drape import PlacedDrape, precision_of_displacements
 from clothsim.gradients.run import Trace, traced
+from clothsim.gradients.scan import ScanSurface
 from clothsim.gradients.scene_of_pattern import halved
 from clothsim.gradients.views import View
 from clothsim.scene.scene import Scene
@@ -143,7 +144,7 @@ class ViewFit:
         return Evaluation(values, seen.total, slope, gradient.newton_error)
 
     def folds_misfit(self, seen: Seen) -> float:
-        """How badly folds agree: mean rho of the normals, and rho at the gate of pixels left out; without them, all."""
+        """How badly folds agree: mean rho of normals, with that at the gate of pixels left out, and of scans; else all."""
         if not seen.parts:
             return float("inf")
         scores = []
@@ -153,6 +154,8 @@ class ViewFit:
                 at_gate = 1.0 / np.radians(loss.noise)  # |n - m| at 60 degrees
                 beyond = each.huber * (at_gate - 0.5 * each.huber)
                 scores.append((1.0 - each.left_out) * each.mean + each.left_out * beyond)
+            elif isinstance(loss, ScanSurface):
+                scores.append(each.mean)
         return float(np.mean(scores)) if scores else seen.total
 
     def linearised(

@@ -34,10 +34,11 @@ from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.base.file_reading import read_numbers, read_regular_file
 from clothsim.base.inputs import as_table, refuse_unknown
+from clothsim.files.meshes.mesh_file import read_cloud
 from clothsim.gradients.camera import Camera, Obstacle, PictureLoss
 from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.pixel_losses import Depth, Normals
-from clothsim.gradients.scan import ScanSurface, read_cloud, registered
+from clothsim.gradients.scan import ScanSurface, registered
 
 NOISE = {"mask": 1.0, "normals_degrees": 5.0, "depth": 5e-3, "points": 2e-3}
 """Keys of [noise] and their defaults: standard deviations of a mask's border [pixels], of normals [degrees], of depths

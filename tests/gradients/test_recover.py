@@ -9,12 +9,11 @@ from small_skirt import hanging_skirt, skirt_mesh
 from clothsim import InputError, Scene, recover
 from clothsim.files.meshes.readers.obj import write_obj
 from clothsim.gradients.loss_of_numbers import problem_of
-from clothsim.gradients.losses import Custom, Distance, Height, Scan
+from clothsim.gradients.losses import Custom, Distance, Height, Scan, target_loss
 from clothsim.gradients.parameters import with_value
 from clothsim.gradients.recover import _hessian, bending_prior, identifiability
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene
-from clothsim.gradients.targets import target_loss
 from clothsim.scene.assembly.scene_world import build
 
 YOUNG, BENDING, DENSITY = "cloth.youngs_modulus", "cloth.bending_stiffness", "cloth.density"

@@ -8,9 +8,10 @@ from scipy.spatial.transform import Rotation
 from clothsim import InputError, load_scene, recover_views
 from clothsim.base.triangles import area_vectors
 from clothsim.cli import main
+from clothsim.files.meshes.mesh_file import read_cloud
 from clothsim.gradients.camera import Obstacle
 from clothsim.gradients.run import traced
-from clothsim.gradients.scan import ScanSurface, read_cloud, registered
+from clothsim.gradients.scan import ScanSurface, registered
 from clothsim.gradients.scene_of_pattern import shaped_scene
 from clothsim.gradients.views import read_views
 from clothsim.mesh.generators.mannequin.generator import template

@@ -104,7 +104,6 @@ MORE: dict[str, tuple[str, ...]] = {
     "gradients/recover_views": ("gradients/test_pulled_drape",),
     "gradients/scene_of_pattern": ("gradients/test_design",),
     "gradients/state_at_rest": ("study/test_goal_error",),
-    "gradients/targets": ("gradients/test_recover",),
 }
 
 

@@ -224,12 +224,39 @@ def read_polygons(file: Path) -> Polygons:
     return checked(file, _read(file))
 
 
-def read_vertices(file: Path) -> Floats:
-    """The vertices of a file, (n, 3), with faces or without. InputError as of `read_mesh`."""
-    points = _read(file).positions
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise InputError(f"{file} has no vertices.", "Export the points of the scan.")
-    return as_points(str(file), points)
+POINTS = ".xyz"
+"""Ending of a text file with a point a line, x y z or x y z and its normal."""
+NO_NORMALS = np.zeros((0, 3))
+
+
+def read_cloud(path: Path, scale: float = 1.0) -> tuple[Floats, Floats]:
+    """Return the points (k, 3) [m] and normals (k, 3) of a file, no normals where it has none.
+
+    Parameters
+    ----------
+    path : Path
+        A text file (.xyz) with a point a line, x y z or x y z and a normal; or the vertices of a mesh file.
+    scale : float
+        Metres per unit of the file.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, or has no points.
+    """
+    if path.suffix.lower() != POINTS:
+        points = _read(path).positions
+        if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+            raise InputError(f"{path} has no vertices.", "Export the points of the scan.")
+        return scale * as_points(str(path), points), NO_NORMALS
+    try:
+        rows = np.loadtxt(path, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read ({error}).", "Give one point x y z per line.") from error
+    if rows.shape[1] < 3 or not len(rows):
+        raise InputError(f"{path} has no points.", "Give one point x y z per line.")
+    points = scale * as_points(str(path), rows[:, :3])
+    return points, as_points(str(path), rows[:, 3:]) if rows.shape[1] == 6 else NO_NORMALS
 
 
 def _read(file: Path) -> Polygons:
