@@ -33,7 +33,7 @@ from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.placed_drape import pulled
 from clothsim.gradients.recover import SOURCE, bending_keys, bending_prior
 from clothsim.gradients.scene_of_pattern import ShapedScene, halved, shaped_scene
-from clothsim.gradients.view_fit import Seen, ViewFit, by_kind, finer_fit, of_finer_cloth
+from clothsim.gradients.view_fit import Seen, ViewFit, by_kind, finer_fit, finer_positions, of_finer_cloth
 from clothsim.gradients.view_recovery import SearchRecord, ViewRecovery, recovery_of
 from clothsim.gradients.views import View, read_views
 from clothsim.patterns.pattern_mesh import PatternMesh
@@ -155,7 +155,8 @@ def recover_views(
     if finer:
         try:
             fine_fit, weights = finer_fit(fit, best.last.at)
-            end = _on_finer_cloth(fine_fit, weights, best, partial(tell, start))
+            placed = finer_positions(fit, fine_fit, best.last.positions)
+            end = _on_finer_cloth(fine_fit, placed, weights, best, partial(tell, start))
         except ClothsimError as error:
             failed.append(f"The finer cloth could not be run, the values are of the cloth as given: {error.sentence}")
         else:
@@ -257,12 +258,14 @@ def _searched(fit: ViewFit, begun: Seen, tell: Callable[[Seen], None]) -> Search
     return end if end.fresh else replace(end, moves=_moves_at(fit, end.last, tell), runs=end.runs + len(begun.at))
 
 
-def _on_finer_cloth(finer: ViewFit, weights: csr_array, coarse: SearchEnd, tell: Callable[[Seen], None]) -> SearchEnd:
+def _on_finer_cloth(
+    finer: ViewFit, placed: Floats, weights: csr_array, coarse: SearchEnd, tell: Callable[[Seen], None]
+) -> SearchEnd:
     """A few steps on a cloth with four triangles for one, with the derivatives that the coarse one has, continued.
 
     ClothsimError where it cannot be run.
     """
-    begun = finer.seen(coarse.last.at, np.asarray(weights @ coarse.last.positions))
+    begun = finer.seen(coarse.last.at, placed)
     tell(begun)
     if not begun.parts:
         raise ClothsimError(begun.failure)

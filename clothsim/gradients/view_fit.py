@@ -21,7 +21,7 @@ from clothsim.gradients.pixel_losses import Normals
 from clothsim.gradients.placed_drape import PlacedDrape, precision_of_displacements
 from clothsim.gradients.run import Trace, traced
 from clothsim.gradients.scan import ScanSurface
-from clothsim.gradients.scene_of_pattern import halved
+from clothsim.gradients.scene_of_pattern import halved, quartered
 from clothsim.gradients.views import View
 from clothsim.scene.scene import Scene
 
@@ -144,7 +144,7 @@ class ViewFit:
         return Evaluation(values, seen.total, slope, gradient.newton_error)
 
     def folds_misfit(self, seen: Seen) -> float:
-        """How badly folds agree: mean rho of normals, with that at the gate of pixels left out, and of scans; else all."""
+        """How badly folds agree: mean rho of scans and normals, those left out at their gate; without them, the sum."""
         if not seen.parts:
             return float("inf")
         scores = []
@@ -239,6 +239,17 @@ def finer_fit(fit: ViewFit, at: Floats) -> tuple[ViewFit, csr_array]:
     _, weights, triangles = halved(fit.scene_at(at))
     views = [replace(view, losses={what: _of_fine(loss) for what, loss in view.losses.items()}) for view in fit.views]
     return replace(fit, views=tuple(views), triangles=triangles, halvings=fit.halvings + 1), weights
+
+
+def finer_positions(fit: ViewFit, finer: ViewFit, positions: Floats) -> Floats:
+    """Return the vertices (m, 3) of the finer cloth on the flat triangles of the cloth, at positions (n, 3) [m].
+
+    A run begins there: the surface is the same, free of intersections where that of the cloth is, which a smooth one
+    through its vertices is not where layers are near one another.
+    """
+    placed = np.zeros((int(finer.triangles.max()) + 1, 3))
+    placed[finer.triangles] = quartered(positions[fit.triangles])
+    return placed
 
 
 def of_finer_cloth(weights: csr_array, moves: Floats) -> Floats:

@@ -14,7 +14,7 @@ from clothsim.gradients.mask_border import MaskBorder, Matches
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.placed_drape import pulled
 from clothsim.gradients.recover import Recovery
-from clothsim.gradients.view_fit import Seen, ViewFit, errors_of, finer_fit, of_finer_cloth
+from clothsim.gradients.view_fit import Seen, ViewFit, errors_of, finer_fit, finer_positions, of_finer_cloth
 from clothsim.gradients.views import overlay
 from clothsim.patterns.pattern import Pattern
 from clothsim.scene import paths as keys_by_path
@@ -256,7 +256,7 @@ def _twins(fit: ViewFit, last: Seen, moves: Floats, coarse: Floats | None) -> tu
 def _on_finer(fit: ViewFit, last: Seen, moves: Floats) -> tuple[ViewFit, Seen, Floats]:
     """The pictures, the run and the derivatives of a cloth with four triangles for one."""
     finer, weights = finer_fit(fit, last.at)
-    return finer, finer.seen(last.at, np.asarray(weights @ last.positions)), of_finer_cloth(weights, moves)
+    return finer, finer.seen(last.at, finer_positions(fit, finer, last.positions)), of_finer_cloth(weights, moves)
 
 
 def _errors_of_fewer_pictures(fit: ViewFit, last: Seen, moves: Floats, spread: float) -> dict[str, dict[str, float]]:

@@ -9,6 +9,7 @@ from sewing_patterns import panel, specification
 from views import looking
 
 from clothsim import load_scene
+from clothsim.geometry.intersection.crossings import crossings
 from clothsim.gradients.camera import Obstacle
 from clothsim.gradients.loss_of_numbers import derivatives, problem_of
 from clothsim.gradients.losses import Custom
@@ -16,9 +17,11 @@ from clothsim.gradients.mask_border import MaskBorder
 from clothsim.gradients.pixel_losses import Normals
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import halved
-from clothsim.gradients.view_fit import Seen, ViewFit, errors_of, finer_fit, of_finer_cloth
+from clothsim.gradients.view_fit import Seen, ViewFit, errors_of, finer_fit, finer_positions, of_finer_cloth
 from clothsim.gradients.views import View
-from clothsim.mesh.generators.shapes import sphere
+from clothsim.mesh.generators.shapes import rectangle, sphere
+from clothsim.mesh.refinement import refined
+from clothsim.mesh.world import SurfaceRows
 from clothsim.scene.assembly.scene_world import world_of
 from tests.benchmarks import views
 
@@ -162,5 +165,24 @@ def test_pictures_of_the_finer_cloth(towel):
     moves = np.random.default_rng(0).normal(size=(x.size, 2))
     expected = weights @ moves[:, 1].reshape(-1, 3)
     np.testing.assert_allclose(of_finer_cloth(weights, moves)[:, 1].reshape(-1, 3), expected)
-    begun = np.asarray(weights @ x)
+    begun = finer_positions(fit, finer, x)
+    np.testing.assert_array_equal(begun[: len(x)], x)
     assert finer.trace(towel.origin, begun).cloth_positions().shape == begun.shape
+
+
+def test_a_run_of_the_finer_cloth_begins_without_intersections(skirt):
+    """Under a level sheet, which a smooth surface through the vertices of an arch would cross."""
+    fit, _, _ = skirt
+    flat, faces = rectangle((5.0, 3.0), (5, 3))
+    arch = flat - np.outer((flat[:, 0] - flat[:, 0].mean()) ** 2 - 0.25, [0.0, 0.0, 1.0])
+    layers = np.concatenate([arch, flat + [0.0, 0.0, 0.05]])  # noqa: RUF005
+    triangles = np.concatenate([faces, faces + len(flat)])
+    weights, fine = refined(triangles, len(layers))
+    coarse, finer = (replace(fit, triangles=each) for each in (triangles, fine))
+
+    def pairs(x, triangles):
+        return crossings(x, [SurfaceRows("cloth", "cloth", slice(0, len(x)), triangles, True)])
+
+    assert not pairs(layers, triangles)
+    assert not pairs(finer_positions(coarse, finer, layers), fine)
+    assert pairs(weights @ layers, fine)
