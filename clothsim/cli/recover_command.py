@@ -3,6 +3,7 @@
 import argparse
 import math
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,6 +61,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument("--finer", action="store_true", help="with --views: end on half the mesh size")
     recover.add_argument("--scale", metavar="FACTOR", help="metres per unit of the target or body")
     add_set(recover)
+    recover.add_argument("--resume", action="store_true", help="go on with a search that was stopped")
     add_overwrite(recover, "replace an earlier run in the output directory")
     add_output_options(
         recover, json="print recovery.json, the rest on stderr", quiet="print only the result", handler=_recover
@@ -76,6 +78,44 @@ Find the parameters with which a scene, fabric or pattern hangs as in a target o
 """
 
 
+RUNS = "runs"
+"""Ending of the folder of a search's results so far, beside the output directory."""
+
+
+def _kept_runs(output: Path) -> Path:
+    return output.with_name(f"{output.name}_{RUNS}")
+
+
+def _runs_folder(arguments: argparse.Namespace) -> Path | str:
+    """Where the results of runs are kept until the search ends; "" without an output directory."""
+    out = arguments.output
+    if out is None:
+        if arguments.resume:
+            raise InputError("--resume needs -o.", "Name the output directory of the search that was stopped.")
+        return ""
+    folder = _kept_runs(out)
+    there = folder.is_dir()
+    if arguments.resume and not there:
+        raise InputError(f"There is no {folder}: no search for {out} was stopped.", "Leave --resume out.")
+    if there and not arguments.resume:
+        if not arguments.overwrite:
+            raise InputError(
+                f"{folder} holds the runs of a search that was stopped.",
+                "Go on with it: --resume; or begin anew: --overwrite.",
+            )
+        _remove_runs(folder)
+    return folder
+
+
+def _remove_runs(folder: Path | str) -> None:
+    """Remove the results of a search, and their folder where nothing else is in it."""
+    if folder and Path(folder).is_dir():
+        for file in Path(folder).glob("*.npz"):
+            file.unlink(missing_ok=True)
+        with suppress(OSError):
+            Path(folder).rmdir()
+
+
 NUMBERS = "Name the numbers to find, such as --free youngs_modulus,pattern.front.width."
 """Remedy of a recovery without --free."""
 
@@ -83,8 +123,15 @@ NUMBERS = "Name the numbers to find, such as --free youngs_modulus,pattern.front
 def _recover(arguments: argparse.Namespace) -> Report:
     if arguments.test is not None:
         return _recover_drape(arguments)
-    if arguments.views is not None:
-        return _recover_from_views(arguments)
+    try:
+        return _recover_from_target(arguments) if arguments.views is None else _recover_from_views(arguments)
+    except KeyboardInterrupt:
+        if arguments.output is not None and _kept_runs(arguments.output).is_dir():
+            print("To go on with the search, give the same command with --resume.", file=sys.stderr)
+        raise
+
+
+def _recover_from_target(arguments: argparse.Namespace) -> Report:
     for name in ("scene", "target", "free"):
         if getattr(arguments, name) is None:
             option = "SCENE" if name == "scene" else f"--{name}"
@@ -102,6 +149,7 @@ def _recover(arguments: argparse.Namespace) -> Report:
     if arguments.output is not None:
         inputs = (arguments.scene, scene, arguments.target, arguments.pattern)
         engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME,), inputs)
+    runs = _runs_folder(arguments)
     messages(arguments, f"{', '.join(free)} of {arguments.scene}")
     loss = gradients.named_loss("target", engine.build(scene, affordable=True).world, arguments.target, scale)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size, scene)
@@ -113,6 +161,7 @@ def _recover(arguments: argparse.Namespace) -> Report:
         None if arguments.quiet else _progress(starts),
         pattern=pattern,
         prior=arguments.prior,
+        runs=runs,
     )
     content = summary(found, type(loss).__name__)
     good = found.best.intersecting_pairs == 0
@@ -120,6 +169,7 @@ def _recover(arguments: argparse.Namespace) -> Report:
         run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
         good = good and run.status == "completed"
         write_atomically(arguments.output / RECOVERY_NAME, on_demand.to_json(content).encode())
+        _remove_runs(runs)
     return Report(content, "\n".join(lines(found, arguments.output)), good, verdict=True)
 
 
@@ -156,6 +206,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
             inputs = (arguments.scene, scene, arguments.views, arguments.pattern)
             engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
         mesh = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size, scene)
+    runs = _runs_folder(arguments)
     messages(arguments, f"{', '.join(free)} from {arguments.views}")
     progress = None if arguments.quiet else _progress(starts)
     found = clothsim.recover_views(
@@ -169,6 +220,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
         twins=not arguments.no_twins,
         folds=as_count("--folds", arguments.folds or "6"),
         finer=arguments.finer,
+        runs=runs,
     )
     content = summary(found, "pictures") | {
         "pictures": [asdict(each) for each in found.pictures],
@@ -193,6 +245,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
             on_demand.as_image(picture).save(out / overlay_name(name))
         if found.pattern is not None:
             patterns.write_specification(out / PATTERN_NAME, found.pattern)
+        _remove_runs(runs)
     return Report(content, "\n".join([*lines(found, out), *_picture_lines(found)]), good, verdict=True)
 
 
@@ -214,6 +267,9 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
         arguments.output.with_name(f"{arguments.output.name}_{DRESSED}"),
         as_length("--size", arguments.size, "2cm"),
     )
+    if arguments.resume and (folder / PATTERN_NAME).is_file() and clothsim.open_run(folder).status == "completed":
+        scene = clothsim.open_run(folder).scene
+        return engine.override(scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size, scene)
     scale = as_scale("--scale", arguments.scale)
     worn = clothsim.dress(
         pattern,
@@ -286,8 +342,8 @@ def _picture_lines(found: "clothsim.ViewRecovery") -> list[str]:
 
 def _recover_drape(arguments: argparse.Namespace) -> Report:
     """D/(rho g) and curl from outlines of a drape tester."""
-    for name in ("target", "free", "pattern", "views", "on", "folds"):
-        if getattr(arguments, name) is not None:
+    for name in ("target", "free", "pattern", "views", "on", "folds", "resume"):
+        if getattr(arguments, name) not in (None, False):
             raise InputError(f"--{name} has no effect with --test.", "The outlines are the target; leave it out.")
     if arguments.scene is None:
         raise InputError("--test needs outlines.", "Name their .npz file.")

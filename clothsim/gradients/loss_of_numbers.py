@@ -3,13 +3,21 @@
 The numbers are those of the scene ("cloth.youngs_modulus") and of the pattern of a cloth ("pattern.front.width").
 """
 
-from collections.abc import Mapping, Sequence
+import hashlib
+import json
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.file_writing import make_directory, write_atomically
 from clothsim.geometry.intersection.crossings import crossings
 from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Loss
@@ -19,12 +27,50 @@ from clothsim.gradients.run import Trace, traced
 from clothsim.gradients.scene_of_pattern import ShapedScene, quartered, shaped_scene
 from clothsim.mesh.world import world_surfaces
 from clothsim.patterns.pattern_mesh import PatternMesh
+from clothsim.scene.named_files import by_content
 from clothsim.scene.scene import Scene
 
 RANGE, PATTERN_RANGE = 100.0, 2.0
 """Largest factor, and its inverse, by which a number of the scene or of a pattern may differ from that of the scene."""
 SPREAD, PATTERN_SPREAD = 2.0, 1.05
 """Factor by which numbers of a further start differ at most from the scene's."""
+
+
+@dataclass(frozen=True)
+class KeptResults:
+    """Results of runs in files, by what the runs were given: a search that was stopped goes on from them.
+
+    Parameters
+    ----------
+    folder : str or Path
+        A file (.npz) for each result; "": none is kept.
+    """
+
+    folder: str | Path = ""
+
+    def of(
+        self, scene: Scene, given: Sequence[ArrayLike], compute: Callable[[], Mapping[str, ArrayLike]]
+    ) -> Mapping[str, np.ndarray]:
+        """Return what was kept for a scene, the content of its files, and arrays; else what is computed now."""
+        if not self.folder:
+            return {name: np.asarray(value) for name, value in compute().items()}
+        tables = by_content(json.loads(scene.to_text(names_of_functions=True)), scene.directory)
+        tables.pop("directory", None)
+        known = hashlib.sha256(json.dumps(tables, sort_keys=True).encode())
+        for values in given:
+            array = np.asarray(values, np.float64)
+            known.update(f"{array.shape}".encode() + array.tobytes())
+        file = Path(self.folder) / f"{known.hexdigest()[:32]}.npz"
+        try:
+            with np.load(file) as kept:
+                return dict(kept)
+        except (OSError, ValueError, zipfile.BadZipFile):  # none, or a broken one
+            found: dict[str, Any] = {name: np.asarray(value) for name, value in compute().items()}
+        content = BytesIO()
+        np.savez(content, **found)
+        make_directory(Path(self.folder))
+        write_atomically(file, content.getvalue())
+        return found
 
 
 @dataclass(frozen=True)
@@ -75,6 +121,8 @@ class LossOfNumbers:
         The run of the scene itself.
     shaped : ShapedScene, optional
         The pattern whose numbers are among them.
+    kept : KeptResults
+        Where results of runs are kept.
     """
 
     scene: Scene
@@ -84,6 +132,7 @@ class LossOfNumbers:
     stiffness: Mapping[str, float]
     first: Evaluation
     shaped: ShapedScene | None = None
+    kept: KeptResults = KeptResults()
 
     @property
     def ranges(self) -> Floats:
@@ -109,11 +158,29 @@ class LossOfNumbers:
         So are numbers that another key does not allow: the scene's own were run before, so the search goes on.
         """
         values = self.values(logarithms)
+
+        def run() -> Mapping[str, ArrayLike]:
+            trace = traced(scene, self.stiffness)
+            each = evaluation(values, trace, trace.gradient(self.loss), self.shaped)
+            return {
+                "loss": each.loss,
+                "slope": each.slope,
+                "newton_error": each.newton_error,
+                "pairs": each.intersecting_pairs,
+            }
+
         try:
-            trace = traced(self.scene_at(logarithms), self.stiffness)
-            return evaluation(values, trace, trace.gradient(self.loss), self.shaped)
+            scene = self.scene_at(logarithms)  # the loss is known by that of the first run
+            found = self.kept.of(scene, (*self.held, self.first.loss, self.first.slope), run)
         except ClothsimError as error:
             return Evaluation(values, float("inf"), np.zeros(len(values)), failure=error.sentence)
+        numbers = float(found["loss"]), found["slope"], float(found["newton_error"]), int(found["pairs"])
+        return Evaluation(values, *numbers)
+
+    @property
+    def held(self) -> tuple[float, ...]:
+        """The stiffnesses that are held [Pa], in the order of the names of their effects."""
+        return tuple(self.stiffness[name] for name in sorted(self.stiffness))
 
 
 def scene_with(scene: Scene, values: Mapping[str, float], shaped: ShapedScene | None) -> Scene:
@@ -159,7 +226,13 @@ def count_intersecting_pairs(trace: Trace) -> int:
     return sum(len(each.pairs) for each in found)
 
 
-def problem_of(scene: Scene, loss: Loss, free: Sequence[str], pattern: PatternMesh | None = None) -> LossOfNumbers:
+def problem_of(
+    scene: Scene,
+    loss: Loss,
+    free: Sequence[str],
+    pattern: PatternMesh | None = None,
+    kept: KeptResults = KeptResults(),
+) -> LossOfNumbers:
     """Run a scene once, and return the loss of its numbers; pattern: as of `shaped_scene`.
 
     Raises
@@ -184,4 +257,4 @@ def problem_of(scene: Scene, loss: Loss, free: Sequence[str], pattern: PatternMe
             raise InputError(f"{path} is {value}; positive numbers can be recovered.", "Name another, or a component.")
         values[path] = float(value)
     first = evaluation(values, trace, trace.gradient(loss), shaped)
-    return LossOfNumbers(scene, loss, paths, np.log(list(values.values())), trace.stiffness, first, shaped)
+    return LossOfNumbers(scene, loss, paths, np.log(list(values.values())), trace.stiffness, first, shaped, kept)

@@ -11,6 +11,7 @@ the logarithms sigma^2 (J'J)^-1, sigma^2 the misfit a residual (Seber & Wild 198
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
@@ -18,7 +19,7 @@ from scipy.optimize import minimize
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.inputs import with_remedies
-from clothsim.gradients.loss_of_numbers import SPREAD, Evaluation, LossOfNumbers, problem_of
+from clothsim.gradients.loss_of_numbers import SPREAD, Evaluation, KeptResults, LossOfNumbers, problem_of
 from clothsim.gradients.losses import Distance, Loss, Scan
 from clothsim.gradients.parameters import full_path
 from clothsim.patterns.pattern_mesh import PatternMesh
@@ -184,6 +185,7 @@ def recover(
     seed: int = 0,
     pattern: PatternMesh | None = None,
     prior: bool = False,
+    runs: str | Path = "",
 ) -> Recovery:
     """Find the parameters of a scene that minimise a loss.
 
@@ -210,6 +212,9 @@ def recover(
         Combine the bending stiffnesses with those of 618 measured fabrics of the cloth's weight (`bending_prior`), by
         normal distributions of their logarithms about the least loss. The prior then gives what the target does not
         determine.
+    runs : str or Path
+        Folder in which the results of runs are kept; the same search, where it was stopped, goes on from them. "":
+        none are kept.
 
     Raises
     ------
@@ -239,14 +244,14 @@ def recover(
         bending_keys([full_path(name) for name in free])  # refuses where the prior says nothing
         if residuals_of(loss) is None:
             raise InputError("The prior needs a loss that is a sum of squares.", "Use a target of points.")
-    problem = problem_of(scene, loss, free, pattern)
+    problem = problem_of(scene, loss, free, pattern, KeptResults(runs))
     rng = np.random.default_rng(seed)
-    ends, runs = list[Evaluation](), 1
+    ends, count = list[Evaluation](), 1
     for start in range(1, max(1, starts) + 1):
         offset = problem.spreads * rng.uniform(-1.0, 1.0, len(problem.paths)) if start > 1 else 0.0
         taken = _minimised(problem, problem.origin + offset, start, progress)
         ends.append(min(taken, key=lambda each: each.loss))
-        runs += len(taken)
+        count += len(taken)
     best = min(ends, key=lambda each: each.loss)
     if not np.isfinite(best.loss):
         raise ClothsimError(f"No run of the recovery succeeded: {best.failure}")
@@ -262,7 +267,7 @@ def recover(
         tuple(path for path, limit in zip(problem.paths, far, strict=True) if limit),
         best,
         tuple(each.loss for each in ends),
-        runs + known.runs,
+        count + known.runs,
     )
     return _combine_with_prior(found, problem, logarithms, known.precision) if prior else found
 

@@ -26,7 +26,7 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.gradients.camera import Obstacle
 from clothsim.gradients.clips.gauss_newton import broyden_update, halved_until_lower
 from clothsim.gradients.exact_system import NoMinimumError
-from clothsim.gradients.loss_of_numbers import Evaluation, problem_of
+from clothsim.gradients.loss_of_numbers import Evaluation, KeptResults, problem_of
 from clothsim.gradients.losses import Custom
 from clothsim.gradients.parameters import full_path
 from clothsim.gradients.pattern_numbers import SECTION
@@ -82,6 +82,7 @@ def recover_views(
     twins: bool = True,
     folds: int = 6,
     finer: bool = False,
+    runs: str | Path = "",
 ) -> ViewRecovery:
     """Find the parameters of a scene whose cloth ends as in calibrated pictures.
 
@@ -103,6 +104,8 @@ def recover_views(
     finer : bool
         End with a few steps on a cloth with four triangles for each; a run then costs five times as much. The values
         are those of the finer cloth.
+    runs : str or Path
+        As in `recover`.
 
     Raises
     ------
@@ -117,7 +120,7 @@ def recover_views(
     shaped = shaped_scene(scene, pattern) if any(path.startswith(SECTION) for path in paths) else None
     made = _views(views, scene if shaped is None else shaped.scene, shaped)
     mean_loss = Custom(lambda x: (0.0, np.zeros_like(x)))
-    problem = problem_of(scene, mean_loss, free, pattern)
+    problem = problem_of(scene, mean_loss, free, pattern, KeptResults(runs))
     triangles = world_of(problem.scene).triangles
     fit = ViewFit(problem, made, triangles, problem.origin, np.zeros((len(paths),) * 2))
     if finer:
@@ -136,7 +139,7 @@ def recover_views(
 
     rng, ends, failed = np.random.default_rng(seed), list[SearchEnd](), list[str]()
     drapes = _drapes(fit, folds, rng, partial(tell, 0))
-    first, misfits, runs = drapes[0], tuple(fit.folds_misfit(each) for each in drapes), len(drapes)
+    first, misfits, count = drapes[0], tuple(fit.folds_misfit(each) for each in drapes), len(drapes)
     for start in range(1, max(1, starts) + 1):
         offset = problem.spreads * rng.uniform(-1.0, 1.0, len(paths)) if start > 1 else 0.0
         begun = (
@@ -151,7 +154,7 @@ def recover_views(
             failed.append(f"Start {start} failed: {error.sentence}")
     best = min(ends, key=lambda each: each.last.total)
     minima, coarse, shown = tuple(each.last.total for each in ends), None, first.positions
-    runs, adjoint = runs + sum(each.runs for each in ends), sum(each.adjoint for each in ends)
+    count, adjoint = count + sum(each.runs for each in ends), sum(each.adjoint for each in ends)
     if finer:
         try:
             fine_fit, weights = finer_fit(fit, best.last.at)
@@ -161,8 +164,8 @@ def recover_views(
             failed.append(f"The finer cloth could not be run, the values are of the cloth as given: {error.sentence}")
         else:
             fit, coarse, best, shown = fine_fit, best.last.at, end, np.asarray(weights @ shown)
-            runs, adjoint = runs + end.runs, adjoint + end.adjoint
-    search = SearchRecord(runs, minima, note, began, adjoint, misfits, twins, coarse, tuple(failed))
+            count, adjoint = count + end.runs, adjoint + end.adjoint
+    search = SearchRecord(count, minima, note, began, adjoint, misfits, twins, coarse, tuple(failed))
     return recovery_of(fit, shown, (best.last, best.before, best.moves), search)
 
 
@@ -181,7 +184,7 @@ def _drapes(fit: ViewFit, folds: int, rng: np.random.Generator, tell: Callable[[
         kick = np.asarray(speeds * (KICK / np.sqrt((speeds**2).sum(axis=1).mean())))
         drapes.append(fit.seen(first.at, first.positions, kick))
         tell(drapes[-1])
-    return drapes
+    return [replace(each, trace=None) for each in drapes]  # as large as the run has steps
 
 
 def _with_prior(fit: ViewFit) -> tuple[ViewFit, str]:
@@ -308,11 +311,10 @@ def _descended(
         moves, runs = _moves_at(fit, seen, tell), runs + k
     for _ in range(most):
         gradient, hessian, _ = fit.linearised(seen, moves)
-        if seen.trace is not None:
-            before_adjoint = process_time()
-            with suppress(NoMinimumError):  # a step beside a saddle: the differences do
-                gradient = fit.adjoint(seen, seen.trace).slope
-            adjoint += process_time() - before_adjoint
+        before_adjoint = process_time()
+        with suppress(NoMinimumError):  # a step beside a saddle: the differences do
+            gradient = fit.adjoint(seen).slope
+        adjoint += process_time() - before_adjoint
         within = np.maximum(low - seen.at, -largest), np.minimum(high - seen.at, largest)
         # weakly bound to where it is: what the pictures hardly tell goes to its limit, and what they tell goes on
         factor = np.linalg.cholesky(hessian + np.diag(fit.known**-2.0))
@@ -323,7 +325,7 @@ def _descended(
         runs += tried
         if better is not None:
             moves = broyden_update(moves, seen, better)
-            gain, before, seen, fresh = seen.total - better.total, seen, better, False
+            gain, before, seen, fresh = seen.total - better.total, replace(seen, trace=None), better, False
             done = gain < max(ENOUGH, enough)
         if better is None or done:
             if fresh or not differences:

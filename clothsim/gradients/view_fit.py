@@ -4,10 +4,11 @@ Neighbouring pixels err alike, so the covariance is H^-1 M H^-1 with H = J'WJ an
 gradients of blocks of pixels (White 1982, "Maximum likelihood estimation of misspecified models").
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array, kron
 
 from clothsim.base.arrays import Floats, Ints
@@ -29,6 +30,8 @@ BOTH_WAYS = 0.5
 """Weight of a residual of a mask's border, each piece of which is compared twice."""
 PATTERN_PRIOR, FABRIC_PRIOR = 0.2, 0.85
 """Standard deviations of logarithms that pictures are compared with: an error above half of it is wide."""
+AT_REST = np.zeros((0, 3))
+"""Velocities of a run that begins at rest."""
 UNTOLD = 1e3
 """Standard deviation, in those, of what keeps the covariance finite where the pictures tell nothing."""
 MOST_ERROR = 3.0
@@ -45,8 +48,8 @@ class Seen:
     """A run, and what is left of the pictures.
 
     at: logarithms (k,); total: the sum, beside displacements of a drape that friction holds, inf where the run cannot
-    be taken; begun: positions that it began from, empty for the scene's own; trace: its steps, where the adjoint may go
-    over them; placed: what is left beside displacements.
+    be taken; begun: positions that it began from, empty for the scene's own; trace: its steps, where it was taken now;
+    placed: what is left beside displacements; kick: velocities that it began with, empty for 0.
     """
 
     at: Floats
@@ -57,6 +60,7 @@ class Seen:
     failure: str = ""
     trace: Trace | None = None
     placed: PlacedDrape | None = None
+    kick: Floats = field(default_factory=lambda: AT_REST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,26 +113,35 @@ class ViewFit:
         away = at - self.mean
         return sum(float(each.weights @ each.costs) for each in parts) + 0.5 * float(away @ self.precision @ away)
 
-    def trace(self, at: Floats, begun: Floats, kick: Floats | None = None) -> Trace:
+    def trace(self, at: Floats, begun: Floats, kick: Floats = AT_REST) -> Trace:
         """Run from some positions (n, 3) at rest or with velocities, or from the scene's own where they are empty."""
-        start = {"start": begun, "velocity": np.zeros_like(begun) if kick is None else kick} if len(begun) else None
+        start = {"start": begun, "velocity": kick if len(kick) else np.zeros_like(begun)} if len(begun) else None
         return traced(self.scene_at(at), self.problem.stiffness, start=start)
 
-    def seen(self, at: Floats, begun: Floats, kick: Floats | None = None) -> Seen:
+    def seen(self, at: Floats, begun: Floats, kick: Floats = AT_REST) -> Seen:
         """Take a run as of `trace`; a failed one is an outcome too."""
+        taken = list[Trace]()
+
+        def run() -> Mapping[str, Floats]:
+            taken.append(self.trace(at, begun, kick))
+            return {"positions": taken[0].cloth_positions()}
+
         try:
-            trace = self.trace(at, begun, kick)
-            x = trace.cloth_positions()
+            x = self.problem.kept.of(self.scene_at(at), (*self.problem.held, begun, kick), run)["positions"]
             parts = self.residuals(x)
         except ClothsimError as error:
             return Seen(at, float("inf"), np.zeros((0, 3)), (), begun, error.sentence)
-        total = self.total(parts, at)
+        seen = Seen(at, self.total(parts, at), x, parts, begun, trace=taken[0] if taken else None, kick=kick)
         if not self.held:
-            return Seen(at, total, x, parts, begun, trace=trace)
+            return seen
         placed = PlacedDrape.of(parts, precision_of_displacements(x, self.triangles))
-        return Seen(at, total - placed.gain, x, parts, begun, trace=trace, placed=placed)
+        return replace(seen, total=seen.total - placed.gain, placed=placed)
 
-    def adjoint(self, seen: Seen, trace: Trace) -> Evaluation:
+    def traced(self, seen: Seen) -> Trace:
+        """Return the steps of a run, which is taken again where it was kept."""
+        return self.trace(seen.at, seen.begun, seen.kick) if seen.trace is None else seen.trace
+
+    def adjoint(self, seen: Seen) -> Evaluation:
         """The sum and its derivative by the logarithms, through the adjoint of the run.
 
         NoMinimumError where a step of it did not end at a minimum of its energy.
@@ -137,11 +150,17 @@ class ViewFit:
             by_x = np.sum([each.jacobian.T @ (each.weights * each.slopes) for each in seen.parts], axis=0)
         else:
             by_x = seen.placed.slope_left
-        gradient = trace.gradient(Custom(lambda x: (seen.total, by_x.reshape(-1, 3))))
         values = self.problem.values(seen.at)
-        slope = derivatives(values, gradient, self.problem.shaped, self.halvings) * list(values.values())
-        slope = slope + self.precision @ (seen.at - self.mean)
-        return Evaluation(values, seen.total, slope, gradient.newton_error)
+
+        def derive() -> Mapping[str, ArrayLike]:
+            gradient = self.traced(seen).gradient(Custom(lambda x: (seen.total, by_x.reshape(-1, 3))))
+            slope = derivatives(values, gradient, self.problem.shaped, self.halvings) * list(values.values())
+            return {"slope": slope, "newton_error": gradient.newton_error}
+
+        given = (*self.problem.held, seen.begun, seen.kick, by_x)
+        found = self.problem.kept.of(self.scene_at(seen.at), given, derive)
+        slope = found["slope"] + self.precision @ (seen.at - self.mean)
+        return Evaluation(values, seen.total, slope, float(found["newton_error"]))
 
     def folds_misfit(self, seen: Seen) -> float:
         """How badly folds agree: mean rho of scans and normals, those left out at their gate; without them, the sum."""

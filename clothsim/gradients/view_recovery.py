@@ -175,9 +175,9 @@ def recovery_of(fit: ViewFit, first: Floats, end: tuple[Seen, Seen, Floats], sea
         directions[:, k] * np.sign(directions[np.abs(directions[:, k]).argmax(), k])
         for k in np.flatnonzero(variances > 0.25)
     ]
-    trace = fit.trace(last.at, last.begun) if last.trace is None else last.trace
+    trace = fit.traced(last)
     before_adjoint = process_time()
-    gradient = fit.adjoint(last, trace)
+    gradient = fit.adjoint(last)
     adjoint = search.adjoint + process_time() - before_adjoint
     left = np.linalg.lstsq(hessian, gradient.slope, rcond=1e-12)[0]
     at_limit = np.abs(np.abs(last.at - problem.origin) - problem.ranges) < 1e-3

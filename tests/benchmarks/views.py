@@ -198,7 +198,7 @@ def _sampled(corners: np.ndarray, count: int, rng: np.random.Generator) -> np.nd
 
 def fewer(file: Path, pictures: str) -> Path:
     """Write views of the first camera ("one"), of masks alone ("masks"), or both ("mask"), and return their file."""
-    if pictures in ("all", "scan"):
+    if pictures == "all":
         return file
     head, *tables = file.read_text(encoding="utf-8").split("[[view]]")
     tables = tables if pictures == "masks" else tables[:1]
@@ -209,8 +209,8 @@ def fewer(file: Path, pictures: str) -> Path:
     return made
 
 
-PICTURES = ("all", "one", "masks", "mask", "scan")
-"""What `fewer` leaves, and a scan in place of pictures."""
+PICTURES = ("all", "one", "masks", "mask")
+"""What `fewer` leaves."""
 
 
 def meshed(spacing: float, **factors: float) -> PatternMesh:

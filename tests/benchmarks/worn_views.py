@@ -29,6 +29,8 @@ PATTERN, BODY = "tunic", "shirt"
 TRUTH = ("pattern.front+back.flare=1.08", "pattern.front+back.height=0.94")
 """Factors of the hem's width and of the length."""
 BENDING = "cloth.bending_stiffness"
+SCAN = "scan"
+"""In place of pictures: points of the cloth and of bare skin, from another pose."""
 
 
 def cameras(middle, count: int = 4, size: tuple[int, int] = (320, 240)) -> list[Camera]:
@@ -86,14 +88,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--true", action="append", metavar="PATH=FACTOR", help="a number of the true pattern")
     parser.add_argument("--width", type=int, default=640, help="of the pictures [pixels]; their height is 3/4 of it")
     parser.add_argument("--true-size", type=float, default=0.035, help="of the mesh of the truth [m]")
-    parser.add_argument("--pictures", choices=views.PICTURES, default="all", help="that the fit has")
+    parser.add_argument("--pictures", choices=(*views.PICTURES, SCAN), default="all", help="that the fit has")
     parser.add_argument("--finer", action="store_true", help="end on a mesh of half the size")
     given = parser.parse_args(arguments)
     pairs = (text.rsplit("=", 1) for text in given.true or TRUTH)
     factors = {path: float(factor) for path, factor in pairs}
     size = (given.width, 3 * given.width // 4)
     file, true = write_truth(
-        given.output, given.true_size, given.pattern, given.on, factors, size, given.pictures == "scan"
+        given.output, given.true_size, given.pattern, given.on, factors, size, given.pictures == SCAN
     )
     file = views.fewer(file, given.pictures)
     before, out = time.process_time(), given.output / "recovered"

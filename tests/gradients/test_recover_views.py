@@ -17,6 +17,7 @@ from clothsim.gradients import recover_views as search_of_views
 from clothsim.gradients.pattern_numbers import PatternNumbers
 from clothsim.gradients.run import traced
 from clothsim.gradients.scene_of_pattern import shaped_scene
+from clothsim.gradients.view_fit import ViewFit
 from clothsim.mesh.refinement import refined
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of, read_specification
@@ -190,3 +191,39 @@ def test_a_pattern_with_other_numbers_is_the_one_that_is_meshed():
     assert again.point(again.number("pattern.front.edge[0].control[1].y"))[0] != 0.0
     moved = numbers.material_coordinates(values)  # warp, weft
     np.testing.assert_allclose(np.ptp(moved.reshape(-1, 2), axis=0), made.panels["front"].extent[::-1], rtol=2e-3)
+
+
+def test_a_search_that_was_stopped_goes_on(capsys, folder, monkeypatch):
+    """Its runs are kept: the rest of the search is the same to the last bit, and takes the other runs alone."""
+    words = ["recover", "towel.toml", "--views", "views.toml", "--free", "pattern.towel.height", "--folds", "2"]
+    words += ["--no-twins", "-o", "found"]
+    trace, taken = ViewFit.trace, []
+
+    def counted(fit, *given):
+        if len(taken) == most:
+            raise KeyboardInterrupt
+        taken.append(given)
+        return trace(fit, *given)
+
+    monkeypatch.setattr(ViewFit, "trace", counted)
+    most = 1000
+    assert main([*words[:-1], "whole"]) == 0
+    whole, all_runs = json.loads((folder / "whole" / "recovery.json").read_text()), len(taken)
+    assert not (folder / "whole_runs").exists()
+    taken.clear()
+    most = 5
+    assert main(words) == 130
+    assert len(list((folder / "found_runs").glob("*.npz"))) >= most
+    assert "--resume" in capsys.readouterr().err
+    refused(capsys, *words)  # what was kept would be lost
+    taken.clear()
+    most = 1000
+    assert main([*words, "--resume"]) == 0
+    assert len(taken) <= all_runs - 4  # the last of five may be taken again for its gradient
+    found = json.loads((folder / "found" / "recovery.json").read_text())
+    for key in ("values", "relative_errors", "loss", "from_minimum", "runs"):
+        assert found[key] == whole[key]
+    assert not (folder / "found_runs").exists()
+    capsys.readouterr()
+    refused(capsys, *words[:-1], "other", "--resume")  # no search was stopped
+    refused(capsys, *words[:-2], "--resume")
