@@ -35,13 +35,7 @@ if TYPE_CHECKING:
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     recover = commands.add_parser("recover", usage="clothsim recover [SCENE] [options]", description=_RECOVER)
-    recover.add_argument(
-        "scene",
-        type=Path,
-        nargs="?",
-        metavar="SCENE",
-        help="a scene, an example, a run; outlines (.npz)",
-    )
+    recover.add_argument("scene", type=Path, nargs="?", metavar="SCENE", help=argparse.SUPPRESS)
     recover.add_argument(
         "--target", type=Path, metavar="FILE", help="a drape: a mesh, points (.xyz), or a run's directory"
     )
@@ -72,6 +66,7 @@ RECOVERY_NAME = "recovery.json"
 
 _RECOVER = """\
 Find the parameters with which a scene, fabric or pattern hangs as in a target or in pictures, with standard errors.
+SCENE is a scene, an example or a run, and with --test outlines (.npz).
 
   clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
   clothsim recover skirt.toml --views views.toml --free pattern.front.width -o recovered
