@@ -39,7 +39,7 @@ def add_to(commands: Any) -> None:
     recover.add_argument(
         "--target", type=Path, metavar="FILE", help="a drape: a mesh, points (.xyz), or a run's directory"
     )
-    recover.add_argument("--views", type=Path, metavar="FILE", help="calibrated pictures and scans (TOML), in place of --target")
+    recover.add_argument("--views", type=Path, metavar="FILE", help="pictures and scans (TOML), in place of --target")
     recover.add_argument("--on", type=Path, metavar="BODY", help="with --views and --pattern: dress BODY first")
     recover.add_argument("--free", metavar="NAMES", help="youngs_modulus,pattern.front.width")
     recover.add_argument("--prior", action="store_true", help="combine bending with 618 measured fabrics")

@@ -34,8 +34,10 @@ MISSING = 0.15
 """Distance within which the end of the scan is looked for at an edge of the border, over the size of the scan."""
 STRIP, STEEP = 6.0, 0.35
 """Least width of the strip of an edge, in distances of neighbours, and how steeply its points may rise."""
-BREAK = 8.0
-"""Mean distances of neighbours along a strip at which its points break off: by chance one in e^8 does."""
+MOST_POINTS = 50_000
+"""Points by which the ends of a scan are looked for: of more a random part."""
+BREAK = 14.0
+"""Mean distances of neighbours along a strip at which its points break off: by chance one in e^14 does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +100,11 @@ class ScanSurface(PictureLoss):
 
     @cached_property
     def tree(self) -> tuple[cKDTree, float]:
-        """Search tree of all points, and the median distance between neighbours [m]."""
-        tree = cKDTree(self.points)
-        return tree, float(np.median(tree.query(self.points[self.compared], k=2)[0][:, 1]))
+        """Search tree of distinct points, at most MOST_POINTS, and the median distance between neighbours [m]."""
+        distinct = np.unique(np.asarray(self.points, np.float64), axis=0)
+        chosen = np.random.default_rng(0).permutation(len(distinct))[:MOST_POINTS]
+        tree = cKDTree(distinct[chosen])
+        return tree, float(np.median(tree.query(tree.data, k=2)[0][:, 1]))
 
     def residuals(self, positions: Floats, triangles: Ints) -> Residuals:
         """Return |q - c|/noise of the points, and then those of the border."""
@@ -160,11 +164,11 @@ class ScanSurface(PictureLoss):
         outward -= (outward * along).sum(axis=1)[:, None] * along
         outward /= np.linalg.norm(outward, axis=1)[:, None]
         tree, spacing = self.tree
-        density, points = np.log(2.0) / (np.pi * spacing**2), np.asarray(self.points)  # of the median distance
+        density = np.log(2.0) / (np.pi * spacing**2)  # of which it is the median distance
         widths = np.maximum(lengths, STRIP * spacing)
         found = np.full(len(ends), np.nan)
         for k, near in enumerate(tree.query_ball_point(middles, MISSING * self.size)):
-            away = points[near] - middles[k]
+            away = tree.data[near] - middles[k]
             u, v, w = away @ outward[k], away @ along[k], away @ np.cross(along[k], outward[k])
             u = np.sort(u[(np.abs(v) < 0.5 * widths[k]) & (np.abs(w) < STEEP * np.abs(u) + 3.0 * spacing)])
             step = 1.0 / (density * widths[k])

@@ -80,6 +80,13 @@ def test_a_hem_is_drawn_to_where_the_scan_ends(factor):
     assert scaled(factor) > 1.5 * scaled(0.5 * (1 + factor)) > 1.5 * scaled(1.0)
 
 
+def test_points_given_twice_are_one():
+    positions, triangles = sheet()
+    points, _ = cloud(positions, triangles, 4000)
+    once, twice = (ScanSurface(each, noise=NOISE) for each in (points, np.repeat(points, 3, axis=0)))
+    assert twice.evaluate(positions, triangles)[0] == pytest.approx(once.evaluate(positions, triangles)[0])
+
+
 def test_points_of_another_layer_are_left_out_by_their_normals():
     positions, triangles = sheet()
     points, normals = cloud(positions, triangles, 2000)
