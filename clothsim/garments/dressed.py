@@ -32,7 +32,7 @@ from clothsim.garments.sewing_attempts import sewn_at
 from clothsim.garments.stages import Announcement, Listener, Stage, StageCallback
 from clothsim.garments.tightness import Tightness, tight_entries
 from clothsim.garments.waistband import parts_for_edges
-from clothsim.patterns import write_specification
+from clothsim.patterns import mesh_pattern, write_specification
 from clothsim.render import draw_pattern, laid_out
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface
@@ -297,6 +297,7 @@ def dress(
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
     read = pattern if isinstance(pattern, Pattern) else read_pattern(pattern, rotation_order, seams)
+    cut = read
     of_panels = chosen.of(read)
     name = "pattern" if isinstance(pattern, Pattern) else short_name(pattern)
     body = body_of_wearer(on, scale, body_group)
@@ -310,6 +311,7 @@ def dress(
         if made_for is not None:
             in_file = isinstance(made_for, str | Path)
             source = read_body_mesh(made_for, option="made_for") if in_file else as_body_mesh(made_for)
+            refuse_unsuitable(source)
         sizes_between(source, body, grade or {})  # an error now, not after a sewing
         levels = worn_levels(task, source.bare, read, origin)
         grading = graded(read, source, body, origin, grade or {}, levels)
@@ -321,6 +323,7 @@ def dress(
     except InputError as error:
         if grading is None or isinstance(error, MachineError):
             raise
+        mesh_pattern(cut, size)  # a fault of the pattern as it is cut is told as such
         raise InputError(f"Graded to {body.name}: {error.sentence}", GRADED_BADLY) from error
     worn = Dress(
         directory,

@@ -14,7 +14,8 @@ import numpy as np
 
 from clothsim import Pattern, Progress
 from clothsim.base.arrays import Floats
-from clothsim.base.errors import InputError
+from clothsim.base.errors import InputError, MachineError
+from clothsim.base.file_writing import make_directory
 from clothsim.garments.dress.pipeline import SLID, DressTask, descent_of_top
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin
 from clothsim.garments.dress.sewing_state import SewingState
@@ -80,7 +81,8 @@ def worn_levels(task: DressTask, source: BodyMesh, pattern: Pattern, origin: str
         if progress is not None:
             progress(replace(step, stage=f"{step.stage}, {on}"))
 
-    with tempfile.TemporaryDirectory(prefix="clothsim-worn-") as folder:
+    make_directory(task.directory)
+    with tempfile.TemporaryDirectory(prefix="worn-", dir=task.directory) as folder:
         try:
             own = replace(task, body=source, surface=known_surface(source.positions, source.triangles))
             own = replace(own, directory=Path(folder), on_stage=on_stage, announce=None, ends=ends)
@@ -90,6 +92,8 @@ def worn_levels(task: DressTask, source: BodyMesh, pattern: Pattern, origin: str
             slid = f"its top slid down by {1e3 * down:.0f} mm." if down > SLID * source.height else ""
             reason = done.failure or slid
         except (InputError, TransferError) as error:
+            if isinstance(error, MachineError):  # nothing that the pattern tells
+                raise
             reason = error.sentence if isinstance(error, InputError) else str(error)
     if reason:
         return replace(DRAWN, note=f"{DRAWN.note}, as it is not worn {on}: {reason}")
@@ -97,6 +101,8 @@ def worn_levels(task: DressTask, source: BodyMesh, pattern: Pattern, origin: str
     floor = height_of_origin(source, chosen_origin(drawn_points, origin))
     heights = done.state.positions[done.state.number] @ source.up - source.floor
     note = f"graded by the heights at which panels are worn {on}: sewn there at {1e3 * size:.0f} mm"
+    if done.status != "completed":
+        note = f"{note}, and stopped before it was at rest: {done.reason}"
     return WornLevels(levels_by_panel(done.state, pattern, heights, floor, size), note)
 
 

@@ -1,5 +1,6 @@
 """Heights at which panels are worn: those of a garment as it was sewn on the body that it was cut for."""
 
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,11 +11,13 @@ from capsule_bodies import person
 from sewing_patterns import capsule_skirt, panel, specification
 
 import clothsim
-from clothsim.base.errors import InputError
+from clothsim.base.errors import InputError, MachineError
+from clothsim.garments import dressed
 from clothsim.garments.dress import worn_levels as module
 from clothsim.garments.dress.pipeline import DressState, DressTask
+from clothsim.garments.dress.placement import height_of_origin
 from clothsim.garments.dress.sewing_state import Fabrics, as_placed
-from clothsim.garments.dress.worn_levels import DRAWN, levels_by_panel, worn_levels
+from clothsim.garments.dress.worn_levels import DRAWN, WornLevels, levels_by_panel, worn_levels
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.sewing_attempts import COARSEST
 from clothsim.garments.stages import Stage
@@ -34,7 +37,8 @@ def body() -> BodyMesh:
 
 def task_of(body: BodyMesh, **keys) -> DressTask:
     surface = body_surface(body.positions, body.triangles)
-    return replace(DressTask(body, surface, Fabrics("cotton"), False, Path(), lambda stage: None, None, None), **keys)
+    folder = Path(tempfile.gettempdir())
+    return replace(DressTask(body, surface, Fabrics("cotton"), False, folder, lambda stage: None, None, None), **keys)
 
 
 def test_levels_of_what_is_worn_lower_and_longer_than_drawn():
@@ -135,3 +139,78 @@ def test_what_cannot_be_sewn_is_graded_as_drawn_with_the_reason(body, monkeypatc
         fault
     ]
     assert expected in worn.note
+
+
+def test_a_fault_of_the_machine_is_none_of_the_pattern(body, monkeypatch):
+    def sewn(*given, **settings):
+        raise MachineError("No space left on device.", "Free some.")
+
+    monkeypatch.setattr(module, "sewn_at", sewn)
+    with pytest.raises(MachineError):
+        worn_levels(task_of(body), body, SKIRT, "floor")
+
+
+def test_what_was_stopped_before_it_was_at_rest_is_said(body, monkeypatch):
+    def sewn(task, pattern, size, origin, coarse, notes):
+        state = as_placed(mesh_pattern(pattern, size))
+        return None, SimpleNamespace(state=state, failure="", status="sewn", reason="The budget is spent.")
+
+    monkeypatch.setattr(module, "sewn_at", sewn)
+    assert "The budget is spent." in worn_levels(task_of(body), body, SKIRT, "floor").note
+
+
+def test_levels_of_a_pattern_from_its_waist_on_a_body_with_z_up(body, monkeypatch):
+    """A panel drawn 10 cm below the waist, and worn 5 cm lower."""
+    lying = panel([[0, 0], [30, 0], [30, -40], [0, -40]], translation=[0, -10, 0])
+    pattern = pattern_of(specification({"front": lying}))
+    turned = BodyMesh("turned", body.positions[:, [2, 0, 1]] + [0.0, 0.0, 2.0], body.triangles, 1.0, ())
+    assert turned.up.tolist() == [0.0, 0.0, 1.0]
+
+    def sewn(task, pattern, size, origin, coarse, notes):
+        state = as_placed(mesh_pattern(pattern, size))
+        waist = height_of_origin(turned, "waist")
+        x, y, z = state.positions.T
+        place = np.column_stack([z, x, y + waist - 0.05 + turned.floor])
+        placed = replace(state, positions=place, mesh=replace(state.mesh, positions=place))
+        return None, SimpleNamespace(state=placed, failure="", status="completed", reason="")
+
+    monkeypatch.setattr(module, "sewn_at", sewn)
+    level = worn_levels(task_of(turned), turned, pattern, "waist").of("front")
+    drawn = height_of_origin(turned, "waist") + np.array([-0.12, -0.3, -0.48])
+    np.testing.assert_allclose(level(drawn), drawn - 0.05, atol=0.03)
+
+
+def test_a_garment_is_graded_by_the_levels_at_which_it_is_worn(body, monkeypatch, tmp_path):
+    found, given = WornLevels(note="seen"), []
+
+    def seen(task, source, pattern, origin):
+        given.append(source)
+        return found
+
+    def grade(pattern, source, body, origin, factors, levels):
+        given.append(levels)
+        raise InputError("Enough.")
+
+    monkeypatch.setattr(dressed, "worn_levels", seen)
+    monkeypatch.setattr(dressed, "graded", grade)
+    monkeypatch.setattr(dressed, "sizes_between", lambda *given: None)  # the person has no feet
+    wearer, other = (clothsim.Body(factor * body.positions, body.triangles) for factor in (1.0, 1.05))
+    with pytest.raises(InputError, match="Enough"):
+        clothsim.dress(SKIRT, wearer, tmp_path / "a", made_for=other)
+    assert given[0].height == pytest.approx(1.05 * body.height)
+    assert given[1] is found
+    with pytest.raises(InputError, match="tall"):
+        clothsim.dress(SKIRT, wearer, tmp_path / "b", made_for=clothsim.Body(100 * body.positions, body.triangles))
+    assert len(given) == 2
+
+
+def test_a_fault_of_the_pattern_as_it_is_cut_is_none_of_its_grading(body, monkeypatch, tmp_path):
+    crossed = pattern_of(specification({"front": panel([[0, 0], [30, 30], [30, 0], [0, 30]], translation=[0, 40, 0])}))
+    grading = SimpleNamespace(pattern=crossed, origin="floor", crotch=None, notes=())
+    monkeypatch.setattr(dressed, "worn_levels", lambda *given: DRAWN)
+    monkeypatch.setattr(dressed, "sizes_between", lambda *given: None)
+    monkeypatch.setattr(dressed, "graded", lambda *given: grading)
+    wearer, other = (clothsim.Body(factor * body.positions, body.triangles) for factor in (1.0, 1.05))
+    with pytest.raises(InputError) as fault:
+        clothsim.dress(crossed, wearer, tmp_path, made_for=other)
+    assert not fault.value.sentence.startswith("Graded")
