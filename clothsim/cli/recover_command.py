@@ -12,6 +12,7 @@ import clothsim
 from clothsim import engine, gradients, patterns
 from clothsim.base.errors import InputError
 from clothsim.base.file_writing import make_directory, refuse_replacing, write_atomically
+from clothsim.base.interruption import interruption
 from clothsim.base.text import percent
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import (
@@ -148,16 +149,17 @@ def _recover_from_target(arguments: argparse.Namespace) -> Report:
     messages(arguments, f"{', '.join(free)} of {arguments.scene}")
     loss = gradients.named_loss("target", engine.build(scene, affordable=True).world, arguments.target, scale)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size, scene)
-    found = clothsim.recover(
-        scene,
-        loss,
-        free,
-        starts,
-        None if arguments.quiet else _progress(starts),
-        pattern=pattern,
-        prior=arguments.prior,
-        runs=runs,
-    )
+    with interruption():
+        found = clothsim.recover(
+            scene,
+            loss,
+            free,
+            starts,
+            None if arguments.quiet else _progress(starts),
+            pattern=pattern,
+            prior=arguments.prior,
+            runs=runs,
+        )
     content = summary(found, type(loss).__name__)
     good = found.best.intersecting_pairs == 0
     if arguments.output is not None:
@@ -191,6 +193,7 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts or "1")
     if not arguments.views.is_file():
         raise InputError(f"There is no {arguments.views}.", "Write a TOML file with a table [[view]] for each picture.")
+    runs = _runs_folder(arguments)
     if arguments.on is not None:
         scene, mesh = _dressed(arguments)
     else:
@@ -201,22 +204,22 @@ def _recover_from_views(arguments: argparse.Namespace) -> Report:
             inputs = (arguments.scene, scene, arguments.views, arguments.pattern)
             engine.refuse_earlier_run(arguments.output, arguments.overwrite, (RECOVERY_NAME, PATTERN_NAME), inputs)
         mesh = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size, scene)
-    runs = _runs_folder(arguments)
     messages(arguments, f"{', '.join(free)} from {arguments.views}")
     progress = None if arguments.quiet else _progress(starts)
-    found = clothsim.recover_views(
-        scene,
-        arguments.views,
-        free,
-        starts,
-        progress,
-        pattern=mesh,
-        prior=arguments.prior,
-        twins=not arguments.no_twins,
-        folds=as_count("--folds", arguments.folds or "6"),
-        finer=arguments.finer,
-        runs=runs,
-    )
+    with interruption():
+        found = clothsim.recover_views(
+            scene,
+            arguments.views,
+            free,
+            starts,
+            progress,
+            pattern=mesh,
+            prior=arguments.prior,
+            twins=not arguments.no_twins,
+            folds=as_count("--folds", arguments.folds or "6"),
+            finer=arguments.finer,
+            runs=runs,
+        )
     content = summary(found, "pictures") | {
         "pictures": [asdict(each) for each in found.pictures],
         "twins": [asdict(each) for each in found.twins],

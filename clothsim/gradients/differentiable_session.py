@@ -11,6 +11,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.interruption import interruption
 from clothsim.gradients.exact_system import MOST_STEPS, Polish
 from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.energies.base import Energy, Step
@@ -194,11 +195,13 @@ def held_energies(energies: Mapping[str, Energy], stiffness: Mapping[str, float]
 def forward(session: Session, state: State) -> Iterator[RecordedStep]:
     """Take the steps of a session one by one from its first state, without output; ClothsimError where one fails."""
     run = session.scene.run_settings
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
-        if report.failure is not None:
-            raise ClothsimError(report.failure.sentence, report.failure.remedy)
-        yield recorded(state, report)
-        state = report.state
+    with interruption() as flag:
+        for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until, run.budget):
+            flag.check()
+            if report.failure is not None:
+                raise ClothsimError(report.failure.sentence, report.failure.remedy)
+            yield recorded(state, report)
+            state = report.state
 
 
 def replayed(integrator: Integrator, state: State, like: Sequence[RecordedStep]) -> list[RecordedStep]:

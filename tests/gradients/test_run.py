@@ -1,6 +1,7 @@
 """Differentiable runs from end to end: frames, errors of the loss, what is refused, and what others do not pay."""
 
 import math
+import signal
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from meshes import grid
 
 import clothsim
 from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients import differentiable_session
 from clothsim.gradients.losses import Custom, Distance, Height, OfMotion
 from clothsim.gradients.parameters import value_at
 from clothsim.gradients.run import DifferentiableRun, simulate_differentiably, traced
@@ -35,6 +37,21 @@ def test_a_run_with_a_gradient(run):
     assert set(gradient) >= {"start", "velocity", "force", "body.ball.position"}
     assert gradient["start"].shape == gradient["force"].shape == (36, 3)
     assert gradient["cloth.density"].shape == ()
+
+
+def test_ctrl_c_ends_a_run_between_its_steps(monkeypatch):
+    own, taken = differentiable_session.recorded, []
+
+    def recorded(state, report):
+        taken.append(report)
+        signal.raise_signal(signal.SIGINT)
+        taken.append(own(state, report))
+        return taken[-1]
+
+    monkeypatch.setattr(differentiable_session, "recorded", recorded)
+    with pytest.raises(KeyboardInterrupt):
+        traced(falling_scene(ELASTIC))
+    assert 1 <= len(taken) <= 2  # the first step
 
 
 def test_losses_of_frames_add_up(run):
