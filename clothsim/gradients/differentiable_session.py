@@ -143,7 +143,10 @@ def refuse_undifferentiable(session: Session) -> None:
     if isinstance(friction, Lagged) and friction.lag_iterations > 1:
         raise InputError("effects.friction.iterations has a gradient for 1 only.", "Set it to 1.")
     if scene.solver_settings.error:
-        raise InputError("solver.error has no gradient: its steps depend on what is varied.", "Give solver.dt.")
+        raise InputError(
+            "solver.error chooses dt, cells and d_hat by several runs, and what is varied needs one choice.",
+            "Run the scene once, and give what its summary names as chosen.",
+        )
     if scene.contact_settings.pinch == "carry":
         raise InputError('contact.pinch = "carry" has no gradient.', "Leave it out.")
     if session.built.world.rigid:

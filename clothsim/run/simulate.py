@@ -3,11 +3,12 @@
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clothsim.base.errors import InputError
+from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.inputs import refuse_uncallable, with_remedies
 from clothsim.keys.section_hints import home_of
 from clothsim.scene.cost import expected_cost, refuse_costly
@@ -66,7 +67,8 @@ def simulate(
         True: start the run at any expected cost, with motions of any length in a step, and with cloth that starts
         inside a body (run.allow_inside).
     differentiable : bool
-        True: the run stores its steps and has a method `gradient` (docs/howto/gradients.md).
+        True: the run stores its steps and has a method `gradient` (docs/howto/gradients.md). With solver.error, the
+        settings are chosen first, and the gradient is that of the run with these.
     budget : float, optional
         CPU time [s] of the steps, in place of run.budget; it does not apply to a run that resumes this one.
 
@@ -119,14 +121,10 @@ def simulate(
         asked = scene.solver_settings
         if differentiable or asked.error or asked.estimate:
             scene.refuse_without_cloth("solver.error, solver.estimate or a gradient")
-    if differentiable:
-        if budget is not None:
-            raise InputError("A differentiable run has no argument budget.", "Give the scene run.budget.")
-        differentiably = _loaded("differentiable")
-        return differentiably(scene, output, progress, announce, on_step, message, overwrite)
+    tell = message or (lambda line: None)
     own: list[Scene] = []
 
-    def run(some: Scene, sessions: "list[Session]") -> "Run":
+    def run(some: Scene, sessions: "list[Session]", directory: Path = directory) -> "Run":
         replace_it = overwrite or bool(own)  # solver.error takes several runs
         own.append(some)
         announced = [sessions.append, announce]
@@ -136,7 +134,17 @@ def simulate(
             listener = lambda done: progress(replace(done, stage=label))  # noqa: E731
         return begun_run(some, directory, (listener, on_step), announced, dump_iterates, (replace_it, force), budget)
 
-    tell = message or (lambda line: None)
+    if differentiable:
+        if budget is not None:
+            raise InputError("A differentiable run has no argument budget.", "Give the scene run.budget.")
+        if isinstance(scene, Scene) and scene.solver_settings.error:
+            with tempfile.TemporaryDirectory(prefix="clothsim-") as folder:
+                chosen = _loaded("solver.error")(scene, partial(run, directory=Path(folder)), tell)
+                if chosen.status != "completed":
+                    raise ClothsimError(f"The run failed, and has no gradient: {chosen.reason}")
+                scene = chosen.scene
+        differentiably = _loaded("differentiable")
+        return differentiably(scene, output, progress, announce, on_step, message, overwrite)
     if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is not a scene
         return _loaded("solver.error")(scene, run, tell)
     if isinstance(scene, Scene) and scene.solver_settings.estimate:

@@ -39,6 +39,28 @@ def test_a_run_with_a_gradient(run):
     assert gradient["cloth.density"].shape == ()
 
 
+def test_the_gradient_of_a_run_whose_settings_are_chosen_by_its_error(tmp_path):
+    """It is that of the scene with what was chosen, against differences of it."""
+    strip = {"mesh": "rectangle", "size": [0.1, 0.2], "cells": [1, 2], "rotation_degrees": [90, 0, 0]}
+    effects = ELASTIC | {"pins": {"select": "top"}}
+    scene = clothsim.Scene(
+        strip, effects=effects, solver={"error": 2e-3}, run={"duration": 0.1, "frames_per_second": 10}
+    )
+    run = clothsim.simulate(scene, tmp_path, differentiable=True)
+    chosen = run.trace.session.scene
+    assert chosen.solver_settings.error == 0.0
+    assert chosen.cloths[0]["cells"] != strip["cells"]
+    key = "effects.gravity.acceleration"
+    found = run.gradient(Height())[key]
+    d = np.array([0.0, 0.0, 1.0])
+
+    def value(h):
+        varied = override(chosen, f"{key}={(np.array([0.0, 0.0, -9.81]) + h * d).tolist()}")
+        return traced(varied).gradient(Height()).value
+
+    assert halved_errors(float(np.dot(found, d)), value, 1e-4)[1] < 1e-6
+
+
 def test_ctrl_c_ends_a_run_between_its_steps(monkeypatch):
     own, taken = differentiable_session.recorded, []
 
