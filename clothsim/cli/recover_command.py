@@ -265,9 +265,11 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
         arguments.output.with_name(f"{arguments.output.name}_{DRESSED}"),
         as_length("--size", arguments.size, "2cm"),
     )
+    # in pattern.json the last bit of a number may be another, and another diagonal of four points on a circle is chosen
+    cut = pattern if pattern.suffix.lower() == ".json" else folder / PATTERN_NAME
     if arguments.resume and (folder / PATTERN_NAME).is_file() and clothsim.open_run(folder).status == "completed":
         scene = clothsim.open_run(folder).scene
-        return engine.override(scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size, scene)
+        return engine.override(scene, *arguments.set), meshed(cut, arguments.size, scene)
     scale = as_scale("--scale", arguments.scale)
     worn = clothsim.dress(
         pattern,
@@ -281,7 +283,7 @@ def _dressed(arguments: argparse.Namespace) -> "tuple[clothsim.Scene, PatternMes
     if not worn.draped or worn.run is None:
         raise InputError(f"The pattern as given cannot be worn: {worn.reason}", "Correct it with `clothsim dress`.")
     scene = worn.run.scene
-    return engine.override(scene, *arguments.set), meshed(folder / PATTERN_NAME, arguments.size, scene)
+    return engine.override(scene, *arguments.set), meshed(cut, arguments.size, scene)
 
 
 UNEXPLAINED = 1.5

@@ -123,7 +123,10 @@ def _replace_arrays(scene: Scene, number: int, mesh: PatternMesh) -> ShapedScene
             f"The cloth has {have}, the mesh of the pattern {wanted}.", "Give the size it was meshed with."
         )
     if np.abs(scale * arrays.rest - mesh.material_coordinates).max() > ALIKE:
-        raise InputError("The cloth is not cut from this pattern: its rest triangles differ.")
+        raise InputError(
+            "The cloth is not cut from this pattern: its rest triangles differ.",
+            "Give the file that was dressed, and the size that it was meshed with.",
+        )
     return ShapedScene(scene, PatternNumbers(mesh), number)
 
 

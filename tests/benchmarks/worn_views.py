@@ -97,7 +97,7 @@ def main(arguments: list[str] | None = None) -> int:
     file, true = write_truth(
         given.output, given.true_size, given.pattern, given.on, factors, size, given.pictures == SCAN
     )
-    file = views.fewer(file, given.pictures)
+    file = file if given.pictures == SCAN else views.fewer(file, given.pictures)
     before, out = time.process_time(), given.output / "recovered"
     words = ["recover", "--views", str(file), "--pattern", given.pattern, "--on", given.on, "--size", given.size]
     words += ["--finer"] * given.finer
