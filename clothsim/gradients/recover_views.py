@@ -325,7 +325,8 @@ def _descended(
         runs += tried
         if better is not None:
             moves = broyden_update(moves, seen, better)
-            gain, before, seen, fresh = seen.total - better.total, replace(seen, trace=None), better, False
+            gain, before, seen, fresh = seen.total - better.total, seen, better, False
+            before = replace(before, trace=None)
             done = gain < max(ENOUGH, enough)
         if better is None or done:
             if fresh or not differences:

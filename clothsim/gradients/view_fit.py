@@ -127,7 +127,8 @@ class ViewFit:
             return {"positions": taken[0].cloth_positions()}
 
         try:
-            x = self.problem.kept.of(self.scene_at(at), (*self.problem.held, begun, kick), run)["positions"]
+            scene = self.scene_at(at)
+            x = self.problem.kept.of(scene, (*self.problem.held, begun, kick), run)["positions"]
             parts = self.residuals(x)
         except ClothsimError as error:
             return Seen(at, float("inf"), np.zeros((0, 3)), (), begun, error.sentence)

@@ -18,7 +18,7 @@ def refusing(*given):
 
 
 def of_pictures():
-    return view_fit.ViewFit.seen(SimpleNamespace(trace=refusing), AT, np.zeros((0, 3)))
+    return view_fit.ViewFit.seen(SimpleNamespace(scene_at=refusing), AT, np.zeros((0, 3)))
 
 
 def of_a_clip():
