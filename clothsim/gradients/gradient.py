@@ -194,7 +194,7 @@ class Gradient(Mapping[str, Floats]):
         """
         total = 0.0
         for a, record in zip(self.adjoints.forces, self.run.steps, strict=True):
-            _, bound = bound_to(self.run.session.integrator, record)
+            _, bound = bound_to(record.of_step(self.run.session.integrator), record)
             for energy in bound.acting.values():
                 if isinstance(energy, ContactGap | Lagged):
                     total -= float(np.vdot(a, energy.gradient(record.solution)[: len(a)]))

@@ -8,7 +8,8 @@ from meshes import cloth, grid
 
 from clothsim.mesh.body import LaterMotion, make_body, rigid_motion
 from clothsim.mesh.world import make_world
-from clothsim.solve.pinch.flypaper import NONE_FLYPAPERED, OWN_PATCH, attached, own_rows, with_supports
+from clothsim.solve.pinch.flypaper import NONE_FLYPAPERED, OWN_PATCH, attached, own_rows
+from clothsim.solve.pinch.pinch import with_supports
 from clothsim.solve.pinch.pinch_gaps import PinchedVertices
 
 
