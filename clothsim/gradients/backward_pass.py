@@ -31,7 +31,7 @@ from clothsim.physics.energies.hessians import ByElement, explicit
 from clothsim.physics.energies.protocols import HistorySensitivity, PastSensitivity, StartDerivatives, is_idle
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.pinch.flypaper import MEMORY, choices_of, flypapered_in, with_bodies
+from clothsim.solve.pinch.flypaper import MEMORY, HeldChoices, flypapered_in, with_bodies
 from clothsim.solve.stepping.stepping import Integrator
 
 
@@ -337,7 +337,7 @@ def step_back(
         by_end.before_velocities - seen["velocities"] - new * seen["past_velocities"],
         old * seen["past_positions"],
         old * seen["past_velocities"],
-        by_memories | carried.memory,
+        {**by_memories, **carried.memory},
     )
     memory_adjoints = by_end.memory if record.carried is None else {**by_end.memory, LIMIT: carried.limit}
     return StepBack(state, a, carried.prescribed, -float(np.vdot(a, left)), doubt, memory_adjoints)
@@ -381,7 +381,7 @@ def carried_back(record: RecordedStep, held: Floats, memory: Mapping[str, Floats
     if carried is None:
         return CarriedAdjoint(held, np.zeros_like(x), {}, np.zeros(()))
     now, known, end = carried.flypapered, flypapered_in(record.start.memory), record.solution
-    choices, ahead = choices_of(record.start, carried), with_bodies(carried.world, x, carried.ahead)
+    choices, ahead = HeldChoices.of(record.start, carried), with_bodies(carried.world, x, carried.ahead)
     by_memory = memory.get(MEMORY, np.zeros((len(now), 16)))
     by = by_memory[:, 4:7], by_memory[:, 7:10], held[now.vertices]
     inputs = choices.inputs(x, ahead, end, known, carried.limit)

@@ -18,7 +18,7 @@ from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.protocols import AdaptiveStiffness, History, Lagged
 from clothsim.run.session import Session
 from clothsim.solve.newton.potential import Potential
-from clothsim.solve.pinch.flypaper import MEMORY, FlypaperedPositions, choices_of, flypapered_in, with_bodies
+from clothsim.solve.pinch.flypaper import MEMORY, FlypaperedPositions, HeldChoices, flypapered_in, with_bodies
 from clothsim.solve.pinch.pinch import pinch_gap, remembering, with_flypapered
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, Formula, formula_of, prescribed
 from clothsim.solve.stepping.state import State, first_state
@@ -223,10 +223,12 @@ def replayed(integrator: Integrator, state: State, like: Sequence[RecordedStep])
         own, held = integrator, record.carried
         if held is not None:
             body = cast("Barrier", integrator.potential.energies["body_contact"])
-            bodies = (with_bodies(integrator.world, state.positions, time) for time in (held.ahead, record.end.time))
+            ahead, end = (with_bodies(integrator.world, state.positions, at) for at in (held.ahead, record.end.time))
             known, limit = flypapered_in(state.memory), held.widening * pinch_gap(body)
-            choices = choices_of(record.start, held)
-            held = replace(held, flypapered=choices.placed(state.positions, *bodies, known, limit))
+            choices = HeldChoices.of(record.start, held)
+            held = replace(
+                held, world=integrator.world, flypapered=choices.placed(state.positions, ahead, end, known, limit)
+            )
             own = with_flypapered(integrator, held)
         report = advance(own, replace(state, dt=1.01 * record.dt), record.end.time, retries=False)
         if report.failure is not None or report.restarted != record.restarted:

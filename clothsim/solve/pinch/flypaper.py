@@ -224,20 +224,10 @@ class HeldChoices:
     at_end: np.ndarray
 
     @classmethod
-    def of(cls, now: Flypapered, known: Flypapered, at: tuple[Floats, Floats], limit: float, faces: Ints) -> Self:
-        """Find the choices that led from `known` to `now`.
-
-        Parameters
-        ----------
-        now, known : Flypapered
-            Of the step, and of the one before.
-        at : pair of (N, 3) arrays
-            Positions at the start, and with the bodies ahead [m].
-        limit : float
-            Gap below which a pinch closes [m].
-        faces : (m, 3) int array
-            Body triangles.
-        """
+    def of(cls, start: State, held: FlypaperedPositions) -> Self:
+        """Find the choices of the step from `start` with these vertices."""
+        now, known, limit, faces = held.flypapered, flypapered_in(start.memory), held.limit, held.world.body_triangles
+        at = start.positions, with_bodies(held.world, start.positions, held.ahead)
         x, row = at[0], np.full(len(at[0]), -1)
         row[known.vertices] = np.arange(len(known))
         before = row[now.vertices]
@@ -326,7 +316,8 @@ class HeldChoices:
     def adjoint(self, inputs: tuple[Floats, ...], by: tuple[Floats, Floats, Floats]) -> tuple[Floats, ...]:
         """Return dL by the `inputs`, each in its shape, from dL by the three results of `follow`, (k, 3) each."""
         found = tuple(np.zeros(each.shape) for each in inputs)
-        for number, array in enumerate(inputs):
+        seen = 0 if (self.before < 0).any() or (self.rises == TO_MIDDLE).any() else 2  # then start and ahead
+        for number, array in tuple(enumerate(inputs))[seen:]:
             for entry in np.ndindex(array.shape[1:]):
                 varied = [each.astype(complex) for each in inputs]
                 varied[number][:, *entry] += 1j * IMAGINARY
@@ -334,13 +325,6 @@ class HeldChoices:
                 parts = (a * (b.imag / IMAGINARY) for a, b in zip(by, results, strict=True))
                 found[number][:, *entry] = sum(part.sum(axis=1) for part in parts)
         return found
-
-
-def choices_of(start: State, held: FlypaperedPositions) -> HeldChoices:
-    """Return the choices of the step from `start` with these vertices."""
-    at = start.positions, with_bodies(held.world, start.positions, held.ahead)
-    known = flypapered_in(start.memory)
-    return HeldChoices.of(held.flypapered, known, at, held.limit, held.world.body_triangles)
 
 
 def triangle_frames(corners: Floats) -> Floats:
