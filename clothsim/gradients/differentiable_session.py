@@ -227,7 +227,10 @@ def replayed(integrator: Integrator, state: State, like: Sequence[RecordedStep])
             known, limit = flypapered_in(state.memory), held.widening * pinch_gap(body)
             choices = HeldChoices.of(record.start, held)
             held = replace(
-                held, world=integrator.world, flypapered=choices.placed(state.positions, ahead, end, known, limit)
+                held,
+                world=integrator.world,
+                limit=limit,
+                flypapered=choices.placed(state.positions, ahead, end, known, limit),
             )
             own = with_flypapered(integrator, held)
         report = advance(own, replace(state, dt=1.01 * record.dt), record.end.time, retries=False)
