@@ -235,7 +235,8 @@ class Adjoints:
     forces : (K, n, 3) float64
         a of each step at the cloth vertices, the derivative of the loss by a force in that step [loss / N].
     prescribed : (K, N, 3) float64
-        dL by the rows that the scene prescribes, at the end of each step, 0 in the others [loss / m].
+        dL by the rows that the scene prescribes, at the end of each step, 0 in the others [loss / m]. nan (not known)
+        of bodies that deform in a step that was shortened, where what they carry depends on its first length.
     start, velocities : (N, 3) float64
         dL by the positions and velocities at the start of the run.
     newton : (K,) float64
@@ -253,6 +254,16 @@ class Adjoints:
     newton: Floats
     doubt: Floats
     memory_adjoints: tuple[Mapping[str, Floats], ...]
+
+    def known(self, derivative: Floats) -> Floats:
+        """Return a derivative. ClothsimError where it depends on adjoints of bodies that are not known."""
+        if np.isnan(derivative).any() and np.isnan(self.prescribed).any():
+            raise ClothsimError(
+                "A step in a pinch was shortened, and how the body at the end of its first try acts on what it carries "
+                "is not known: there is no derivative with respect to the body.",
+                "Give a shorter solver.dt.",
+            )
+        return derivative
 
 
 def backward_pass(
@@ -331,7 +342,7 @@ def step_back(
     seen["past_positions"] += by_velocity
     new, old = past_weights(record, integrator)
     by_memories = {name: -part for name, part in memory.items()}
-    carried = carried_back(record, held, by_end.memory, where)
+    carried = carried_back(record, held, by_end.memory)
     state = StateAdjoint(
         by_end.before_positions - seen["positions"] - new * seen["past_positions"] + carried.positions,
         by_end.before_velocities - seen["velocities"] - new * seen["past_velocities"],
@@ -369,14 +380,8 @@ class CarriedAdjoint:
     limit: Floats
 
 
-def carried_back(record: RecordedStep, held: Floats, memory: Mapping[str, Floats], where: str) -> CarriedAdjoint:
-    """Pass dL by the prescribed rows (N, 3) and by memories of the end on to what carried vertices follow.
-
-    Raises
-    ------
-    ClothsimError
-        Where the step was repeated with a shorter length, and the vertices follow bodies at the end of the first try.
-    """
+def carried_back(record: RecordedStep, held: Floats, memory: Mapping[str, Floats]) -> CarriedAdjoint:
+    """Pass dL by the prescribed rows (N, 3) and by memories of the end on to what carried vertices follow."""
     carried, x = record.carried, record.start.positions
     if carried is None:
         return CarriedAdjoint(held, np.zeros_like(x), {}, np.zeros(()))
@@ -392,12 +397,9 @@ def carried_back(record: RecordedStep, held: Floats, memory: Mapping[str, Floats
     np.add.at(prescribed, now.triangles, by_end)
     if carried.ahead == record.end.time:
         np.add.at(prescribed, choices.rows[:, 1:], by_ahead)
-    elif np.abs(by_ahead).max() > ROUNDING * max(np.abs(by_end).max(), np.abs(by_start).max()):
-        raise ClothsimError(
-            f"The step to the state {where} was shortened, and what it carries depends on its first length: it has no "
-            "derivative.",
-            f"Use solver.dt = {record.dt:.3g} or less.",
-        )
+    else:
+        least = ROUNDING * max(np.abs(by_end).max(), np.abs(by_start).max())
+        prescribed[choices.rows[:, 1:][np.abs(by_ahead).max(axis=2) > least]] = np.nan
     by_known, own = np.zeros((len(known), 16)), choices.before >= 0
     by_known[choices.before[own], 4:7], by_known[choices.before[own], 7:10] = by_weights[own], by_offsets[own]
     return CarriedAdjoint(prescribed, at_start, {MEMORY: by_known} if len(known) else {}, by_limit.sum())

@@ -163,7 +163,8 @@ class Variation:
         gaps = [pinch_gap(cast("Barrier", each["body_contact"])) for each in of_both if "body_contact" in each]
         for k, record in enumerate(steps):
             held, own = (_prescribed(each, record.end.time) for each in (variant, integrator))
-            total += float(np.vdot(adjoints.prescribed[k], held - moved - own))
+            by = held - moved - own
+            total += float(np.vdot(np.where(by, adjoints.prescribed[k], 0.0), by))
             if not self.affected:
                 continue
             potential = Potential(energies, Timers())
@@ -214,6 +215,8 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
     ------
     InputError
         For a path that names no number.
+    ClothsimError
+        For one that moves a body whose adjoint is not known.
     """
     session = run.session
     scene, integrator = session.scene, session.integrator
@@ -233,4 +236,4 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
 
         varied = Variation(built, float(sizes[index]), stencil, affected)
         out[index] = varied.derivative(integrator, run.steps, adjoints)
-    return out
+    return adjoints.known(out)
