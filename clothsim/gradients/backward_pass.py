@@ -395,7 +395,7 @@ def carried_back(record: RecordedStep, held: Floats, memory: Mapping[str, Floats
     prescribed[now.vertices] = 0.0
     np.add.at(at_start, choices.rows, by_start)
     np.add.at(prescribed, now.triangles, by_end)
-    if carried.ahead == record.end.time:
+    if abs(carried.ahead - record.end.time) <= ROUNDING * record.dt:
         np.add.at(prescribed, choices.rows[:, 1:], by_ahead)
     else:
         least = ROUNDING * max(np.abs(by_end).max(), np.abs(by_start).max())
