@@ -7,6 +7,9 @@ Step k minimises E, so that G(x_k; past, lag, p) = dE/dx = 0 on the free rows, a
     d(past.x) = -lv/past.dt - d(a.G)/d(past.x),    d(past.v) = -d(a.G)/d(past.v),    d(x_(k-1)) = -d(a.G)/d(x_(k-1))
     d(prescribed rows of x_k) = w - H a,           dL/dp = -a . dG/dp
 
+Rows that a body carries through a pinch (`HeldChoices`) are prescribed by the bodies and by the start of the step, and
+what comes to them goes on there. Energies are those of the step, without its excluded contact.
+
 The contact pairs of recorded states are remembered: the pass searches for none.
 """
 
@@ -18,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import ClothsimError
 from clothsim.gradients.differentiable_session import RecordedStep, bound_to, free_rows
 from clothsim.gradients.exact_system import DESCENT, exact_system, solved
 from clothsim.physics.contact.barrier import Barrier
@@ -27,6 +31,7 @@ from clothsim.physics.energies.hessians import ByElement, explicit
 from clothsim.physics.energies.protocols import HistorySensitivity, PastSensitivity, StartDerivatives, is_idle
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.newton.potential import Potential
+from clothsim.solve.pinch.flypaper import MEMORY, HeldChoices, flypapered_in, with_bodies
 from clothsim.solve.stepping.stepping import Integrator
 
 
@@ -52,7 +57,9 @@ def with_remembered_pairs(integrator: Integrator) -> Integrator:
 
 
 def remember(integrator: Integrator, record: RecordedStep) -> None:
-    """Tell the barriers the pairs at the solution of a step."""
+    """Tell the barriers the pairs at the solution of a step; where vertices were carried others may act next to it."""
+    if record.carried is not None:
+        return
     for name, each in integrator.potential.energies.items():
         if isinstance(each, Barrier) and isinstance(each.candidates, RememberedPairs) and name in record.pairs:
             each.candidates.remember(record.solution, record.pairs[name])
@@ -68,6 +75,8 @@ def remember(integrator: Integrator, record: RecordedStep) -> None:
 SLOTS = ("positions", "velocities", "past_positions", "past_velocities")
 STEP = 1e-6
 """Displacement of an entry as a fraction of the largest coordinate or speed."""
+ROUNDING = 1e-9
+"""Part of an adjoint below which another one is none."""
 AGREEMENT = 1e-5
 """Relative difference to the derivative along a random direction above which rows are varied one by one."""
 
@@ -226,7 +235,8 @@ class Adjoints:
     forces : (K, n, 3) float64
         a of each step at the cloth vertices, the derivative of the loss by a force in that step [loss / N].
     prescribed : (K, N, 3) float64
-        dL by the prescribed rows at the end of each step, 0 in the free ones [loss / m].
+        dL by the rows that the scene prescribes, at the end of each step, 0 in the others [loss / m]. nan (not known)
+        of bodies that deform in a step that was shortened, where what they carry depends on its first length.
     start, velocities : (N, 3) float64
         dL by the positions and velocities at the start of the run.
     newton : (K,) float64
@@ -244,6 +254,16 @@ class Adjoints:
     newton: Floats
     doubt: Floats
     memory_adjoints: tuple[Mapping[str, Floats], ...]
+
+    def known(self, derivative: Floats) -> Floats:
+        """Return a derivative. ClothsimError where it depends on adjoints of bodies that are not known."""
+        if np.isnan(derivative).any() and np.isnan(self.prescribed).any():
+            raise ClothsimError(
+                "A step in a pinch was shortened, and how the body at the end of its first try acts on what it carries "
+                "is not known: there is no derivative with respect to the body.",
+                "Give a shorter solver.dt.",
+            )
+        return derivative
 
 
 def backward_pass(
@@ -308,6 +328,7 @@ def step_back(
     NoMinimumError
         Where the step did not end at a minimum.
     """
+    integrator = record.of_step(integrator)
     step, bound = bound_to(integrator, record)
     past, free = step.past, free_rows(integrator, record)
     by_velocity = velocity_part(by_end.velocities, past.dt)
@@ -320,14 +341,68 @@ def step_back(
     seen, memory = seen_past(integrator, bound, step, record.solution, a, by_end.memory)
     seen["past_positions"] += by_velocity
     new, old = past_weights(record, integrator)
+    by_memories = {name: -part for name, part in memory.items()}
+    carried = carried_back(record, held, by_end.memory)
     state = StateAdjoint(
-        by_end.before_positions - seen["positions"] - new * seen["past_positions"],
+        by_end.before_positions - seen["positions"] - new * seen["past_positions"] + carried.positions,
         by_end.before_velocities - seen["velocities"] - new * seen["past_velocities"],
         old * seen["past_positions"],
         old * seen["past_velocities"],
-        {name: -part for name, part in memory.items()},
+        {**by_memories, **carried.memory},
     )
-    return StepBack(state, a, held, -float(np.vdot(a, left)), doubt, by_end.memory)
+    memory_adjoints = by_end.memory if record.carried is None else {**by_end.memory, LIMIT: carried.limit}
+    return StepBack(state, a, carried.prescribed, -float(np.vdot(a, left)), doubt, memory_adjoints)
+
+
+LIMIT = "contact.pinch.limit"
+"""Name of the gap below which a pinch closes among the adjoints of memories."""
+
+
+@dataclass(frozen=True)
+class CarriedAdjoint:
+    """dL by what carried vertices follow in a step.
+
+    Parameters
+    ----------
+    prescribed : (N, 3) array
+        By the rows that the scene prescribes: of the carried ones it has gone to bodies and to the start.
+    positions : (N, 3) array
+        By the start of the step.
+    memory : mapping
+        By the carried vertices of the step before.
+    limit : () array
+        By the gap below which a pinch closes.
+    """
+
+    prescribed: Floats
+    positions: Floats
+    memory: Mapping[str, Floats]
+    limit: Floats
+
+
+def carried_back(record: RecordedStep, held: Floats, memory: Mapping[str, Floats]) -> CarriedAdjoint:
+    """Pass dL by the prescribed rows (N, 3) and by memories of the end on to what carried vertices follow."""
+    carried, x = record.carried, record.start.positions
+    if carried is None:
+        return CarriedAdjoint(held, np.zeros_like(x), {}, np.zeros(()))
+    now, known, end = carried.flypapered, flypapered_in(record.start.memory), record.solution
+    choices, ahead = HeldChoices.of(record.start, carried), with_bodies(carried.world, x, carried.ahead)
+    by_memory = memory.get(MEMORY, np.zeros((len(now), 16)))
+    by = by_memory[:, 4:7], by_memory[:, 7:10], held[now.vertices]
+    inputs = choices.inputs(x, ahead, end, known, carried.limit)
+    by_start, by_ahead, by_end, by_weights, by_offsets, by_limit = choices.adjoint(inputs, by)
+    at_start, prescribed = np.zeros_like(x), held.copy()
+    prescribed[now.vertices] = 0.0
+    np.add.at(at_start, choices.rows, by_start)
+    np.add.at(prescribed, now.triangles, by_end)
+    if abs(carried.ahead - record.end.time) <= ROUNDING * record.dt:
+        np.add.at(prescribed, choices.rows[:, 1:], by_ahead)
+    else:
+        least = ROUNDING * max(np.abs(by_end).max(), np.abs(by_start).max())
+        prescribed[choices.rows[:, 1:][np.abs(by_ahead).max(axis=2) > least]] = np.nan
+    by_known, own = np.zeros((len(known), 16)), choices.before >= 0
+    by_known[choices.before[own], 4:7], by_known[choices.before[own], 7:10] = by_weights[own], by_offsets[own]
+    return CarriedAdjoint(prescribed, at_start, {MEMORY: by_known} if len(known) else {}, by_limit.sum())
 
 
 def _beyond(bound: Potential, x: Floats, dx: Floats, a: Floats) -> float:

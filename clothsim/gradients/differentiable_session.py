@@ -18,6 +18,8 @@ from clothsim.physics.energies.base import Energy, Step
 from clothsim.physics.energies.protocols import AdaptiveStiffness, History, Lagged
 from clothsim.run.session import Session
 from clothsim.solve.newton.potential import Potential
+from clothsim.solve.pinch.flypaper import MEMORY, FlypaperedPositions, HeldChoices, flypapered_in, with_bodies
+from clothsim.solve.pinch.pinch import pinch_gap, remembering, with_flypapered
 from clothsim.solve.stepping.integrators import BACKWARD_EULER, Formula, formula_of, prescribed
 from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.stepping import Integrator, StepReport, advance, step_of, unrefined
@@ -41,6 +43,8 @@ class RecordedStep:
         True where backward Euler took the step of a run with BDF2.
     pairs : mapping of str to (p,) int arrays
         Keys of the contact pairs that are active at the solution, by effect.
+    carried : FlypaperedPositions or None
+        Vertices that a body carried through a pinch in the step; None where there were none.
     """
 
     start: State
@@ -49,6 +53,7 @@ class RecordedStep:
     solution: Floats
     restarted: bool
     pairs: Mapping[str, Ints]
+    carried: FlypaperedPositions | None = None
 
     def formula(self, integrator: Integrator) -> Formula:
         """Return the difference formula of the step."""
@@ -63,12 +68,18 @@ class RecordedStep:
         rows = prescribed(integrator.world, integrator.constraints.values(), self.end.time).vertices
         return rows[rows < integrator.world.n_cloth]
 
+    def of_step(self, integrator: Integrator) -> Integrator:
+        """Return the integrator of the run as it was in the step: with what was carried, and without its contact."""
+        return integrator if self.carried is None else with_flypapered(integrator, self.carried)
+
 
 def recorded(start: State, report: StepReport) -> RecordedStep:
     """Return the record of a step from `start`."""
     x, contacts = report.result.x, report.potential.energies.items()
     pairs = {name: each.candidates.active(x).keys for name, each in contacts if isinstance(each, Barrier)}
-    return RecordedStep(start, report.state, report.dt, x, report.restarted, pairs)
+    held = report.constraints.get(MEMORY)
+    carried = held if isinstance(held, FlypaperedPositions) else None
+    return RecordedStep(start, report.state, report.dt, x, report.restarted, pairs, carried)
 
 
 def untimed(potential: Potential) -> Potential:
@@ -77,19 +88,13 @@ def untimed(potential: Potential) -> Potential:
 
 
 def bound_to(integrator: Integrator, record: RecordedStep) -> tuple[Step, Potential]:
-    """Return the step of a record and the potential bound to it.
-
-    Raises
-    ------
-    AssertionError
-        Where the solution is not a minimum of it: the record is of another scene.
-    """
+    """Return the step of a record and the potential bound to it; integrator: that of the step."""
     step = record.step(integrator)
     return step, untimed(integrator.potential).begin(step)
 
 
 def free_rows(integrator: Integrator, record: RecordedStep) -> np.ndarray:
-    """Return the mask (N,) of the rows that the step solved for."""
+    """Return the mask (N,) of the rows that the step solved for; integrator: that of the step."""
     free = np.zeros(integrator.world.n_vertices, bool)
     free[: integrator.world.n_cloth] = True
     free[record.fixed_rows(integrator)] = False
@@ -147,8 +152,6 @@ def refuse_undifferentiable(session: Session) -> None:
             "solver.error chooses dt, cells and d_hat by several runs, and what is varied needs one choice.",
             "Run the scene once, and give what its summary names as chosen.",
         )
-    if scene.contact_settings.pinch == "carry":
-        raise InputError('contact.pinch = "carry" has no gradient.', "Leave it out.")
     if session.built.world.rigid:
         raise InputError("Rigid bodies have no gradient.", "Make them bodies with a motion: [[body]].")
 
@@ -217,9 +220,24 @@ def replayed(integrator: Integrator, state: State, like: Sequence[RecordedStep])
     """
     taken: list[RecordedStep] = []
     for record in like:
-        report = advance(integrator, replace(state, dt=1.01 * record.dt), record.end.time, retries=False)
+        own, held = integrator, record.carried
+        if held is not None:
+            body = cast("Barrier", integrator.potential.energies["body_contact"])
+            ahead, end = (with_bodies(integrator.world, state.positions, at) for at in (held.ahead, record.end.time))
+            known, limit = flypapered_in(state.memory), held.widening * pinch_gap(body)
+            choices = HeldChoices.of(record.start, held)
+            held = replace(
+                held,
+                world=integrator.world,
+                limit=limit,
+                flypapered=choices.placed(state.positions, ahead, end, known, limit),
+            )
+            own = with_flypapered(integrator, held)
+        report = advance(own, replace(state, dt=1.01 * record.dt), record.end.time, retries=False)
         if report.failure is not None or report.restarted != record.restarted:
             raise ClothsimError(f"Step {len(taken) + 1} cannot be repeated with its length of {record.dt:g} s.")
+        if held is not None:
+            report = remembering(report, held, held.widening)
         taken.append(recorded(state, report))
         state = report.state
     return taken

@@ -194,7 +194,7 @@ class Gradient(Mapping[str, Floats]):
         """
         total = 0.0
         for a, record in zip(self.adjoints.forces, self.run.steps, strict=True):
-            _, bound = bound_to(self.run.session.integrator, record)
+            _, bound = bound_to(record.of_step(self.run.session.integrator), record)
             for energy in bound.acting.values():
                 if isinstance(energy, ContactGap | Lagged):
                     total -= float(np.vdot(a, energy.gradient(record.solution)[: len(a)]))
@@ -245,12 +245,9 @@ class Gradient(Mapping[str, Floats]):
             raise InputError(f"The gradient has no {name}.", f"Bodies: {', '.join(names) or 'none'}.")
         rows = world.body_slices[number]
         by_step = [self.adjoints.start[rows], *self.adjoints.prescribed[:, rows]]
-        if what == "vertices":
-            return np.sum(by_step, axis=0)
-        if what == "position":
-            return np.sum(by_step, axis=(0, 1))
-        states = [self.run.steps[0].start, *(step.end for step in self.run.steps)]
-        places = [state.positions[rows] for state in states]
-        return np.sum(
-            [np.cross(x - x.mean(axis=0), d).sum(axis=0) for x, d in zip(places, by_step, strict=True)], axis=0
-        )
+        if what == "turn":
+            states = [self.run.steps[0].start, *(step.end for step in self.run.steps)]
+            places = [state.positions[rows] for state in states]
+            moments = [np.cross(x - x.mean(axis=0), d).sum(axis=0) for x, d in zip(places, by_step, strict=True)]
+            return self.adjoints.known(np.sum(moments, axis=0))
+        return self.adjoints.known(np.sum(by_step, axis=0 if what == "vertices" else (0, 1)))

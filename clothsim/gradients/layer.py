@@ -36,6 +36,7 @@ from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
 from clothsim.solve.newton.potential import Potential
+from clothsim.solve.pinch.pinch import advance_flypapering
 from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.state import State, first_state
 from clothsim.solve.stepping.stepping import Integrator, advance
@@ -395,11 +396,15 @@ class Layer:
             if key not in known:
                 known[key] = self._model(given)
             inner = states[-1].inner_at(known[key].session.built.world.origin)
-            report = advance(
-                known[key].integrator, replace(inner, dt=1.01 * self.dt), inner.time + self.dt, retries=False
-            )
-            if report.failure is not None:
-                raise ClothsimError(f"Step {len(steps) + 1}: {report.failure.sentence}", "Give a shorter solver.dt.")
+            end, integrator = inner.time + self.dt, known[key].integrator
+            begun_step = replace(inner, dt=1.01 * self.dt)
+            if integrator.flypapers:
+                report, _ = advance_flypapering(integrator, begun_step, end)
+            else:
+                report = advance(integrator, begun_step, end, retries=False)
+            if report.failure is not None or report.state.time != end:
+                why = "it has to be shorter." if report.failure is None else report.failure.sentence
+                raise ClothsimError(f"Step {len(steps) + 1}: {why}", "Give a shorter solver.dt.")
             steps.append(recorded(inner, report))
             models.append(known[key])
             states.append(_public(known[key].session.built.world, report.state))

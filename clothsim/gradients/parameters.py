@@ -2,16 +2,17 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from clothsim.base.arrays import Floats, as_finite
 from clothsim.base.errors import InputError
-from clothsim.gradients.backward_pass import Adjoints
+from clothsim.gradients.backward_pass import LIMIT, Adjoints
 from clothsim.gradients.differentiable_session import RecordedStep, held_energies
 from clothsim.keys.fabric import BENDINGS, THREADS
 from clothsim.mesh.world import World
+from clothsim.physics.contact.barrier import Barrier
 from clothsim.physics.energies.base import Constraint, Energy, Past
 from clothsim.physics.energies.protocols import HistorySensitivity, is_idle
 from clothsim.scene import paths
@@ -20,6 +21,7 @@ from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene
 from clothsim.solve.newton.potential import Potential
+from clothsim.solve.pinch.pinch import masked, pinch_gap
 from clothsim.solve.stepping.integrators import prescribed
 from clothsim.solve.stepping.stepping import Integrator
 from clothsim.solve.timers import Timers
@@ -155,15 +157,21 @@ class Variation:
         moved = world.origin - variant.world.origin
         start, velocities = variant.world.start() - moved - world.start(), variant.world.start_velocities()
         total = float(np.vdot(adjoints.start, start) + np.vdot(adjoints.velocities, velocities))
-        energies = variant.energies
+        energies, of_both = variant.energies, (variant.energies, integrator.potential.energies)
         if not any(energies[name].depends_on_other_energies for name in self.affected):  # the others are not asked for
             energies = {name: energies[name] for name in self.affected}
-        potential = Potential(energies, Timers())
+        gaps = [pinch_gap(cast("Barrier", each["body_contact"])) for each in of_both if "body_contact" in each]
         for k, record in enumerate(steps):
             held, own = (_prescribed(each, record.end.time) for each in (variant, integrator))
-            total += float(np.vdot(adjoints.prescribed[k], held - moved - own))
+            by = held - moved - own
+            total += float(np.vdot(np.where(by, adjoints.prescribed[k], 0.0), by))
             if not self.affected:
                 continue
+            potential = Potential(energies, Timers())
+            if record.carried is not None:
+                potential = Potential(masked(energies, record.carried.exclusion), Timers())
+                by_gap = record.carried.widening * float(adjoints.memory_adjoints[k][LIMIT])
+                total += by_gap * (gaps[0] - gaps[1])
             step = record.step(integrator)
             if moved.any():  # the origin
                 past = Past(step.past.positions + moved, step.past.velocities, step.past.dt)
@@ -207,6 +215,8 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
     ------
     InputError
         For a path that names no number.
+    ClothsimError
+        For one that moves a body whose adjoint is not known.
     """
     session = run.session
     scene, integrator = session.scene, session.integrator
@@ -226,4 +236,4 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
 
         varied = Variation(built, float(sizes[index]), stencil, affected)
         out[index] = varied.derivative(integrator, run.steps, adjoints)
-    return out
+    return adjoints.known(out)

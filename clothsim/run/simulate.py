@@ -143,6 +143,7 @@ def simulate(
                 if chosen.status != "completed":
                     raise ClothsimError(f"The run failed, and has no gradient: {chosen.reason}")
                 scene = chosen.scene
+            tell(f"The gradient is that of the scene with what was chosen. {chosen.summary['notes'][-1]}")
         differentiably = _loaded("differentiable")
         return differentiably(scene, output, progress, announce, on_step, message, overwrite)
     if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is not a scene

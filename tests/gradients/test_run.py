@@ -46,8 +46,10 @@ def test_the_gradient_of_a_run_whose_settings_are_chosen_by_its_error(tmp_path):
     scene = clothsim.Scene(
         strip, effects=effects, solver={"error": 2e-3}, run={"duration": 0.1, "frames_per_second": 10}
     )
-    run = clothsim.simulate(scene, tmp_path, differentiable=True)
+    messages = []
+    run = clothsim.simulate(scene, tmp_path, differentiable=True, message=messages.append)
     chosen = run.trace.session.scene
+    assert f"dt {1e3 * chosen.solver_settings.dt:.3g} ms" in messages[-1]
     assert chosen.solver_settings.error == 0.0
     assert chosen.cloths[0]["cells"] != strip["cells"]
     key = "effects.gravity.acceleration"
@@ -212,9 +214,10 @@ def test_hysteresis_of_bending_is_refused():
         simulate_differentiably(looped)
 
 
-def test_steps_that_depend_on_their_error_are_refused():
+@pytest.mark.parametrize("of_error", [simulate_differentiably, clothsim.layer, traced])
+def test_settings_that_would_be_chosen_anew_are_refused(of_error):
     with pytest.raises(InputError):
-        simulate_differentiably(override(falling_scene(), "solver.error=0.001"))
+        of_error(override(falling_scene(), "solver.error=0.001"))
 
 
 def test_a_failed_run_has_no_gradient():

@@ -1,17 +1,20 @@
-"""Flypapered vertices: cloth vertices that follow a triangle of a body while two parts close on them; their record."""
+"""Flypapered vertices: cloth vertices that follow a triangle of a body while two parts close on them; their record.
+
+Also how they follow it with the choices of a step held, and the derivative of that (`HeldChoices`).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.triangles import half_edges
 from clothsim.mesh.world import SurfaceRows, World
+from clothsim.physics.contact.candidate_subsets import ExclusionMask
 from clothsim.physics.energies.base import Constraint, Prescribed
-from clothsim.solve.pinch.pinch_gaps import PinchedVertices, frames, normals
+from clothsim.solve.pinch.pinch_gaps import frames, normals
 from clothsim.solve.stepping.state import State
 
 MEMORY = "contact.pinch"
@@ -125,10 +128,28 @@ def with_bodies(world: World, x: Floats, time: float) -> Floats:
 
 @dataclass(frozen=True)
 class FlypaperedPositions(Constraint):
-    """Dirichlet positions of flypapered vertices: those of their triangles at the time, and their offsets."""
+    """Dirichlet positions of flypapered vertices: those of their triangles at the time, and their offsets.
+
+    Parameters
+    ----------
+    world : World
+        Meshes.
+    flypapered : Flypapered
+        The vertices.
+    exclusion : ExclusionMask
+        Pairs that have no contact meanwhile.
+    limit, widening : float
+        Gap below which they were found [m], and its factor on that of the scene.
+    ahead : float
+        End of the step for which they were found [s]; a retry of it may end sooner.
+    """
 
     world: World
     flypapered: Flypapered
+    exclusion: ExclusionMask
+    limit: float
+    widening: float
+    ahead: float
 
     @property
     def still(self) -> bool:
@@ -145,14 +166,194 @@ class FlypaperedPositions(Constraint):
         return "contact.pinch" if row in self.flypapered.vertices else ""
 
 
-# Parts of bodies at a pinch: the supporting surface of each vertex, and the patch of the body that is its own.
+# How flypapered vertices follow their triangles where the choices of a step are held: the map, and its adjoint.
+#
+# With the rows of F the tangents and the normal of the triangle, a vertex v is at p = sum w_c x_c + F' o at the end. A
+# new one has the weights w of its closest point, or of the far point across the gap, and o = F (v - sum w_c x_c) at the
+# start; one that is known has those of the step before, raised along the normal. The adjoint takes derivatives along
+# the imaginary axis: exact to round-off, whatever their step.
 
-SAME_PINCH = 4.0
-"""Distance within which a vertex is held by the part that carries its neighbour, in median cloth edges."""
-MUCH_MORE = 1.5
-"""Ratio of the displacements of two parts in a step from which on they are not alike."""
-OWN_PART = 2.0
-"""Ratio of the distances of two points at the start of the run from which on a vertex is of the part of the nearer."""
+
+EASE = 0.25
+"""Largest displacement of a vertex along the normal in a step before its release, in units of the limit."""
+TO_LIMITS, TO_MIDDLE = 2, 3
+"""Rises to twice the limit, and to the middle of the gap; others are -1, 0 and 1 times EASE limit."""
+SAME = 1e-9
+"""Relative difference of two lengths below which they are one."""
+IMAGINARY = 1e-30
+"""Imaginary displacement [m] of a derivative."""
+
+
+def line_meets(points: Floats, along: Floats, corners: Floats) -> tuple[Floats, Floats]:
+    """Return t (k,), at which lines p + t d (k, 3) meet the planes of triangles (k, 3, 3), and weights there (k, 3)."""
+    e, f, r = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], corners[:, 0] - points
+    n, q = np.cross(e, f), np.cross(along, r)
+    facing = (along * n).sum(axis=1)
+    v, w = -(f * q).sum(axis=1) / facing, (e * q).sum(axis=1) / facing
+    return (r * n).sum(axis=1) / facing, np.stack([1.0 - v - w, v, w], axis=1)
+
+
+@dataclass(frozen=True)
+class HeldChoices:
+    """What was chosen in a step with flypapered vertices, held where positions vary.
+
+    Parameters
+    ----------
+    flypapered : Flypapered
+        The vertices in that step.
+    before : (k,) int array
+        Row of each among those flypapered before; -1: new.
+    of_far : (k,) bool array
+        True for new ones that the far side of the gap holds.
+    corners : (k, 3) bool array
+        Corners of the triangle, edge or vertex with the closest point of a new one.
+    rises : (k,) int array
+        Of the known: in units of EASE limit, TO_LIMITS or TO_MIDDLE.
+    across : (k, 3) int array
+        Rows of x of the triangle on the other side of the gap of TO_MIDDLE.
+    at_end : (k,) bool array
+        True where that gap is the one ahead.
+    """
+
+    flypapered: Flypapered
+    before: Ints
+    of_far: np.ndarray
+    corners: np.ndarray
+    rises: Ints
+    across: Ints
+    at_end: np.ndarray
+
+    @classmethod
+    def of(cls, start: State, held: FlypaperedPositions) -> Self:
+        """Find the choices of the step from `start` with these vertices."""
+        now, known, limit, faces = held.flypapered, flypapered_in(start.memory), held.limit, held.world.body_triangles
+        at = start.positions, with_bodies(held.world, start.positions, held.ahead)
+        x, row = at[0], np.full(len(at[0]), -1)
+        row[known.vertices] = np.arange(len(known))
+        before = row[now.vertices]
+        far_points = np.einsum("kc,kcd->kd", now.far_weights, x[now.far])
+        distances = (np.linalg.norm(x[now.vertices] - each, axis=1) for each in (now.points(x), far_points))
+        of_far = (before < 0) & np.greater(*distances)
+        corners = np.where(of_far[:, None], now.far_weights, now.weights) > 0.0
+        rises, across, at_end = np.zeros(len(now), np.int64), now.triangles.copy(), np.zeros(len(now), bool)
+        heights = now.offsets[:, 2]
+        rise = np.where(before >= 0, heights - np.append(known.offsets[:, 2], 0.0)[before], 0.0)
+        eased = np.abs(np.abs(rise) - EASE * limit) <= SAME * limit
+        rises[eased] = np.sign(rise[eased])
+        moved = ~eased & (np.abs(rise) > SAME * limit)
+        rises[moved] = np.where(np.abs(heights[moved] - 2.0 * limit) <= SAME * limit, TO_LIMITS, TO_MIDDLE)
+        for k in np.flatnonzero(rises == TO_MIDDLE):
+            least = np.inf
+            for end, positions in enumerate(at):
+                own, corners_there = now.only(np.array([k])), positions[faces]
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    gaps, there = line_meets(own.points(positions), normals(positions, own.triangles), corners_there)
+                off = np.where(there.min(axis=1) >= -SAME, np.abs(gaps - 2.0 * heights[k]), np.inf)
+                if np.nanmin(off) < least:
+                    least, across[k], at_end[k] = np.nanmin(off), faces[np.nanargmin(off)], bool(end)
+        return cls(now, before, of_far, corners, rises, across, at_end)
+
+    @property
+    def rows(self) -> Ints:
+        """Rows of x of each vertex, its triangle, the far one and that across, (k, 10)."""
+        own = self.flypapered
+        return np.hstack([own.vertices[:, None], own.triangles, own.far, self.across])
+
+    def inputs(self, start: Floats, ahead: Floats, end: Floats, known: Flypapered, limit: float) -> tuple[Floats, ...]:
+        """What `follow` takes, from positions (N, 3) at the start, with the bodies ahead and at the end [m]."""
+        own, rows = self.flypapered, self.rows
+        known = known if len(known) else own  # -1 is a row of any
+        whole = start[rows], ahead[rows[:, 1:]], end[own.triangles], known.weights[self.before]
+        return *whole, known.offsets[self.before], np.full((len(own), 1), limit)
+
+    def follow(
+        self, start: Floats, ahead: Floats, end: Floats, weights: Floats, offsets: Floats, limit: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return weights, offsets and positions at the end, (k, 3) each.
+
+        Parameters
+        ----------
+        start : (k, 10, 3) array
+            The vertex, the corners of its triangle, of the far one and of that across, at the start of the step [m].
+        ahead : (k, 9, 3) array
+            Those corners ahead [m].
+        end : (k, 3, 3) array
+            Corners of its triangle at the end [m].
+        weights, offsets : (k, 3) array
+            Of the step before.
+        limit : (k, 1) array
+            Gap below which a pinch closes [m].
+        """
+        new, of_far = self.before < 0, self.of_far
+        vertex, own = start[:, 0], start[:, 1:4]
+        if new.any():
+            near = np.where(of_far[:, None, None], start[:, 4:7], own)
+            near_ahead = np.where(of_far[:, None, None], ahead[:, 3:6], ahead[:, :3])
+            found = closest_weights(vertex, near, self.corners)
+            points = np.einsum("kc,kcd->kd", found, near_ahead)
+            found = np.where(
+                of_far[:, None], line_meets(points, triangle_frames(near_ahead)[:, 2], ahead[:, :3])[1], found
+            )
+            offset = np.einsum("kad,kd->ka", triangle_frames(own), vertex - np.einsum("kc,kcd->kd", found, own))
+            weights = np.where(new[:, None], found, weights)
+            offsets = np.where(new[:, None], offset, offsets)
+        heights = offsets[:, 2] + np.where(np.abs(self.rises) == 1, self.rises * EASE, 0.0) * limit[:, 0]
+        heights = np.where(self.rises == TO_LIMITS, 2.0 * limit[:, 0], heights)
+        if (self.rises == TO_MIDDLE).any():
+            at_end = self.at_end[:, None, None]
+            here, across = np.where(at_end, ahead[:, :3], own), np.where(at_end, ahead[:, 6:], start[:, 7:])
+            gaps = line_meets(np.einsum("kc,kcd->kd", weights, here), triangle_frames(here)[:, 2], across)[0]
+            heights = np.where(self.rises == TO_MIDDLE, 0.5 * gaps, heights)
+        offsets = np.column_stack([offsets[:, :2], heights])
+        places = np.einsum("kc,kcd->kd", weights, end) + np.einsum("ka,kad->kd", offsets, triangle_frames(end))
+        return weights, offsets, places
+
+    def placed(self, start: Floats, ahead: Floats, end: Floats, known: Flypapered, limit: float) -> Flypapered:
+        """Return the vertices of the step as they follow; arguments as of `inputs`."""
+        weights, offsets, _ = self.follow(*self.inputs(start, ahead, end, known, limit))
+        return replace(self.flypapered, weights=weights, offsets=offsets)
+
+    def adjoint(self, inputs: tuple[Floats, ...], by: tuple[Floats, Floats, Floats]) -> tuple[Floats, ...]:
+        """Return dL by the `inputs`, each in its shape, from dL by the three results of `follow`, (k, 3) each."""
+        found = tuple(np.zeros(each.shape) for each in inputs)
+        seen = 0 if (self.before < 0).any() or (self.rises == TO_MIDDLE).any() else 2  # then start and ahead
+        for number, array in tuple(enumerate(inputs))[seen:]:
+            for entry in np.ndindex(array.shape[1:]):
+                varied = [each.astype(complex) for each in inputs]
+                varied[number][:, *entry] += 1j * IMAGINARY
+                results = self.follow(*varied)
+                parts = (a * (b.imag / IMAGINARY) for a, b in zip(by, results, strict=True))
+                found[number][:, *entry] = sum(part.sum(axis=1) for part in parts)
+        return found
+
+
+def triangle_frames(corners: Floats) -> Floats:
+    """Frames (k, 3, 3) of triangles (k, 3, 3), as of `frames`; also of complex ones."""
+    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    tangent, normal = (
+        each / np.sqrt((each * each).sum(axis=1, keepdims=True)) for each in (edge, np.cross(edge, other))
+    )
+    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
+
+
+def closest_weights(points: Floats, corners: Floats, acting: np.ndarray) -> Floats:
+    """Weights (k, 3) of the point closest to p (k, 3) in the span of the `acting` corners ((k, 3) bool) of triangles.
+
+    They minimise |sum w_c (x_c - p)|^2 with sum w_c = 1.
+    """
+    arms, both = corners - points[:, None], acting[:, :, None] & acting[:, None]
+    products = np.einsum("kcd,ked->kce", arms, arms)
+    scale = np.einsum("kcc->k", products).real[:, None, None]
+    matrix = np.zeros((len(points), 4, 4), arms.dtype)
+    matrix[:, :3, :3] = np.where(both, products / scale, np.eye(3))
+    matrix[:, :3, 3] = matrix[:, 3, :3] = acting
+    right = np.zeros((len(points), 4, 1), arms.dtype)
+    right[:, 3] = 1.0
+    return np.asarray(np.linalg.solve(matrix, right)[:, :3, 0])
+
+
+# Patch of the body that is the own one of a flypapered vertex.
+
 OWN_PATCH = 2.5
 """Radius of the patch about a supporting triangle with which contact goes on, in longest cloth edges."""
 FACES_AWAY = -0.3
@@ -163,66 +364,6 @@ def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
     """Median and largest length of the cloth edges at x [m]."""
     lengths = np.linalg.norm(x[world.edges[:, 1]] - x[world.edges[:, 0]], axis=1)
     return float(np.median(lengths)), float(lengths.max())
-
-
-def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, known: Flypapered) -> Flypapered:
-    """Carry the vertices of a pinch from where they are.
-
-    Of the two points between which a vertex is pinched, one may have been much nearer to it at the start of the run:
-    its part holds the vertex. So the trunk holds the side of a shirt, also where an arm turns back and both move alike.
-    Among other vertices, that in the narrowest gap is held by the part that moves less against the whole cloth; where
-    both move about alike, by the closer one. Those about it are held by the same part: cloth on two parts would be torn
-    where they slide along one another.
-
-    Parameters
-    ----------
-    world : World
-        Meshes.
-    x, end : (N, 3) array
-        At the start of the step, and as it would end: the bodies there, the cloth with its velocity [m].
-    found : PinchedVertices
-        The pinch, without vertices of `known`.
-    known : Flypapered
-        Flypapered already.
-    """
-    if not len(found.vertices):
-        return known
-    near, far = normals(x, found.near), normals(x, found.far)
-    at, reach = x[found.vertices], SAME_PINCH * median_and_longest_edge(world, x)[0]
-    distance, along = np.full(len(at), np.inf), near.copy()
-    if len(known):
-        distance, nearest = cKDTree(x[known.vertices]).query(at)
-        along = normals(x, known.triangles)[nearest]
-    moves = end - x
-    common, left = moves[: world.n_cloth].mean(axis=0), np.ones(len(at), bool)
-    sides = (found.near, found.near_weights), (found.far, found.far_weights)
-    slow, fast = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in sides)
-    takes_near = slow <= MUCH_MORE * fast  # the nearer part moves less against the cloth, or about as much
-    begun = world.start()
-    for body, rows in zip(world.bodies, world.body_slices, strict=True):
-        begun[rows] = body.positions  # also where a body is moved by hand
-    points = (np.einsum("kc,kcd->kd", w, begun[rows]) for rows, w in sides)
-    from_near, from_far = (np.linalg.norm(begun[found.vertices] - point, axis=1) for point in points)
-    is_of_near, is_of_far = OWN_PART * from_near <= from_far, OWN_PART * from_far <= from_near
-    takes_near = (takes_near | is_of_near) & ~is_of_far
-    for _ in range(len(at)):
-        rank = np.where(left, distance, np.inf)
-        k = int(rank.argmin())
-        if not rank[k] <= reach:
-            k = int(np.where(left, found.gaps, np.inf).argmin())
-        elif not (is_of_near[k] or is_of_far[k]):
-            takes_near[k] = near[k] @ along[k] >= far[k] @ along[k]
-        left[k] = False
-        normal = near[k] if takes_near[k] else far[k]
-        closer = np.linalg.norm(at - at[k], axis=1)
-        distance, along = (
-            np.where(closer < distance, closer, distance),
-            np.where((closer < distance)[:, None], normal, along),
-        )
-    takes = takes_near[:, None]
-    support = np.where(takes, found.near, found.far), np.where(takes, found.near_weights, found.far_weights)
-    other = np.where(takes, found.far, found.near), np.where(takes, found.far_weights, found.near_weights)
-    return known.joined(attached(x, found.vertices, support, other))
 
 
 def own_rows(world: World, x: Floats, flypapered: Flypapered) -> Ints:

@@ -2,7 +2,7 @@
 
 After Baraff, Witkin & Kass 2003, "Untangling cloth", section on pinches (flypapering). Before each step the vertices
 about which a gap between opposing body surfaces will close are found (`pinch_gaps`); each is fixed to a triangle of one
-of the two parts (`flypaper.with_supports`), as a Dirichlet condition of the step, and its contact with the other is
+of the two parts (`with_supports`), as a Dirichlet condition of the step, and its contact with the other is
 excluded (`contact.candidate_subsets`). Where the pinch has opened they are raised until nothing intersects, then
 released.
 """
@@ -21,6 +21,7 @@ from clothsim.physics.contact.candidate_subsets import ExclusionMask, MaskedCand
 from clothsim.physics.energies.base import Energy
 from clothsim.solve.newton.outcome import Ending
 from clothsim.solve.pinch.flypaper import (
+    EASE,
     MEMORY,
     NONE_FLYPAPERED,
     WIDENING,
@@ -28,14 +29,15 @@ from clothsim.solve.pinch.flypaper import (
     FlypaperedPositions,
     attached,
     flypapered_in,
+    median_and_longest_edge,
     own_rows,
     with_bodies,
-    with_supports,
 )
 from clothsim.solve.pinch.pinch_gaps import (
     INSIDE,
     LEAST,
     Faces,
+    PinchedVertices,
     faces_of,
     line_hits,
     nearest_faces,
@@ -53,6 +55,7 @@ MOST_REMEMBERED = 2.0
 WIDER = 4.0
 """Factor on the limit within which the opposing surface of a squeezed vertex is looked for."""
 NONE = np.zeros(0, np.int64)
+CONTACTS = "body_contact", "self_contact"
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,13 @@ def advance_flypapering(integrator: Integrator, state: State, until: float) -> t
         flypapered = _find_flypapered(integrator, state, end, attempt)
         if before is not None and np.array_equal(flypapered.vertices, before.vertices) and not len(flypapered):
             break
-        bound = _bind_flypapered(integrator, state, flypapered, attempt.own)
+        held, bound = None, integrator
+        if len(flypapered):
+            patch = own_rows(integrator.world, state.positions, flypapered) if attempt.own else NONE
+            exclusion = ExclusionMask(flypapered.mask(len(state.positions)), patch, layers=not attempt.own)
+            limit = attempt.widening * pinch_gap(_barriers(integrator)["body_contact"])
+            held = FlypaperedPositions(integrator.world, flypapered, exclusion, limit, attempt.widening, end)
+            bound = with_flypapered(integrator, held)
         report = advance(bound, state, until, retries=number > 0)
         rows = _pinched_rows(integrator, report, flypapered)
         blocked = report.result.outcome.ending is Ending.BLOCKED
@@ -100,13 +109,8 @@ def advance_flypapering(integrator: Integrator, state: State, until: float) -> t
             break
         before, failures = flypapered, report.failures
         attempt = _Attempt(2.0 * attempt.widening, np.union1d(attempt.rows, rows), own=False)
-    if report.converged and len(flypapered):
-        memory = {
-            **report.state.memory,
-            MEMORY: flypapered.as_array(),
-            WIDENING: min(attempt.widening, MOST_REMEMBERED),
-        }
-        report = replace(report, state=replace(report.state, memory=memory))
+    if report.converged and held is not None:
+        report = remembering(report, held, attempt.widening)
     return report, bound
 
 
@@ -132,7 +136,7 @@ def _pinched_rows(integrator: Integrator, report: StepReport, flypapered: Flypap
 
 def _barriers(integrator: Integrator) -> dict[str, Barrier]:
     energies = integrator.potential.energies
-    return {name: each for name in ("body_contact", "self_contact") if isinstance(each := energies.get(name), Barrier)}
+    return {name: each for name in CONTACTS if isinstance(each := energies.get(name), Barrier)}
 
 
 def _find_flypapered(integrator: Integrator, state: State, end: float, attempt: _Attempt) -> Flypapered:
@@ -144,7 +148,7 @@ def _find_flypapered(integrator: Integrator, state: State, end: float, attempt: 
     if not len(known) and not moves.any():
         return NONE_FLYPAPERED
     body = barriers["body_contact"]
-    limit = attempt.widening * (2.0 * body.offset + body.d_hat)
+    limit = attempt.widening * pinch_gap(body)
     relative = float(np.linalg.norm(moves - moves.mean(axis=0), axis=1).max())
     reach = OPEN * limit + 2.0 * relative
     faces = faces_of(body.candidates.search.surface, x)
@@ -169,20 +173,32 @@ def _find_flypapered(integrator: Integrator, state: State, end: float, attempt: 
     return flypapered.joined(attached(x, near.vertices, closest, closest))
 
 
-def _bind_flypapered(integrator: Integrator, state: State, flypapered: Flypapered, own: bool) -> Integrator:
-    """The integrator with these vertices flypapered; itself where there are none."""
-    if not len(flypapered):
-        return integrator
-    world, x = integrator.world, state.positions
-    patch = own_rows(world, x, flypapered) if own else NONE
-    exclusion = ExclusionMask(flypapered.mask(len(x)), patch, layers=not own)
-    energies = dict(integrator.potential.energies)
-    energies |= {
+def masked(energies: Mapping[str, Energy], exclusion: ExclusionMask) -> dict[str, Energy]:
+    """Return energies whose contacts leave out the excluded pairs."""
+    return {
         name: replace(each, candidates=MaskedCandidates(each.candidates, exclusion))
-        for name, each in _barriers(integrator).items()
+        if name in CONTACTS and isinstance(each, Barrier)
+        else each
+        for name, each in energies.items()
     }
-    constraints = {**integrator.constraints, "contact.pinch": FlypaperedPositions(world, flypapered)}
+
+
+def with_flypapered(integrator: Integrator, held: FlypaperedPositions) -> Integrator:
+    """Return the integrator of a step with flypapered vertices."""
+    energies = masked(integrator.potential.energies, held.exclusion)
+    constraints = {**integrator.constraints, MEMORY: held}
     return replace(integrator, potential=replace(integrator.potential, energies=energies), constraints=constraints)
+
+
+def remembering(report: StepReport, held: FlypaperedPositions, widening: float) -> StepReport:
+    """Return the report of a step with its flypapered vertices in the memory of its end, for the next one."""
+    memory = {**report.state.memory, MEMORY: held.flypapered.as_array(), WIDENING: min(widening, MOST_REMEMBERED)}
+    return replace(report, state=replace(report.state, memory=memory))
+
+
+def pinch_gap(body: Barrier) -> float:
+    """Return the gap of the body below which a pinch closes, not widened [m]."""
+    return 2.0 * body.offset + body.d_hat
 
 
 def flypapered_mask(world: World, memory: Mapping[str, Floats | float]) -> np.ndarray:
@@ -205,13 +221,81 @@ def gaps_of(flypapered: Flypapered, faces: Faces, world: World, x: Floats, limit
     return gaps
 
 
+# Parts of bodies at a pinch: which of the two holds each vertex.
+
+SAME_PINCH = 4.0
+"""Distance within which a vertex is held by the part that carries its neighbour, in median cloth edges."""
+MUCH_MORE = 1.5
+"""Ratio of the displacements of two parts in a step from which on they are not alike."""
+OWN_PART = 2.0
+"""Ratio of the distances of two points at the start of the run from which on a vertex is of the part of the nearer."""
+
+
+def with_supports(world: World, x: Floats, end: Floats, found: PinchedVertices, known: Flypapered) -> Flypapered:
+    """Carry the vertices of a pinch from where they are.
+
+    Of the two points between which a vertex is pinched, one may have been much nearer to it at the start of the run:
+    its part holds the vertex. So the trunk holds the side of a shirt, also where an arm turns back and both move alike.
+    Among other vertices, that in the narrowest gap is held by the part that moves less against the whole cloth; where
+    both move about alike, by the closer one. Those about it are held by the same part: cloth on two parts would be torn
+    where they slide along one another.
+
+    Parameters
+    ----------
+    world : World
+        Meshes.
+    x, end : (N, 3) array
+        At the start of the step, and as it would end: the bodies there, the cloth with its velocity [m].
+    found : PinchedVertices
+        The pinch, without vertices of `known`.
+    known : Flypapered
+        Flypapered already.
+    """
+    if not len(found.vertices):
+        return known
+    near, far = normals(x, found.near), normals(x, found.far)
+    at, reach = x[found.vertices], SAME_PINCH * median_and_longest_edge(world, x)[0]
+    distance, along = np.full(len(at), np.inf), near.copy()
+    if len(known):
+        distance, nearest = cKDTree(x[known.vertices]).query(at)
+        along = normals(x, known.triangles)[nearest]
+    moves = end - x
+    common, left = moves[: world.n_cloth].mean(axis=0), np.ones(len(at), bool)
+    parts = (found.near, found.near_weights), (found.far, found.far_weights)
+    slow, fast = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in parts)
+    takes_near = slow <= MUCH_MORE * fast  # the nearer part moves less against the cloth, or about as much
+    begun = world.start()
+    for body, rows in zip(world.bodies, world.body_slices, strict=True):
+        begun[rows] = body.positions  # also where a body is moved by hand
+    points = (np.einsum("kc,kcd->kd", w, begun[rows]) for rows, w in parts)
+    from_near, from_far = (np.linalg.norm(begun[found.vertices] - point, axis=1) for point in points)
+    is_of_near, is_of_far = OWN_PART * from_near <= from_far, OWN_PART * from_far <= from_near
+    takes_near = (takes_near | is_of_near) & ~is_of_far
+    for _ in range(len(at)):
+        rank = np.where(left, distance, np.inf)
+        k = int(rank.argmin())
+        if not rank[k] <= reach:
+            k = int(np.where(left, found.gaps, np.inf).argmin())
+        elif not (is_of_near[k] or is_of_far[k]):
+            takes_near[k] = near[k] @ along[k] >= far[k] @ along[k]
+        left[k] = False
+        normal = near[k] if takes_near[k] else far[k]
+        closer = np.linalg.norm(at - at[k], axis=1)
+        distance, along = (
+            np.where(closer < distance, closer, distance),
+            np.where((closer < distance)[:, None], normal, along),
+        )
+    takes = takes_near[:, None]
+    support = np.where(takes, found.near, found.far), np.where(takes, found.near_weights, found.far_weights)
+    other = np.where(takes, found.far, found.near), np.where(takes, found.far_weights, found.near_weights)
+    return known.joined(attached(x, found.vertices, support, other))
+
+
 # Release of flypapered vertices where a pinch opens: displaced along the normals of the supporting triangles.
 
 
 OPEN = 1.5
 """Gap from which a pinch counts as open, over the gap below which it closes."""
-EASE = 0.25
-"""Largest displacement of a vertex along the normal in a step before its release, in units of the limit."""
 LEAST_HEIGHT = 0.25
 """Height above the supporting triangle below which no vertex is released, in units of d_hat: the barrier would throw
 it out."""

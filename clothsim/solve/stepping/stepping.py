@@ -4,7 +4,7 @@ With a requested error, steps whose local error is too large are repeated too, a
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -164,6 +164,8 @@ class StepReport:
         Unstable equilibria at its end.
     restarted : bool
         True where BDF2 would have gained energy, and backward Euler took the step (`mechanical_energy`).
+    constraints : mapping
+        Constraints of the step, by effect name; those of the run, and flypapered vertices.
     """
 
     state: State
@@ -180,6 +182,7 @@ class StepReport:
     at_floor: bool = False
     switches: tuple[Switch, ...] = ()
     restarted: bool = False
+    constraints: Mapping[str, Constraint] = field(default_factory=dict)
 
     @property
     def converged(self) -> bool:
@@ -405,4 +408,5 @@ def _report(
 ) -> StepReport:
     velocities = state.velocities[: integrator.world.n_unknowns]
     fastest = float(np.linalg.norm(velocities, axis=1).max())
-    return StepReport(state, h, result, bound, tuple(failures), bound.minimum_gap(state.positions), fastest)
+    gap = bound.minimum_gap(state.positions)
+    return StepReport(state, h, result, bound, tuple(failures), gap, fastest, constraints=integrator.constraints)

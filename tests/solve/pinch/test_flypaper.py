@@ -8,7 +8,18 @@ from meshes import cloth, grid
 
 from clothsim.mesh.body import LaterMotion, make_body, rigid_motion
 from clothsim.mesh.world import make_world
-from clothsim.solve.pinch.flypaper import NONE_FLYPAPERED, OWN_PATCH, attached, own_rows, with_supports
+from clothsim.solve.pinch.flypaper import (
+    NONE_FLYPAPERED,
+    OWN_PATCH,
+    TO_LIMITS,
+    TO_MIDDLE,
+    HeldChoices,
+    attached,
+    closest_weights,
+    line_meets,
+    own_rows,
+)
+from clothsim.solve.pinch.pinch import with_supports
 from clothsim.solve.pinch.pinch_gaps import PinchedVertices
 
 
@@ -124,3 +135,67 @@ def test_a_neighbour_that_is_carried_decides_only_where_no_part_was_much_nearer(
     found = PinchedVertices(np.array([12]), *lower, *higher, np.array([0.001]))
     made = with_supports(world, x, x.copy(), found, beside)
     assert made.triangles[made.vertices == 12].tolist() == (lower if of_lower else higher)[0].tolist()
+
+
+CHOICES = {
+    "known": {"rises": 0},
+    "raised": {"rises": 1},
+    "lowered": {"rises": -1},
+    "at twice the limit": {"rises": TO_LIMITS},
+    "in the middle of the gap at the start": {"rises": TO_MIDDLE},
+    "in the middle of the gap ahead": {"rises": TO_MIDDLE, "at_end": True},
+    "new": {"before": -1},
+    "new, of an edge": {"before": -1, "corners": [True, False, True]},
+    "new, of a corner": {"before": -1, "corners": [False, True, False]},
+    "new, of the far side": {"before": -1, "of_far": True},
+}
+
+
+@pytest.mark.parametrize("name", CHOICES)
+def test_the_adjoint_of_held_choices_is_that_of_differences(name):
+    """Three vertices above triangles that deform; far and opposite triangles above them."""
+    given = {"before": 0, "of_far": False, "corners": [True] * 3, "rises": 0, "at_end": False} | CHOICES[name]
+    random = np.random.default_rng(6)
+    count, limit = 3, 0.02
+    below = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.01], [0.02, 0.1, 0.0]])
+    above = below[[0, 2, 1]] + np.array([0.01, 0.0, 0.03])
+    corners = np.concatenate([below, above, above]) + 0.002 * random.standard_normal((count, 9, 3))
+    if given["of_far"]:
+        corners = corners[:, [3, 4, 5, 0, 1, 2, 6, 7, 8]]
+    ahead, end = corners + 0.003 * random.standard_normal((2, count, 9, 3))
+    vertex = np.array([0.04, 0.03, 0.01]) + 0.002 * random.standard_normal((count, 1, 3))
+    weights, offsets = random.dirichlet(np.ones(3), count), 0.01 * random.standard_normal((count, 3))
+    inputs = np.hstack([vertex, corners]), ahead, end[:, :3], weights, offsets, np.full((count, 1), limit)
+    held = [np.tile(value, (count, 1)) if key == "corners" else np.full(count, value) for key, value in given.items()]
+    before, of_far, acting, rises, at_end = held
+    choices = HeldChoices(NONE_FLYPAPERED, before, of_far, acting, rises, NONE_FLYPAPERED.far, at_end)
+    by = random.standard_normal((3, count, 3))
+    found = choices.adjoint(inputs, tuple(by))
+    for number, array in enumerate(inputs):
+        along, h = random.standard_normal(array.shape), 1e-6
+
+        def value(h, number=number, along=along):
+            varied = [each + h * along if k == number else each for k, each in enumerate(inputs)]
+            return sum(float(np.vdot(a, b)) for a, b in zip(by, choices.follow(*varied), strict=True))
+
+        numeric = (value(h) - value(-h)) / (2 * h)
+        assert float(np.vdot(found[number], along)) == pytest.approx(numeric, rel=1e-6, abs=1e-7)
+
+
+def test_the_closest_point_of_the_span_of_corners():
+    random = np.random.default_rng(7)
+    corners, points = random.standard_normal((5, 3, 3)), random.standard_normal((5, 3))
+    for acting in ([True, True, True], [True, False, True], [False, True, False]):
+        weights = closest_weights(points, corners, np.tile(acting, (5, 1)))
+        assert weights.sum(axis=1) == pytest.approx(np.ones(5))
+        assert np.abs(weights[:, ~np.array(acting)]).max(initial=0.0) < 1e-14
+        away = points - np.einsum("kc,kcd->kd", weights, corners)
+        own = corners[:, acting] - corners[:, acting][:, :1]
+        assert np.abs(np.einsum("kcd,kd->kc", own, away)).max() < 1e-12
+
+
+def test_a_line_meets_a_triangle_by_its_weights():
+    random = np.random.default_rng(8)
+    corners, points, along = (random.standard_normal(shape) for shape in ((5, 3, 3), (5, 3), (5, 3)))
+    lengths, weights = line_meets(points, along, corners)
+    assert np.einsum("kc,kcd->kd", weights, corners) == pytest.approx(points + lengths[:, None] * along)
