@@ -97,7 +97,7 @@ def _runs_folder(arguments: argparse.Namespace) -> Path | str:
         if not arguments.overwrite:
             raise InputError(
                 f"{folder} holds the runs of a search that was stopped.",
-                "Go on with it: --resume; or begin anew: --overwrite.",
+                "Go on with it: --resume; or replace it: --overwrite.",
             )
         _remove_runs(folder)
     return folder

@@ -323,7 +323,7 @@ def dress(
     except InputError as error:
         if grading is None or isinstance(error, MachineError):
             raise
-        mesh_pattern(cut, size)  # a fault of the pattern as it is cut is told as such
+        mesh_pattern(cut, size)  # raises where the fault is one of the pattern as it is cut
         raise InputError(f"Graded to {body.name}: {error.sentence}", GRADED_BADLY) from error
     worn = Dress(
         directory,

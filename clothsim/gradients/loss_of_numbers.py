@@ -64,7 +64,7 @@ class KeptResults:
         try:
             with np.load(file) as kept:
                 return dict(kept)
-        except (OSError, ValueError, zipfile.BadZipFile):  # none, or a broken one
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile):  # none, or a broken one
             found: dict[str, Any] = {name: np.asarray(value) for name, value in compute().items()}
         content = BytesIO()
         np.savez(content, **found)

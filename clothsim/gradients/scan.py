@@ -205,15 +205,15 @@ class ScanSurface(PictureLoss):
 # The farthest points are left out of each step.
 
 COARSE, FINE = 300, 3000
-"""Points of the skin with which the pose is looked for, and refined."""
+"""Points of the skin with which the motion is searched for, and refined."""
 SEARCH_STEPS, MOST_STEPS = 6, 60
-"""Steps of each first pose, and of the best ones."""
+"""Steps from each initial motion, and from the best ones."""
 BEST = 3
-"""First poses that are refined."""
+"""Initial motions that are refined."""
 KEPT = 0.9
 """Fraction of the points that a step goes by: the others are no skin, or of a part in another posture."""
 CAPPED = 0.05
-"""Largest distance of a point, over the size of the body, that counts where two poses are compared."""
+"""Largest distance of a point, over the size of the body, that counts where two motions are compared."""
 STANDS = 1e-7
 """Motion in a step, over the size of the body, at which it ends."""
 MOST_LEFT = 0.008
@@ -277,7 +277,7 @@ def registered(skin: Floats, scan: Floats, body: Obstacle) -> Registration:
 
 
 def _iterated(skin: Floats, body: Obstacle, rotation: Floats, translation: Floats, most: int) -> Registration:
-    """Closest points and rigid motions in turn, from a first pose."""
+    """Closest points and rigid motions in turn, from an initial motion."""
     planes = area_vectors(body.corners)
     planes /= np.maximum(np.linalg.norm(planes, axis=1), 1e-300)[:, None]
     size, distances = float(np.ptp(body.positions, axis=0).max()), np.zeros(0)

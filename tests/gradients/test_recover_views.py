@@ -6,63 +6,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import refused
+from hanging_towel import HEIGHT, write_towel
 from PIL import Image
 from sewing_patterns import panel, specification
-from views import looking, seen
 
 from clothsim import ClothsimError, InputError, load_scene, recover_views
 from clothsim.cli import main
 from clothsim.cli.recover_command import _picture_lines
 from clothsim.gradients import recover_views as search_of_views
 from clothsim.gradients.pattern_numbers import PatternNumbers
-from clothsim.gradients.run import traced
-from clothsim.gradients.scene_of_pattern import shaped_scene
 from clothsim.gradients.view_fit import ViewFit
-from clothsim.mesh.refinement import refined
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of, read_specification
-
-SCENE = """
-[cloth]
-mesh = "towel_specification.json"
-size = 0.05
-youngs_modulus = 4e4
-rotation_degrees = [90, 0, 0]
-[effects.membrane]
-[effects.bending]
-model = "hinge"
-[effects.gravity]
-[effects.pins]
-select = "top"
-[solver]
-linear = "superlu"
-dt = 0.05
-[run]
-duration = 0.1
-frames_per_second = 20
-"""
-HEIGHT = 0.2
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A towel of 0.2 m in its file, and a picture of one that is 6 % longer."""
+    """A folder with the towel, which is the working directory."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "towel_specification.json").write_text(json.dumps(specification({"towel": panel()})))
-    (tmp_path / "towel.toml").write_text(SCENE)
-    trace = traced(
-        shaped_scene(load_scene(tmp_path / "towel.toml")).with_numbers({"pattern.towel.height": 1.06 * HEIGHT})
-    )
-    x, triangles = trace.cloth_positions(), trace.session.built.world.triangles
-    weights, fine = refined(triangles, len(x), 2)
-    camera = looking((0.1, -0.7, 0.05), x.mean(axis=0), focal=220.0, size=(160, 120))
-    mask = seen(camera, (weights @ x)[fine])[0] == 0
-    Image.fromarray(np.where(mask, 255, 0).astype(np.uint8)).save(tmp_path / "mask.png")
-    keys = {"focal": camera.focal, "principal": camera.principal, "rotation": camera.rotation}
-    keys["position"] = np.asarray(camera.position)
-    lines = [f"{key} = {value.tolist()}" for key, value in keys.items()]
-    view = ["[[view]]", 'name = "from here"', "width = 160", "height = 120", *lines, 'mask = "mask.png"']
-    (tmp_path / "views.toml").write_text("\n".join(view))
+    write_towel(tmp_path)
     return tmp_path
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from command_line import refused
+from hanging_towel import HEIGHT, write_towel
 from scipy.spatial.transform import Rotation
 
 from clothsim import InputError, load_scene, recover_views
@@ -17,7 +18,6 @@ from clothsim.gradients.views import read_views
 from clothsim.mesh.generators.mannequin.generator import template
 from clothsim.mesh.generators.shapes import rectangle
 from clothsim.mesh.refinement import refined
-from tests.gradients.test_recover_views import HEIGHT, folder  # noqa: F401
 
 NOISE = 1e-3
 
@@ -174,12 +174,14 @@ def test_bad_tables_are_told(tmp_path, text):
         read_views(tmp_path / "views.toml", {}, Obstacle())
 
 
-def test_the_height_of_a_towel_from_a_scan(capsys, folder):  # noqa: F811
+def test_the_height_of_a_towel_from_a_scan(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_towel(tmp_path)
     scene = load_scene("towel.toml")
     trace = traced(shaped_scene(scene).with_numbers({"pattern.towel.height": 1.06 * HEIGHT}))
     points, _ = cloud(trace.cloth_positions(), trace.session.built.world.triangles, 8000, noise=5e-4)
     np.savetxt("towel.xyz", 1e3 * points)
-    (folder / "scan.toml").write_text(
+    (tmp_path / "scan.toml").write_text(
         '[noise]\npoints = 5e-4\n[[scan]]\nname = "it"\npoints = "towel.xyz"\nscale = 1e-3\n'
     )
     found = recover_views(scene, "scan.toml", ["pattern.towel.height"], twins=False)
@@ -191,5 +193,5 @@ def test_the_height_of_a_towel_from_a_scan(capsys, folder):  # noqa: F811
     words = ["recover", "towel.toml", "--views", "scan.toml", "--free", "pattern.towel.height", "--no-twins"]
     assert main([*words, "--folds", "1", "-o", "found"]) == 0
     capsys.readouterr()
-    (folder / "scan.toml").write_text('[[scan]]\npoints = "towel.xyz"\n')  # in millimetres
+    (tmp_path / "scan.toml").write_text('[[scan]]\npoints = "towel.xyz"\n')  # in millimetres
     refused(capsys, *words)

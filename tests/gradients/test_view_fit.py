@@ -175,7 +175,7 @@ def test_a_run_of_the_finer_cloth_begins_without_intersections(skirt):
     fit, _, _ = skirt
     flat, faces = rectangle((5.0, 3.0), (5, 3))
     arch = flat - np.outer((flat[:, 0] - flat[:, 0].mean()) ** 2 - 0.25, [0.0, 0.0, 1.0])
-    layers = np.concatenate([arch, flat + [0.0, 0.0, 0.05]])  # noqa: RUF005
+    layers = np.concatenate([arch, flat + np.array([0.0, 0.0, 0.05])])
     triangles = np.concatenate([faces, faces + len(flat)])
     weights, fine = refined(triangles, len(layers))
     coarse, finer = (replace(fit, triangles=each) for each in (triangles, fine))
